@@ -14,7 +14,7 @@ from pirrht.control.run_state import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.reference import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Along, LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch
 
 
@@ -138,7 +138,7 @@ def known_law(batch: Batch | None, references: Sequence[Reference]) -> Law | Non
     """Return the law of the cheapest guide or reference, without feedback; None if there is none."""
     if batch is None:
         return None
-    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | LinearFeedback)]
+    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
     if led:
         return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
     return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None

@@ -24,10 +24,9 @@ from pirrht.jit.threads import mapped
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import lead_of
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
-from pirrht.proposals.tracking import FEW
+from pirrht.proposals.tuning import TUNING
 from pirrht.steering.trajectory import Trajectory, running_cost
 
 
@@ -53,7 +52,7 @@ class ProposalBuilder:
     @property
     def allocates(self) -> bool:
         """Check whether classes may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.settings.use.mixes and self.integral.sampling.allocation == "contribution" and self.integral.shares
+        return self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
 
     def batch(
         self, x: Array, references: Sequence[Reference], tree: HomologyTree | None, run: RunState, budget: TimeBudget
@@ -77,9 +76,12 @@ class ProposalBuilder:
         if integral.guidance is not None:
             guides = self._guides(integral.guidance, x, times, requests, tree, run, budget)
             pairs = zip(controls, guides, strict=True)
-            controls = [one if guide is None else lead_of(guide, d) for one, guide in pairs]
+            controls = [one if guide is None else LinearFeedback(guide) for one, guide in pairs]
             counts = integral.guidance.counts(guides, integral.sampling.samples)
-            predicted, worth = [0.0] * len(counts), [count > FEW for count in counts]  # costs of guides are too rough
+            predicted, worth = (
+                [0.0] * len(counts),
+                [count > TUNING.few for count in counts],
+            )  # costs of guides are too rough
             run.memory.sampled = {one.whole for one, enough in zip(requests, worth, strict=True) if enough}
         if self.allocates:
             counts = run.memory.allocation.counts(names, predicted, worth, integral.sampling.samples)
@@ -89,7 +91,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.alternatives.get(requests[k].whole)
-            return integral.leading.beside(x, trajectories[k], run.now) if other is None else lead_of(other, d)
+            return integral.leading.beside(x, trajectories[k], run.now) if other is None else LinearFeedback(other)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -123,7 +125,7 @@ class ProposalBuilder:
         """
         memory, short, elapsed = run.memory, budget.short, run.since_plan
         clock = {"time": run.now} if self.integral.moving else {}
-        anew = isinstance(guidance, DDPGuidance) and not memory.guides and not short()
+        anew = not memory.guides and not short()
         thorough = {one.whole for one in requests[: self.settings.tuning.thorough]} if anew else set()
         turned = self._reversed(tree, x, run.now) if anew else {}
 
@@ -140,7 +142,7 @@ class ProposalBuilder:
             other = guidance.onward(x, times, one.key, other, elapsed, **clock)
             if other is not None and other.valid and (guide is None or not guide.valid or other.priced < guide.priced):
                 guide, other = other, guide
-            return guide, guidance.rival(guide, [other])
+            return guide, guidance.alternative(guide, [other])
 
         found = mapped(improved, requests, self.integral.threads)
         pairs = [(one.whole, *both) for one, both in zip(requests, found, strict=True)]

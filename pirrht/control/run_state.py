@@ -16,7 +16,7 @@ from pirrht.errors import OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.geometry.motion import Mover
 from pirrht.planner.reference import Reference
-from pirrht.proposals.any_guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
 from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology

@@ -19,7 +19,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
-from pirrht.proposals.tracking import FEW
+from pirrht.proposals.tuning import TUNING as PROPOSALS
 
 
 class AllocationTuning(NamedTuple):
@@ -80,7 +80,7 @@ class Allocation:
     def split(self, proposals: Sequence[Proposal], second: Callable[[int], ProposalControl | None]) -> list[Proposal]:
         """Give some samples of the k-th class to its `second(k)` proposal, if that is not None."""
         first, more = [], []
-        few = min(FEW, max((one.count for one in proposals), default=0) - 1)
+        few = min(PROPOSALS.few, max((one.count for one in proposals), default=0) - 1)
         for k, one in enumerate(proposals):
             other = second(k) if one.count > few else None  # so few samples can hardly carry weight
             count = 0 if other is None else min(round(self.shares.get(one.name, 0.5) * one.count), one.count - 1)

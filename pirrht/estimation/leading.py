@@ -15,11 +15,12 @@ from pirrht.geometry.world import World
 from pirrht.moving.distances import traffic_clearance
 from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
-from pirrht.proposals.leads import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.desirability_tube import way_of
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import ProposalControl, Tape
-from pirrht.proposals.walls import NEAREST, Scales, WallDrift
-from pirrht.proposals.ways import way_of
+from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.records import ProposalTables
@@ -127,7 +128,7 @@ class ProposalFactory:
         if self.steady and leads.reach > 0.0:
             return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
         pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=NEAREST) - pushed)
+        return NearWalls(push=pushed, held_back=push(x, closest=TUNING.least_gap) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(

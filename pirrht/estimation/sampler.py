@@ -28,9 +28,8 @@ from pirrht.jit.threads import mapped
 from pirrht.moving.obstacles import Traffic
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.proposals.tracking import Guidance
 from pirrht.rollouts.backend import kernels_for, setup_of
 from pirrht.rollouts.records import Kernels, Origin, empty_paths
 from pirrht.steering.in_time import homology_of
@@ -58,10 +57,8 @@ class PathIntegral:
         self.moving = bool(problem.scene.movers)
         self.homology = homology_of(problem, space) if homology is None else homology
         self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-        self.guidance: Guidance | DDPGuidance | None = None
-        if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
-            self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
-        elif sampling.guide == "feedback" and (self.moving or DDPGuidance.suits(problem)):
+        self.guidance: DDPGuidance | None = None
+        if sampling.guide == "feedback" and DDPGuidance.suits(problem):
             self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
         self.replay = Replay(self.kernels)
         traffic = self.setup.traffic if self.moving else None
@@ -73,7 +70,7 @@ class PathIntegral:
         """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
         self.setup, self.homology = self.setup._replace(traffic=traffic), homology
         self.leading.traffic = traffic
-        if isinstance(self.guidance, DDPGuidance):
+        if self.guidance is not None:
             self.guidance.setup, self.guidance.homology = self.setup, homology
 
     def warm_up(self) -> None:
@@ -120,11 +117,6 @@ class PathIntegral:
     def leads_itself(self) -> bool:
         """Check whether samples follow guides or climbs, so that references need no controls."""
         return self.guidance is not None or self.leading.climbs
-
-    @property
-    def shares(self) -> bool:
-        """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.guidance is None or isinstance(self.guidance, DDPGuidance)
 
     def prepare(self, batch: Batch) -> None:
         """Make the tables of a batch, for any numbers of samples."""

@@ -7,14 +7,13 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.leading import ProposalFactory
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch
-from pirrht.proposals.tracking import Guidance
-from pirrht.proposals.walls import AMONG, AVERAGED, Scales, squeezed, trust, under_way, window
-from pirrht.proposals.ways import NODES
-from pirrht.rollouts.records import FINER, LAW, ProposalTables, Setup
+from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.wall_drift import Scales, squeezed, trust, under_way, window
+from pirrht.rollouts.records import FINER, ProposalTables, Setup
 from pirrht.rollouts.ways import no_ways
 from pirrht.topology.homology import Homology
 
@@ -27,12 +26,11 @@ SMALL = 0.01  # among moving obstacles no step is split over which noise carries
 class Tables:
     """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
 
-    def __init__(self, leading: ProposalFactory, guidance: Guidance | DDPGuidance | None) -> None:
+    def __init__(self, leading: ProposalFactory, guidance: DDPGuidance | None) -> None:
         self.leading = leading
         self.problem, self.sampling = leading.problem, leading.sampling
-        general = guidance if isinstance(guidance, DDPGuidance) else None
-        self._finer, self._width = (1, LAW) if general is None else (FINER, general.law_width)  # of laws
-        self._pushes = leading.climbs or (general is not None and general.gated)
+        self._width = 0 if guidance is None else guidance.law_width
+        self._pushes = leading.climbs or (guidance is not None and guidance.gated)
         self._last: tuple[Batch | None, ProposalTables | None] = None, None
 
     def of(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
@@ -55,11 +53,11 @@ class Tables:
         leads = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, NODES, scales.decay), reach=scales.reach if self._pushes else 0.0,
+            ways=no_ways(H, C, TUNING.nodes, scales.decay), reach=scales.reach if self._pushes else 0.0,
             beyond=self.leading.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
-            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * self._finer, self._width)),
+            mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * FINER, self._width)),
             led=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time),
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
@@ -81,7 +79,7 @@ class Tables:
 
         Arrived paths apply no control and would bias a mean over all: it ends before they are many.
         """
-        shortest = AMONG if self._moving else AVERAGED
+        shortest = TUNING.averaged_moving if self._moving else TUNING.averaged
         most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
         if not self.leading.steady:
             return most

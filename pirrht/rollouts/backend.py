@@ -18,12 +18,11 @@ from pirrht.freespace import FreeSpace
 from pirrht.jit.jit import as_jitable, kernel
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.law import car_home, straight_home
+from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.point.block import control, is_point, sample, trace
 from pirrht.rollouts.records import Chosen, Kernels, Setup, empty_paths
 from pirrht.systems.dynamics import no_homing
-from pirrht.systems.unicycle import unicycle_drift
 
 KEPT: Any = Kept
 NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
@@ -118,14 +117,10 @@ def kind_of(problem: Problem) -> KernelSpec:
 
 
 def _homing(problem: Problem) -> Callable[..., None]:
-    """Choose the control of samples that outlive their law; among moving obstacles also for points and cars."""
+    """Choose the control of samples that outlive their law; among moving obstacles points have one too."""
     d = problem.dynamics
-    if problem.scene.movers and d.homing is no_homing:
-        if d.n == d.m == 2 and not d.input_form:
-            return straight_home
-        if d.drift is unicycle_drift and d.m == 1:
-            return car_home
-    return d.homing
+    point = problem.scene.movers and d.n == d.m == 2 and not d.input_form
+    return straight_home if point and d.homing is no_homing else d.homing
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

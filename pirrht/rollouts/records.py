@@ -16,12 +16,11 @@ from pirrht.rollouts.ways import DesirabilityTubes
 from pirrht.topology.crossings import Cuts
 from pirrht.topology.moving_crossings import NO_RAYS, RayTable
 
-LAW = 15  # numbers of a car's law
-FINER = 4  # rows of the law of any other system per step of the grid
+FINER = 4  # rows of a law per step of the grid
 
 
 def law_width(n: int, modes: int) -> int:
-    """Numbers per step of the law of a system that is no car, with n states, under noise of so many modes per step.
+    """Numbers per row of the law of a system with n states, under noise of so many modes per step.
 
     In this order: a (modes,), its slopes K' (n, modes), the state (n,) they are for, the deviation L' (modes, modes) of
     the noise as a share of the passive one, its inverse, log det L, the greatest component of a, and weights (n,) of
@@ -61,8 +60,7 @@ class ProposalTables(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T, LAW) of a car: a, its slopes in x, y, theta, the state they are for, spread, log of both
-    # spreads; sway's a, its slopes in x, y, theta and in the noise of a, spread; of others (H, T FINER, law_width)
+    law: Array  # (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
     marks: RayTable = NO_RAYS  # about which paths are told apart where bodies move
     nearby: Nearby = NO_NEARBY  # which of these may be near

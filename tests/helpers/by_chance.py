@@ -11,10 +11,10 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
 from pirrht.moving.broad_phase_cache import held_of
-from pirrht.proposals.any_guide import DDPGuide, Track
-from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit

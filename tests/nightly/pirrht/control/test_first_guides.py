@@ -17,8 +17,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import RIVAL, DDPGuidance
-from pirrht.proposals.tracking import FEW
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.tuning import TUNING
 from pirrht.steering.rover import RoverSteering
 from pirrht.systems.rover import Rover
 from sim.scenario import prepare
@@ -83,7 +83,7 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         assert first is not None
         assert first.valid
         if rival is not None:
-            assert rival.priced < first.priced + RIVAL * controller.problem.temperature
+            assert rival.priced < first.priced + TUNING.alternative * controller.problem.temperature
         if usual is not None and usual.valid:
             assert first.priced <= usual.priced
             cheaper += first.priced < 0.95 * usual.priced
@@ -96,7 +96,7 @@ def test_samples_of_a_rover_go_where_earlier_ones_weighed():
     x, N = np.array([1.0, 2.5, 0.0]), controller.path_integral.sampling.samples
     controller.begin(x)
     equal = controller.batch(x, controller.tree.references(x))
-    worth = [one.count for one in equal.proposals if one.count > FEW]
+    worth = [one.count for one in equal.proposals if one.count > TUNING.few]
     assert len(worth) > 1
     assert worth == [N] * len(worth)
     controller.begin(x)
@@ -104,7 +104,8 @@ def test_samples_of_a_rover_go_where_earlier_ones_weighed():
         plan = controller.plan(x)
     shared = controller.batch(x, controller.tree.references(x))
     counts = {one.name: one.count for one in shared.proposals}
-    assert sum(count for count in counts.values() if count > FEW) == N * sum(count > FEW for count in counts.values())
+    many = [count for count in counts.values() if count > TUNING.few]
+    assert sum(many) == N * len(many)
     assert max(counts, key=counts.__getitem__) == plan.favourite
     assert counts[plan.favourite] > 1.5 * N
 
@@ -115,7 +116,7 @@ def test_equal_samples_stay_equal():
     controller.begin(x)
     for _ in range(3):
         counts = controller.plan(x).estimate.rollouts.leads.first
-    assert set(np.diff(counts)) <= {FEW, controller.path_integral.sampling.samples}
+    assert set(np.diff(counts)) <= {TUNING.few, controller.path_integral.sampling.samples}
 
 
 @cache

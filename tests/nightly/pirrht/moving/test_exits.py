@@ -19,10 +19,10 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import NEVER, met_on_way
 from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator

@@ -19,10 +19,10 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import Course, DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.backward_pass import diagonalise, recompose
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import Course, DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
@@ -157,13 +157,13 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
     J, S = np.zeros((5, 8)), np.zeros((8, 8))
     guidance_of(integral).passes.expand(
-        integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S
+        integral.setup, (z[:4], z[4:], STEP, costate), guidance_of(integral).tasks[1.0].active, True, J, S
     )
     np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
     np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
     exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])
     np.testing.assert_allclose(S, exact, atol=1e-4)
-    assert guidance_of(integral).active == 0b1100
+    assert guidance_of(integral).tasks[1.0].active == 0b1100
     assert guidance_of(integral).tasks[1.0].curved
 
 

@@ -16,8 +16,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import Trajectory

@@ -15,9 +15,9 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.trajectory import Trajectory

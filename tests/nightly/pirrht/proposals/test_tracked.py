@@ -22,9 +22,9 @@ from pirrht.geometry.scene import Scene
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked

@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.reference import Reference
-from pirrht.proposals.leads import Along
+from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import running_cost
 
@@ -31,7 +31,7 @@ def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -
     for reference in references:
         guide = integral.guidance.improve(x, times, space.homology.key(reference.winding), reference.trajectory)
         if guide is not None:
-            proposals.append(Proposal(lead=Along(guide, problem.dynamics), count=samples))
+            proposals.append(Proposal(lead=LinearFeedback(guide), count=samples))
     found = integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=tuple(proposals)), seed))
     return found.value, found.value_error
 

@@ -9,7 +9,8 @@ from pirrht.control.methods import TUNING
 from pirrht.control.mixture import pooled
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
-from pirrht.proposals.walls import AMONG, trust, window
+from pirrht.proposals.tuning import TUNING as PROPOSALS
+from pirrht.proposals.wall_drift import trust, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenario import prepare
@@ -175,7 +176,7 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
     assert shares[-2:] == [1.0, 1.0]
     assert shares == sorted(shares)
     times = np.arange(100) * 0.01
-    shortest = window(0.04, 0.0, times, 0.4, AMONG)
+    shortest = window(0.04, 0.0, times, 0.4, PROPOSALS.averaged_moving)
     assert shortest < window(0.04, 0.0, times, 0.4)
     for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
-        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, AMONG) == shortest
+        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest

@@ -24,8 +24,8 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import LinearFeedback
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.records import FINER
 from pirrht.steering.in_time import InTime
@@ -76,11 +76,12 @@ def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_cl
     integral, batch = passing()
     assert len(batch.proposals) == 2
     found = [integral.estimate(integral.rollout(batch, 1))]
-    for change in ({"gates": None}, {"gains": 0.8}):
+    for change in ({"half_spaces": None}, {"gains": 0.8}):
         proposals = []
         for proposal in batch.proposals:
             guide = proposal.lead.guide
-            other = replace(guide, gates=None) if "gates" in change else replace(guide, gains=0.8 * guide.gains)
+            fewer = {"half_spaces": None} if "half_spaces" in change else {"gains": 0.8 * guide.gains}
+            other = replace(guide, **fewer)
             proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
@@ -163,9 +164,10 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         lead: ProposalControl = proposal.lead
         guide = lead.guide
         assert guide.valid
-        assert guide.gates is not None
+        assert guide.half_spaces is not None
         for i in (0, 3, 6):
-            pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `WallDrift` adds, b = 0.2
+            # The drift that `WallDrift` adds, b = 0.2.
+            pushed = guide.input_of(guide.states[i], 0.2 * guide.wall_drift[0][FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

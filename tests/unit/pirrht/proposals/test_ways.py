@@ -14,7 +14,7 @@ from solved import Solved, around_corner, around_post, in_channel, slope
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.proposals.leads import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent
 
 Made = Callable[..., Solved]
 

@@ -14,17 +14,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import kernel
-
-NEXT = 0.15  # between cross-sections with walls at their ends [m]
-WIDER = 0.5  # share of the clearance beyond their ends that is added in the open
-WIDEST = 0.6  # between any two [m]
-APART = 0.06  # no two are closer, so that noise spreads a path over some nodes from one to the next [m]
-CHANNEL = 1.0 / 6.0  # of k w^2 at most in a channel of width w: noise crosses it in about k w^2, and walls must not mix
-LEAST = 0.02  # between any two [m]
-DEVIATIONS, BESIDE = 3.0, 0.05  # extent of a cross-section to either side in a path's noise, and so much more [m]
-SHORTEST = 0.05  # least length over which noise has spread [m]
-TOUCHING = 1e-4  # a wall ends a cross-section where the clearance is less than this [m]
-STRIDE = 2e-3  # of the search for the wall at least [m]
+from pirrht.proposals.tuning import TUNING
 
 
 class Sections(NamedTuple):
@@ -44,7 +34,7 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
     """
     whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
     legs = np.hypot(*np.diff(whole, axis=0).T)
-    room = 2 + len(whole) + int(legs.sum() / LEAST)
+    room = 2 + len(whole) + int(legs.sum() / TUNING.section_least)
     out = Sections(np.empty((room, 2)), np.empty((room, 2)), np.empty((room, 2)))
     count = _place(field, whole, radius, decay, out)
     return Sections(out.point[:count], out.ahead[:count], out.ends[:count])
@@ -53,12 +43,12 @@ def sections_of(field: Field, line: Array, x: Array, radius: float, decay: float
 @kernel
 def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
     """Return the free length from (x, y) along a unit vector, `far` at most [m], and whether a wall ends it."""
-    s = max(clearance(field, x, y), STRIDE)  # a reference touches walls
+    s = max(clearance(field, x, y), TUNING.stride)  # a reference touches walls
     while s < far:
         c = clearance(field, x + s * ux, y + s * uy)
-        if c <= TOUCHING:
+        if c <= TUNING.touching:
             return s, True
-        s += max(c, STRIDE)
+        s += max(c, TUNING.stride)
     return far, False
 
 
@@ -78,7 +68,7 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
     last, whole = line.shape[0] - 2, 0.0
     for i in range(last + 1):
         whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
-    count, s, since, apart, ux, uy = 0, 0.0, math.inf, APART, 1.0, 0.0
+    count, s, since, apart, ux, uy = 0, 0.0, math.inf, TUNING.section_apart, 1.0, 0.0
     for i in range(last + 1):
         x, y = line[i, 0], line[i, 1]
         dx, dy = line[i + 1, 0] - x, line[i + 1, 1] - y
@@ -88,21 +78,23 @@ def _place(field, line, radius, decay, out):  # type: ignore[no-untyped-def]
         vx, vy = dx / leg, dy / leg
         bx, by = (ux + vx, uy + vy) if count > 0 else (vx, vy)
         size = math.hypot(bx, by)
-        bx, by = (bx / size, by / size) if size > TOUCHING else (vx, vy)
+        bx, by = (bx / size, by / size) if size > TUNING.touching else (vx, vy)
         ux, uy = vx, vy
         end = leg - radius if i == last else leg
         t = 0.0
         while t < end or (count == 0):
             if since >= apart or count == 0:
                 here = s + t  # noise is that of a bridge
-                across = DEVIATIONS * math.sqrt(max(here * (whole - here) / whole, SHORTEST) / decay) + BESIDE
+                spread = math.sqrt(max(here * (whole - here) / whole, TUNING.section_shortest) / decay)
+                across = TUNING.section_deviations * spread + TUNING.section_extra
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
                 channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, out)
                 room = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
-                stride, apart = min(NEXT + WIDER * room, WIDEST), APART
+                stride = min(TUNING.section_stride + TUNING.section_widening * room, TUNING.section_widest)
+                apart = TUNING.section_apart
                 if channel:
                     width = out.ends[count, 0] + out.ends[count, 1]
-                    stride = min(stride, max(CHANNEL * decay * width * width, LEAST))
+                    stride = min(stride, max(TUNING.section_channel * decay * width * width, TUNING.section_least))
                     apart = min(apart, stride)
                 count, since = count + 1, 0.0
             else:

@@ -26,14 +26,10 @@ from pirrht.geometry.world import World
 from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import logarithm
-from pirrht.proposals.sections import sections_of
+from pirrht.proposals.cross_sections import sections_of
+from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE
 
-NODES = 24  # of a cross-section
-CLOSEST = 1e-3  # distance of a wall below which psi vanishes like the distance [m]
-ASIDE = 0.5  # cosine up to which a wall ahead or behind counts for either side
-MOST, LITTLE = 0.999, 1e-3  # greatest push in units of 1/c, and the least that counts
-ROUNDS = 4  # of Newton's method
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
 # Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
 # All are in one array: a compiler that does not know how far apart arrays are must assume that vectors overlap.
@@ -172,7 +168,7 @@ class DesirabilityTube(NamedTuple):
     log_psi: float  # of the class at the start [nats]
 
 
-def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = NODES) -> DesirabilityTube:
+def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
     """Compute the way of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
 
     Args:
@@ -190,12 +186,12 @@ def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = NODES
 @inlined
 def _reach(c, push):  # type: ignore[no-untyped-def]
     """Return the reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
-    share = min(push * c, MOST)
-    if share < LITTLE:
+    share = min(push * c, TUNING.drift_most)
+    if share < TUNING.drift_least:
         return 0.0
     rest = 1.0 / share - 1.0
     s = min(2.0 * rest, 2.0 + 1.5 * math.sqrt(rest))
-    for _ in range(ROUNDS):
+    for _ in range(TUNING.newton):
         off = s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest
         s -= off / (0.5 + s * (1.0 / 3.0 + s / 8.0))
     return c / s
@@ -209,7 +205,7 @@ def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
     out[0], out[1] = (near, 0.0) if across > 0.0 else (0.0, near)
     if (across > 0.0) != (other > 0.0):
         out[1 if across > 0.0 else 0] = far
-    elif abs(across) < ASIDE:
+    elif abs(across) < TUNING.either_side:
         out[0], out[1] = near, near
 
 
@@ -223,7 +219,7 @@ def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
         x, y = px - left * ty, py + left * tx
         f[PLACE_X + j], f[PLACE_Y + j] = x, y
         near, f[NEAR_X + j], f[NEAR_Y + j], far, f[FAR_X + j], f[FAR_Y + j] = two_walls(field, x, y)
-        f[NEAR + j], f[FAR + j] = max(near, CLOSEST), max(far, CLOSEST)
+        f[NEAR + j], f[FAR + j] = max(near, TUNING.closest), max(far, TUNING.closest)
 
 
 @kernel

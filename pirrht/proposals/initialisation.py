@@ -11,16 +11,11 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.proposals.any_guide import Course, DDPGuide, Task, empty_course, remaining
+from pirrht.proposals.guide import Course, DDPGuide, Task, empty_course, remaining
+from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.records import Setup
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
-
-ON = 2  # steps for which a system without homing holds its last control, so that it does not halt on the goal's rim
-HEAD, ROUNDS = 10, 20  # steps by which more of a path is tracked, and backward passes at most for each
-PUSHED, STRENGTHS = 1.0, (0.5, 1.0)  # time [s] for which a course is perturbed, and how hard in units of `asked`
-MANY = 2  # inputs; more are perturbed one by one
-RAMP = 0.5  # share of the slack of a reference without controls in which it is accelerated to
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,16 +28,17 @@ class Initialisation:
     halts: bool  # whether the system has no homing
     optimise: Any  # kernel (`any_ddp`)
     tracking: Task  # under which aims are held to
-    window: int  # last steps that are improved when more of a reference is tracked
+    window: int | None  # last steps that are improved when more of a reference is tracked; None: all
     asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
+    tuning: ProposalTuning
 
     def empty(self, T: int) -> Course:
         """Return a course of T steps from zeros."""
         return empty_course(T, self.dynamics.n, self.width)
 
-    def held_on(self, course: Course, times: Array, length: int) -> int:
-        """Hold the last law of a system without homing for ON steps more, into the goal; return its steps then."""
-        d, end = self.dynamics, min(length + ON, len(course.control)) if self.halts else length
+    def continued(self, course: Course, times: Array, length: int) -> int:
+        """Hold the last law of a system without homing for some steps more, into the goal; return its steps then."""
+        d, end = self.dynamics, min(length + self.tuning.onward, len(course.control)) if self.halts else length
         for i in range(length, end):
             for part in (course.control, course.gains, course.share, course.inverse, course.volume):
                 part[i] = part[length - 1]
@@ -56,7 +52,7 @@ class Initialisation:
         tape, state = trajectory.tape(times), x
         ends = int(np.searchsorted(times, trajectory.durations.sum()))
         if self.halts:
-            tape[max(ends - 1, 0) : ends + ON] = trajectory.controls[-1]
+            tape[max(ends - 1, 0) : ends + self.tuning.onward] = trajectory.controls[-1]
         if d.constant or d.input_form:
             course.control[:, : d.m] = d.to_noise(x, tape)
             return course, min(ends, len(tape))
@@ -65,16 +61,20 @@ class Initialisation:
             state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         return course, min(ends, len(tape))
 
-    def pushed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
+    def perturbed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
         """Start from the tape with its first inputs perturbed: to turn the other way, to brake, to reverse.
 
         Optimisation is local, and turning about has several local optima.
         """
         (course, length), m = self.along(x, trajectory, times), self.dynamics.m
-        signs = product((-1.0, 0.0, 1.0), repeat=m) if m <= MANY else np.vstack([np.eye(m), -np.eye(m)])
+        signs = (
+            product((-1.0, 0.0, 1.0), repeat=m)
+            if m <= self.tuning.perturbed_inputs
+            else np.vstack([np.eye(m), -np.eye(m)])
+        )
         ways = [np.asarray(way) for way in signs if np.any(way)]
-        steps = int(np.searchsorted(times, PUSHED))
-        for strength, way in product(STRENGTHS, ways):
+        steps = int(np.searchsorted(times, self.tuning.perturbed_time))
+        for strength, way in product(self.tuning.perturbed_strengths, ways):
             other = self.empty(len(times) - 1)
             other.control[:] = course.control
             other.control[:steps, :m] += strength * self.asked * way
@@ -91,7 +91,7 @@ class Initialisation:
         corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
         passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
         course = self.empty(len(times) - 1)
-        ramp = RAMP * trajectory.slack if trajectory.slack else 0.0
+        ramp = self.tuning.ramp * trajectory.slack if trajectory.slack else 0.0
         along = self.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
         short = 1.0 - min(max(along / pace, 0.0), 1.0)  # of its pace at the start
         then = times + short * ramp * np.expm1(-times / ramp) if ramp else times
@@ -101,10 +101,11 @@ class Initialisation:
         whole = min(len(times) - 1, int(np.searchsorted(times, end)))
         length = 0
         while length < whole:
-            length = min(whole, length + HEAD)
-            first = max(0, length - self.window)
+            length = min(whole, length + self.tuning.ahead)
+            first = 0 if self.window is None else max(0, length - self.window)
             part = Course(*(array[first:] for array in course))
-            self.optimise(self.setup, self.tracking, times[first:], 0, ROUNDS, part, length - first)
+            passes = self.tuning.ahead_passes
+            self.optimise(self.setup, self.tracking, times[first:], 0, passes, part, length - first)
         return course, length
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:

@@ -19,6 +19,7 @@ class Task(NamedTuple):
     margin: float  # clearance below which a point costs something [m]
     least: float  # clearance below which the barrier goes on as a parabola [m]
     price: float  # cost rate of the barrier at a clearance of 1 m [cost/s]
+    exponent: float  # p of the barrier c^p: -2/3, or -2 for a point, which feels walls as a Brownian motion does
     spacing: float  # at most, of the points of a step whose clearance is priced [m]
     tolerance: float  # an expected gain below this ends the iterations [cost]
     steep: float  # |a| stays below this [1/sqrt(s)]
@@ -94,15 +95,15 @@ class DDPGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     priced: float  # cost with clearance priced [cost]
     valid: bool  # whether it touches nothing and is of its class
-    pushes: tuple[Array, Array] | None = None  # of walls beside it, (T FINER, 2) [1/m] and how they change, (.., 2, 2)
-    gates: Array | None = None  # (T FINER, GATES, GATE) of a point among what moves: walls it has yet to pass
+    wall_drift: tuple[Array, Array] | None = None  # (T FINER, 2) [1/m], and its derivatives (T FINER, 2, 2)
+    half_spaces: Array | None = None  # (T FINER, GATES, GATE) of a point among moving obstacles: walls yet to be passed
 
     def input_of(self, x: Array, a: Array) -> Array:
         """Return the control u (m,) at x (n,) of one in noise units (m,)."""
         return self.dynamics.input_of(x, a)
 
-    def unlike(self, other: DDPGuide) -> float:
-        """Return how much less likely another's path is than its own under its own law [nats].
+    def log_ratio_to(self, other: DDPGuide) -> float:
+        """Return by how much another guide's path is less likely than its own under its own law [nats].
 
         That is half the integral of |a - b|^2, a being the law at the other's states, b the other's controls.
         """

@@ -19,18 +19,8 @@ from pirrht.jit.jit import kernel
 from pirrht.moving.exits import walls_among
 from pirrht.moving.obstacles import Traffic
 from pirrht.problem import Problem
+from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
-
-FAR = 10.0  # reaches beyond which moving obstacles add no drift
-REACH = 2.0  # reach of walls without a way, in decay lengths 1/k
-AVERAGED = 0.04  # near walls and goal the control now is averaged over leading steps of this length together [s]
-AMONG = 0.01  # that length among moving obstacles: a closing gap is passed, or not, in less time
-SHARE = 0.5  # share of the time in which noise carries a path to the nearest of them
-NEAREST = 1e-4  # least distance of a wall [m]
-SHARPER = 0.2  # distance of a wall in a rollout step's noise below which drift stays constant
-CLOSING = 0.05  # that distance among moving obstacles, since closing gaps are narrow
-LOOSE, TIGHT = 1.2, 0.7  # clearance in deviations of noise since now below which walls ahead count partly, and fully
-ARRIVING = 2.5  # deviations of noise since now within which paths arrive
 
 
 class Scales(NamedTuple):
@@ -46,16 +36,16 @@ class Scales(NamedTuple):
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / problem.dynamics.m
         decay = float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise)))
-        return cls(noise=noise, decay=decay, reach=REACH / decay)
+        return cls(noise=noise, decay=decay, reach=TUNING.reach / decay)
 
 
-def window(noise: float, near: float, times: Array, longest: float, least: float = AVERAGED) -> int:
+def window(noise: float, near: float, times: Array, longest: float, least: float = TUNING.averaged) -> int:
     """Return the number of leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one.
 
     Less the lead, the optimal control changes about as fast as `noise` (`Scales`) carries a path to the nearest wall or
     goal, `near` [m]. The average is over `least` to `longest` [s].
     """
-    span = min(max(SHARE * near**2 / noise, least), longest)
+    span = min(max(TUNING.averaged_share * near**2 / noise, least), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
@@ -64,19 +54,19 @@ def trust(noise: float, near: float) -> float:
 
     It is 1 where the shortest `window` suffices, and 0 where noise (`Scales`) carries paths to a wall within that.
     """
-    return min(1.0, SHARE * near**2 / (noise * AMONG))
+    return min(1.0, TUNING.averaged_share * near**2 / (noise * TUNING.averaged_moving))
 
 
 def under_way(noise: float, off: Array, times: Array) -> int:
     """Return the number of times (k,) [s] before which hardly a path arrives, `off` (k,) [m] the goal's disc."""
-    early = off < ARRIVING * np.sqrt(noise * times)
+    early = off < TUNING.arriving * np.sqrt(noise * times)
     return int(np.argmax(early)) if early.any() else len(times)
 
 
 def squeezed(noise: float, room: Array, times: Array) -> float:
     """Return how much walls ahead matter, from 0 to 1, by the clearance `room` (k,) [m] at some times (k,) [s]."""
     least = float(np.min(room / np.sqrt(noise * times)))
-    return min(max((LOOSE - least) / (LOOSE - TIGHT), 0.0), 1.0)
+    return min(max((TUNING.loose - least) / (TUNING.loose - TUNING.tight), 0.0), 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,7 +116,9 @@ class WallDrift:
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
         if self.traffic is None:
             return found
-        among: tuple[Any, ...] = walls_among(self.traffic, found, x[0], x[1], self.time + s, FAR * self.reach, closest)
+        among: tuple[Any, ...] = walls_among(
+            self.traffic, found, x[0], x[1], self.time + s, TUNING.drift_near * self.reach, closest
+        )
         return among
 
     def _at(self, x: Array) -> tuple[Array, float]:
@@ -136,7 +128,7 @@ class WallDrift:
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        nearest = SHARPER if self.traffic is None else CLOSING
+        nearest = TUNING.constant_below if self.traffic is None else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
         return d.climbing_gain(x), closest
 

@@ -1,7 +1,4 @@
-"""Leads, the controls that samples around one reference follow: a tape, the climb of a way, or a guide's feedback.
-
-The likelihood ratio is that of whatever was followed, so any lead leaves psi of the sampled chain unbiased.
-"""
+"""Controls that depend on the state: the ascent of a class's desirability, and the feedback around a guide."""
 
 from __future__ import annotations
 
@@ -11,15 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.gates import beyond_linear, without
+from pirrht.proposals.desirability_tube import DesirabilityTube
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.half_spaces import beyond_linear, without
 from pirrht.proposals.proposal import ProposalControl
-from pirrht.proposals.tracking import Guide
-from pirrht.proposals.walls import WallDrift
-from pirrht.proposals.ways import DesirabilityTube
+from pirrht.proposals.wall_drift import WallDrift
 from pirrht.rollouts.records import FINER, ProposalTables
 from pirrht.rollouts.ways import DesirabilityTubes, slope_along
-from pirrht.systems.dynamics import Dynamics
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,40 +53,6 @@ class DesirabilityAscent(ProposalControl):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Along(ProposalControl):
-    """Feedback around the guide of a car."""
-
-    guide: Guide
-    dynamics: Dynamics  # of constant G and B
-
-    def __call__(self, x: Array, s: float) -> Array:
-        """Return the control (1,) of the guide at s [s] plus its gains times the deviation of the state x (3,)."""
-        guide = self.guide
-        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.control) - 1)
-        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
-        off = self.dynamics.difference(x - (1.0 - share) * guide.states[i], share * guide.states[i + 1])
-        more = guide.gains[i] @ off
-        sway = guide.sway[i] + guide.sway_gains[i, :3] @ off + guide.sway_gains[i, 3] * more
-        return np.array([guide.control[i] + more + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway])
-
-    def held(self, x: Array) -> Array:
-        """Return the mean control (1,) of the guide over its first step from x (3,)."""
-        guide = self.guide
-        return np.array([guide.control[0] + guide.gains[0] @ self.dynamics.difference(x, guide.states[0])])
-
-    def pack(self, leads: ProposalTables, h: int) -> None:
-        """Write the law in noise units to `ProposalTables.law` (H, T, LAW), and the number of steps that it covers."""
-        guide, law = self.guide, leads.law[h]
-        leads.led[h] = guide.length
-        law[:, 0], law[:, 1:4], law[:, 4:7] = guide.control, guide.gains, guide.states[:-1]
-        law[:, 7], law[:, 8] = guide.spread, np.log(guide.spread) + np.log(guide.sway_spread)
-        law[:, 9], law[:, 10:13] = guide.sway, guide.sway_gains[:, :3] + guide.sway_gains[:, 3:] * guide.gains
-        law[:, 13], law[:, 14] = guide.sway_gains[:, 3], guide.sway_spread
-        B, G = self.dynamics.B_c(guide.states[0]), self.dynamics.G_c(guide.states[0])
-        law[:, [0, 1, 2, 3, 9, 10, 11, 12]] *= float(np.linalg.solve(B, G)[0, 0])
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LinearFeedback(ProposalControl):
     """Feedback around the guide of any system."""
 
@@ -113,13 +74,13 @@ class LinearFeedback(ProposalControl):
         return guide.input_of(x, self._law(x, 0, 0, d.difference(x, guide.states[0]))[: d.m])
 
     def _law(self, x: Array, i: int, row: int, off: Array) -> Array:
-        """Evaluate the law of step i (modes,), with its row of gates and pushes, `off` (n,) from the guide."""
+        """Evaluate the law of step i (modes,), with its row of constraints and drift, `off` (n,) from the guide."""
         guide = self.guide
         modes, gains, more = guide.modes[i], guide.gains[i], np.zeros(guide.modes.shape[1])
-        if guide.gates is not None and guide.pushes is not None:
+        if guide.half_spaces is not None and guide.wall_drift is not None:
             B = guide.dynamics.B_c(x)
-            modes, gains = modes - guide.pushes[0][row] @ B, gains - B.T @ guide.pushes[1][row]
-            more = beyond_linear(guide.gates[row], B, gains, off)
+            modes, gains = modes - guide.wall_drift[0][row] @ B, gains - B.T @ guide.wall_drift[1][row]
+            more = beyond_linear(guide.half_spaces[row], B, gains, off)
         return np.asarray(np.clip(modes + gains @ off + more, -guide.steep, guide.steep))
 
     def pack(self, leads: ProposalTables, h: int) -> None:
@@ -134,14 +95,14 @@ class LinearFeedback(ProposalControl):
         parts.append(self._states(i, share))
         parts += [np.swapaxes(part, 1, 2)[i].reshape(len(row), -1) for part in (guide.share, guide.inverse)]
         parts.append(guide.volume[i, None])
-        if guide.gates is not None:
+        if guide.half_spaces is not None:
             d = guide.dynamics
             gains = parts[1].reshape(-1, d.m, d.n)
-            if guide.pushes is not None:
+            if guide.wall_drift is not None:
                 B = d.B_c(guide.states[0])
-                parts[0] = parts[0] - guide.pushes[0] @ B
-                gains = gains - np.einsum("ij,kil->kjl", B, guide.pushes[1])
-            modes, gains, gates = without(guide.gates, d.B_c(guide.states[0]), parts[0], gains)
+                parts[0] = parts[0] - guide.wall_drift[0] @ B
+                gains = gains - np.einsum("ij,kil->kjl", B, guide.wall_drift[1])
+            modes, gains, gates = without(guide.half_spaces, d.B_c(guide.states[0]), parts[0], gains)
             parts[:2] = [modes, gains.reshape(len(row), -1)]
             leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
         parts[1] = np.swapaxes(parts[1].reshape(len(row), -1, guide.dynamics.n), 1, 2).reshape(len(row), -1)
@@ -159,8 +120,3 @@ class LinearFeedback(ProposalControl):
         dt = np.diff(guide.times)[i][:, None]
         states[:, :2] += 0.5 * share * (1.0 - share) * dt * (pace[i] - pace[i + 1])
         return states
-
-
-def lead_of(guide: Guide | DDPGuide, dynamics: Dynamics) -> Along | LinearFeedback:
-    """Return the lead of samples around a guide."""
-    return LinearFeedback(guide) if isinstance(guide, DDPGuide) else Along(guide, dynamics)

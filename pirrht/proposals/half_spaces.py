@@ -19,24 +19,17 @@ from pirrht.jit.jit import kernel
 from pirrht.moving.broad_phase_cache import held_of
 from pirrht.moving.distances import WALL
 from pirrht.moving.exits import walls_along, with_walls
+from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
 
-WALLS = 6  # evaluated at one place, at most
-APART = 0.5  # cosine of the angle between walls below which they are different
-CARELESS = 3.0  # z beyond which a wall is no gate
-BEYOND = 10.0  # reaches beyond which walls do not push
-LEAST_GAP = 0.1  # least distance of a pushing wall, in reaches
-SLIGHTLY = 1e-9  # share by which rounding may bring a wall nearer
-SOONEST = 0.05  # time ahead from which on a wall is a gate [s]
 
-
-def gates_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
+def constraints_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
     """Return gates (k, GATES, GATE) at places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
 
     Walls farther than `within` [m] are skipped.
     """
     k = len(places)
-    walls, gates = np.full((k, WALLS, 3), np.inf), np.zeros((k, GATES, GATE))
+    walls, gates = np.full((k, TUNING.walls, 3), np.inf), np.zeros((k, GATES, GATE))
     _walls(setup, places, times, within, walls)
     _gates(walls, times, noise, gates)
     return gates
@@ -44,7 +37,7 @@ def gates_of(setup: object, places: Array, times: Array, noise: float, within: f
 
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (k, WALLS, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
+    """Fill `out` (k, W, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
     J, many = setup.traffic.J, 0
     held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
@@ -53,7 +46,7 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
         many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
-        for k in range(min(count, WALLS - 2)):
+        for k in range(min(count, TUNING.walls - 2)):
             copy_row(near[k, :3], out[i, 2 + k])
 
 
@@ -61,38 +54,38 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
 def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
     """Fill gates (k, GATES, GATE): direction (x, y), z of the guide itself, and what z changes by per meter."""
     last, count = times.shape[0], 0
-    most = last * WALLS
+    most = last * TUNING.walls
     place, clear, nx, ny = np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
     for k in range(1, last):  # most walls are none
-        near = CARELESS * noise * math.sqrt(times[k] - times[0]) * (1.0 + SLIGHTLY)
-        for w in range(WALLS):
+        near = TUNING.careless * noise * math.sqrt(times[k] - times[0]) * (1.0 + 1e-9)
+        for w in range(TUNING.walls):
             if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # else: out of reach
                 place[count], clear[count] = k, walls[k, w, 0]
                 nx[count], ny[count] = walls[k, w, 1], walls[k, w, 2]
                 count += 1
     begin = 0
     for i in range(last):
-        while begin < count and times[place[begin]] - times[i] < SOONEST:
+        while begin < count and times[place[begin]] - times[i] < TUNING.soonest:
             begin += 1
         for g in range(GATES):
-            best = CARELESS
+            best = TUNING.careless
             for e in range(begin, count):
                 ahead = times[place[e]] - times[i]
-                if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + SLIGHTLY):
+                if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + 1e-9):
                     continue  # without a root: no better
                 per = 1.0 / (noise * math.sqrt(ahead))
                 z = clear[e] * per
                 if not z < best:
                     continue
-                if g > 0 and nx[e] * gates[i, 0, 0] + ny[e] * gates[i, 0, 1] > APART:
+                if g > 0 and nx[e] * gates[i, 0, 0] + ny[e] * gates[i, 0, 1] > TUNING.other_wall:
                     continue
                 best = z
                 gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx[e], ny[e], z, per
-            if best == CARELESS:
+            if best == TUNING.careless:
                 break
 
 
-def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple[Array, Array]:
+def drifts_of(setup: object, places: Array, times: Array, reach: float) -> tuple[Array, Array]:
     """Return the slope of log psi by near walls (k, 2) [1/m] at places (k, 2) [m] and times (k,) [s].
 
     Second come its derivatives (k, 2, 2) [1/m^2].
@@ -105,7 +98,7 @@ def pushes_of(setup: object, places: Array, times: Array, reach: float) -> tuple
 
 @kernel
 def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
-    J, many, within = setup.traffic.J, 0, BEYOND * reach
+    J, many, within = setup.traffic.J, 0, TUNING.drift_range * reach
     held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
@@ -113,7 +106,7 @@ def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-unty
         many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
         c, nx, ny, d, mx, my = with_walls(standing, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
-            near_by = max(float(gap), LEAST_GAP * reach)
+            near_by = max(float(gap), TUNING.drift_gap * reach)
             push = reach / (near_by * (near_by + reach))
             fall = -push * (1.0 / near_by + 1.0 / (near_by + reach))
             slopes[i, 0] += push * wx
