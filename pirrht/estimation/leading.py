@@ -23,7 +23,7 @@ from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.backend import kind_of
 from pirrht.rollouts.general.kind import is_steady
-from pirrht.rollouts.records import ProposalTables
+from pirrht.rollouts.records import ProposalTables, Snapshot
 from pirrht.steering.trajectory import Trajectory
 
 HOPELESS = 16.0  # classes that promise so many nats less than another get only a few samples
@@ -37,20 +37,24 @@ class ProposalFactory:
 
     Attributes:
         arena: of the rollouts' exits.
-        traffic: predicted moving obstacles, on the clock of plans; None: there are none.
         beyond: how far behind walls psi vanishes [m].
         steady: whether the optimal control is a martingale (`is_steady`).
     """
 
-    def __init__(
-        self, problem: Problem, space: FreeSpace, sampling: Sampling, arena: World, traffic: Traffic | None
-    ) -> None:
-        self.problem, self.space, self.sampling, self.arena, self.traffic = problem, space, sampling, arena, traffic
+    def __init__(self, problem: Problem, space: FreeSpace, sampling: Sampling, snapshot: Snapshot) -> None:
+        self.problem, self.space, self.sampling, self.snapshot = problem, space, sampling, snapshot
+        self.arena = snapshot.setup.arena
         constant = problem.dynamics.constant and not callable(problem.R)
         start = problem.dynamics.state_of(problem.scene.start)
         self._everywhere = Scales.of(problem, start) if constant else None
         self.beyond, self._soft = self._set_back(start)
         self.steady = is_steady(kind_of(problem))
+
+    @property
+    def traffic(self) -> Traffic | None:
+        """Predicted moving obstacles, on the clock of plans; None: there are none."""
+        traffic = self.snapshot.setup.traffic
+        return traffic if traffic.J > 0 else None
 
     @property
     def climbs(self) -> bool:

@@ -31,7 +31,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import kernels_for, setup_of
-from pirrht.rollouts.records import Kernels, Origin, empty_paths
+from pirrht.rollouts.records import Kernels, Origin, Setup, Snapshot, empty_paths
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 
@@ -55,23 +55,29 @@ class PathIntegral:
         self.temperature = problem.temperature
         self.kernels: Kernels = kernels_for(problem)
         self.moving = bool(problem.scene.movers)
-        self.homology = homology_of(problem, space) if homology is None else homology
-        self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
+        setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
+        self.snapshot = Snapshot(setup, homology_of(problem, space) if homology is None else homology)
         self.guidance: DDPGuidance | None = None
         if sampling.guide == "feedback" and DDPGuidance.suits(problem):
-            self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
+            self.guidance = DDPGuidance(problem, self.snapshot, sways=sampling.fitted)
         self.replay = Replay(self.kernels)
-        traffic = self.setup.traffic if self.moving else None
-        self.leading = ProposalFactory(problem, space, sampling, self.setup.arena, traffic)
+        self.leading = ProposalFactory(problem, space, sampling, self.snapshot)
         self.tables = Tables(self.leading, self.guidance)
         self.threads = sampling.threads or len(os.sched_getaffinity(0))
 
-    def foresee(self, traffic: Traffic, homology: Homology) -> None:
-        """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
-        self.setup, self.homology = self.setup._replace(traffic=traffic), homology
-        self.leading.traffic = traffic
-        if self.guidance is not None:
-            self.guidance.setup, self.guidance.homology = self.setup, homology
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem as rollouts need them."""
+        return self.snapshot.setup
+
+    @property
+    def homology(self) -> Homology:
+        """Classes of paths, on the clock of plans."""
+        return self.snapshot.homology
+
+    def set_prediction(self, traffic: Traffic, homology: Homology) -> None:
+        """Replace the predicted moving obstacles and the homology, for samples, proposals and guides."""
+        self.snapshot.setup, self.snapshot.homology = self.setup._replace(traffic=traffic), homology
 
     def warm_up(self) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""

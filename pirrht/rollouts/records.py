@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ from pirrht.moving.broad_phase import NO_NEARBY, Nearby
 from pirrht.moving.obstacles import Traffic
 from pirrht.rollouts.ways import DesirabilityTubes
 from pirrht.topology.crossings import Cuts
+from pirrht.topology.homology import Homology
 from pirrht.topology.moving_crossings import NO_RAYS, RayTable
 
 FINER = 4  # rows of a law per step of the grid
@@ -43,6 +45,14 @@ class Setup(NamedTuple):
     pace: float  # least q / lambda [1/s]
     traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
     marks: RayTable = NO_RAYS  # of the steps of a guide among moving obstacles
+
+
+@dataclass(slots=True)
+class Snapshot:
+    """World of the next plan, one for sampler, proposals and feedback; a prediction replaces it in one place."""
+
+    setup: Setup
+    homology: Homology  # of paths, on the clock of plans
 
 
 class ProposalTables(NamedTuple):
