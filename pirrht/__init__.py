@@ -56,6 +56,7 @@ _HOME = {
     "StraightLine": "steering.straight_line",
     "Trajectory": "steering.trajectory",
     "Unicycle": "systems.unicycle",
+    "path_integral": "estimation.assembly",
 }
 
 __all__ = [*_HOME]

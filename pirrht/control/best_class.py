@@ -77,7 +77,7 @@ def _own(problem: Problem, part: Rollouts) -> Array:
 def _restricted(problem: Problem, part: Rollouts, h: int) -> Rollouts:
     # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
     first, log_weight = part.leads.first, np.full(part.size, -np.inf)
-    mine = int(first[h]), int(first[h + 1])
+    mine = slice(int(first[h]), int(first[h + 1]))
     averaged = log_weights(problem, "average", part.paths, first, mine)
-    log_weight[slice(*mine)] = averaged + np.log(len(first) - 1)
+    log_weight[mine] = averaged + np.log(len(first) - 1)
     return replace(part, log_weight=log_weight)

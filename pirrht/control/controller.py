@@ -17,7 +17,7 @@ from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.control.proposals import ProposalBuilder, plan_of
 from pirrht.errors import NoReference
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -47,6 +47,7 @@ class Controller(Policy):
         run: state of the run under way; nothing else but the tree changes from plan to plan.
 
     Examples:
+        >>> import numpy as np
         >>> from pirrht import *
         >>> goal, start = Goal(center=np.array([3.4, 1.5]), radius=0.3), np.array([0.6, 1.5, 0.0])
         >>> room = {"name": "room", "lower": np.zeros(2), "upper": np.array([4.0, 3.0]), "obstacles": ()}
@@ -81,7 +82,7 @@ class Controller(Policy):
         """Replace problem, space and tree."""
         own = homology_of(problem, space) if tree is None else tree.homology
         self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
-        self.path_integral = PathIntegral(problem, space, sampling, homology=self.homology)
+        self.path_integral = path_integral(problem, space, sampling, homology=self.homology)
         of_tree.validate(tree, self.path_integral, self.settings)
         self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings)
 

@@ -25,8 +25,8 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
@@ -65,7 +65,7 @@ class Mppi(Policy):
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.rng, self.homology, self.predict = rng, homology or homology_of(problem, space), predict
-        self.path_integral = PathIntegral(
+        self.path_integral = path_integral(
             problem, space, sampling, beyond=beyond or straight_home(problem), homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)

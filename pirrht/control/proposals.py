@@ -59,7 +59,7 @@ class ProposalBuilder:
             return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
         classes = from_start(run, references)
         names, keys = [run.homology.name(one) for one in classes], [run.homology.key(one.winding) for one in references]
-        controls = integral.leading.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
+        controls = integral.proposals.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(classes)
         if integral.guidance is not None:
@@ -77,7 +77,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.optima.get(classes[k], [])[1:]
-            return LinearFeedback(other[0]) if other else integral.leading.beside(x, trajectories[k], run.now)
+            return LinearFeedback(other[0]) if other else integral.proposals.beside(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -151,7 +151,7 @@ def plan_of(
 ) -> Plan:  # fmt: skip
     """Return the plan that an estimate makes, with feedback until the next one unless controls are held."""
     x, memory = batch.state, run.memory
-    push = integral.leading.push(estimate.rollouts.leads, x, run.now)
+    push = integral.proposals.push(estimate.rollouts.leads, x, run.now)
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
         memory.mixture = pooled(

@@ -87,7 +87,7 @@ class Sampling:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
 
     @property
-    def leading(self) -> float:
+    def first_dt(self) -> float:
         """Length of the steps that the first dt is split into [s]; dt with exits at ends of steps."""
         return self.dt if self.first is None or self.exit == "endpoint" else self.first
 

@@ -10,6 +10,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
@@ -51,7 +52,7 @@ class Optimal(Policy):
     @cached_property
     def path_integral(self) -> PathIntegral:  # type: ignore[override]
         """Sampler that a recording reads problem and temperature from."""
-        return PathIntegral(self.problem, self.space, self._sampling)
+        return path_integral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""

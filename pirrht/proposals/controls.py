@@ -13,7 +13,7 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.half_spaces import beyond_linear, without
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.wall_drift import WallDrift
-from pirrht.rollouts.records import FINER, ProposalTables
+from pirrht.rollouts.tables import FINER, ProposalTables
 from pirrht.rollouts.ways import DesirabilityTubes, slope_along
 
 

@@ -28,10 +28,10 @@ from pirrht.proposals.initialisation import Initialisation
 from pirrht.proposals.noise_scales import Noise, noise_of
 from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
-from pirrht.rollouts.backend import kind_of
+from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.records import FINER, Setup, Snapshot, law_width
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import no_homing
 
@@ -52,15 +52,16 @@ class DDPGuidance:
     """Makes guides for the references of one problem.
 
     Args:
+        world: the predicted world, shared with the sampler.
         sways: whether controls may rise or fall within a step, as the noise of rollouts does.
-        snapshot: world of the next plan.
     """
 
-    def __init__(self, problem: Problem, snapshot: Snapshot, *, sways: bool, tuning: ProposalTuning = TUNING) -> None:
+    def __init__(
+        self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
+    ) -> None:
         assert self.suits(problem)
         d = problem.dynamics
-        self.problem, self.snapshot, self.tuning = problem, snapshot, tuning
-        setup = snapshot.setup
+        self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
         self.gated = is_gated(kind)
@@ -78,6 +79,11 @@ class DDPGuidance:
             dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
             tracking=tracking, window=window, asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
         )  # fmt: skip
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem under the current prediction."""
+        return self.world.setup
 
     @property
     def law_width(self) -> int:
@@ -198,11 +204,11 @@ class DDPGuidance:
 
     def query(self, x: Array, times: Array, key: int, time: float) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        setup, homology = self.snapshot.setup, self.snapshot.homology
+        setup = self.setup
         if setup.traffic.J == 0:
             return Query(setup, times, x, times, key)
         clock = np.ascontiguousarray(times + time)
-        return Query(setup._replace(marks=homology.rays(x, clock)), clock, x, times, key)
+        return Query(setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
 
     def _clearance(self, query: Query) -> float:
         """Return the clearance of the robot's centre, [m]."""

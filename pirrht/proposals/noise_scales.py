@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import ProposalTuning
-from pirrht.rollouts.records import Setup
+from pirrht.rollouts.tables import Setup
 
 
 class Noise(NamedTuple):

@@ -17,7 +17,7 @@ import numpy as np
 from pirrht.arrays import Array
 
 if TYPE_CHECKING:  # records of kernels: their homes need geometry, a proposal does not
-    from pirrht.rollouts.records import ProposalTables
+    from pirrht.rollouts.tables import ProposalTables
 
 
 class ProposalControl(ABC):

@@ -16,6 +16,7 @@ from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from tqdm import tqdm
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -53,7 +54,7 @@ def sampler(b: float, **sampling: Any) -> PathIntegral:
         goal=Goal(center=np.array([1.0 + WIDE, 0.0]), radius=WIDE), start=np.array([0.5, 0.0, 0.0]), robot_radius=1.0,
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=b), scene=scene, R=R * np.eye(2))
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(**sampling))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(**sampling))
 
 
 def sampled(integral: PathIntegral, p: float, v: float, count: int, seed: int, guide: bool = True) -> Estimate:

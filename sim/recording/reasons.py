@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.tuning import TUNING
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Workspace
@@ -216,7 +217,7 @@ def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
     if not reasons:
         value = f"value {estimate.value:.2f} ± {estimate.value_error:.2f}"
         return f"**At {time:.2f} s**: {value}; this method has no classes."
-    weak = f" Only {estimate.ess:.1f} effective samples: a guess." if estimate.ess < FEW else ""
+    weak = f" Only {estimate.ess:.1f} effective samples: a guess." if estimate.ess < TUNING.few else ""
     head = f"**{sentence(reasons, plan.favourite)}**{weak}"
     return f"{head}\n\n{_table(reasons)}\n\n{_foot(plan, time)}"
 

@@ -29,8 +29,8 @@ def batch_of(
     def lead(h: int) -> ProposalControl:
         if guides is not None and (guide := guides[h]) is not None:
             return LinearFeedback(guide)
-        if corners is not None and integral.leading.climbs and len(corners[h]):
-            return integral.leading.climbing(x, np.asarray(corners[h]))
+        if corners is not None and integral.proposals.climbs and len(corners[h]):
+            return integral.proposals.climbing(x, np.asarray(corners[h]))
         return Tape(times, np.asarray(tapes[h], dtype=float))
 
     H = len(tapes)

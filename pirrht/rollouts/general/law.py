@@ -16,7 +16,7 @@ from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
 from pirrht.jit.vectors import bounded, mixed, product, summed
 from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
-from pirrht.rollouts.records import FINER
+from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.systems.heading import wrapped
 

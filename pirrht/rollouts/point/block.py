@@ -24,7 +24,7 @@ from pirrht.rollouts.point.stages import (  # isort: skip
     SAMPLE, SIGN, SPENT, STAGE, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, U, V, X, Y, add_log_ratios, advance, cross, draw,
     move, pace, row_of, scratch_of, settle, tape_control, way_control,
 )  # fmt: skip
-from pirrht.rollouts.records import Chosen, Origin, empty_paths
+from pirrht.rollouts.tables import Chosen, Origin, empty_paths
 from pirrht.systems.dynamics import Dynamics, no_drift
 
 RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.estimation.tables import Tables
+from pirrht.estimation.packing import Packer
 from pirrht.moving.broad_phase import Nearby
 from sim.scenario import prepare
 
@@ -20,7 +20,7 @@ def test_paths_are_the_same_whether_few_bodies_are_listed_or_all(scene, robot, m
     few = integral.rollout(batch, 1).paths
     made = Nearby.of
     monkeypatch.setattr(Nearby, "of", lambda traffic, frame, times, _: made(traffic, frame, times, 1e-3))
-    integral.tables = Tables(integral.leading, integral.guidance)
+    integral.pack = Packer(integral.proposals)
     everybody = integral.rollout(batch, 1).paths
     alike = np.isclose(few.work, everybody.work, atol=1e-5) & (few.outcome == everybody.outcome)
     assert np.mean(alike) > 0.98

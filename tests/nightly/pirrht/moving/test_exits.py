@@ -11,6 +11,7 @@ from discs import disc
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -70,7 +71,7 @@ def crossed(dynamics: Dynamics, R: Array) -> PathIntegral:
     rows = [(0.0, 2.2, 1.6, 0.0), (3.0, 2.2, 3.4, 0.0)]
     scene = hall("crossed", [moved("walker", rows, disc("disc", 0.0, 0.0, 0.3))], goal=(3.6, 2.5))
     problem = Problem(dynamics=dynamics, scene=scene, R=R)
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(threads=1))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1))
 
 
 def through(

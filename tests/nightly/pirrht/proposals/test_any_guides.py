@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -42,7 +43,7 @@ def in_the_open(dynamics: Dynamics) -> PathIntegral:
         goal=Goal(center=np.array([3.0, 1.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
     )  # fmt: skip
     R = 0.02 * np.linalg.inv(dynamics.B_c(np.zeros(4)) @ dynamics.B_c(np.zeros(4)).T)
-    return PathIntegral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
+    return path_integral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
 
 
 @cache
@@ -64,7 +65,7 @@ def around(x: Array) -> tuple[PathIntegral, Array, Reference, DDPGuide]:
     """A sampler in `slit`, its grid, the cheapest reference from x (4,) and its guide."""
     problem, space, tree = slit()
     reference = tree.references(x)[0]
-    integral = PathIntegral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
+    integral = path_integral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
     times = integral.grid(running_cost(problem, x, reference.trajectory))
     key = space.homology.key(reference.winding)
     guide = guidance_of(integral).improve(x, times, key, reference.trajectory)

@@ -9,6 +9,7 @@ import pytest
 from discs import disc
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -18,7 +19,7 @@ from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, empty_course
-from pirrht.rollouts.records import FINER
+from pirrht.rollouts.tables import FINER
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
@@ -34,7 +35,7 @@ def beside_a_pillar() -> tuple[PathIntegral, DDPGuidance]:
         goal=Goal(center=np.array([4.0, 2.0]), radius=0.3),
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
-    integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
+    integral = path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
     assert isinstance(integral.guidance, DDPGuidance)
     return integral, integral.guidance
 

@@ -11,6 +11,7 @@ from discs import disc, scene_of
 
 from pirrht.arrays import Array
 from pirrht.control.mixture import ClassLaw, ClassMixture
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -31,7 +32,7 @@ def integral() -> PathIntegral:
     """A rover, noise 0.2, a post between start and goal; q = 1, lambda = 0.08."""
     scene = scene_of([disc("post", 1.4, 1.7, 0.25)], start=(0.5, 1.5), goal=(2.6, 1.5), side=3.0)
     problem = Problem(dynamics=Rover(b=0.2), scene=scene, R=np.diag([2.0, 0.5]))
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=0.1, draws="independent", threads=1))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(dt=0.1, draws="independent", threads=1))
 
 
 def reference(corner: Array) -> Trajectory:

@@ -7,7 +7,7 @@ import pytest
 from batches import batch_of
 from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting, tapes
 
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.trajectory import running_cost
 
@@ -48,7 +48,7 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
     """Five continuations gain less than three lambda in all, and none of them leaves its class or touches anything."""
     scenario, tree = narrow()
     x = np.array(state)
-    integral = PathIntegral(scenario.problem, scenario.space, scenario.sampling)
+    integral = path_integral(scenario.problem, scenario.space, scenario.sampling)
     assert integral.guidance is not None
     references = tree.references(x)
     times = integral.grid(min(running_cost(scenario.problem, x, r.trajectory) for r in references))

@@ -7,7 +7,7 @@ import pytest
 from unit.pirrht.rollouts.test_car_steps import STEP, case
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.reference import Reference
 from pirrht.proposals.controls import LinearFeedback
@@ -23,7 +23,7 @@ BESIDE_THE_POST = np.array([1.6, -0.1, 1.0])  # 6 cm of clearance, towards it
 def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -> tuple[float, float]:
     """v and its standard error."""
     problem, space, tree = case(0.03)
-    integral = PathIntegral(problem, space, Sampling(dt=dt, steps=steps, samples=samples))
+    integral = path_integral(problem, space, Sampling(dt=dt, steps=steps, samples=samples))
     references: list[Reference] = tree.references(x)
     times = integral.grid(max(running_cost(problem, x, r.trajectory) for r in references))
     assert integral.guidance is not None

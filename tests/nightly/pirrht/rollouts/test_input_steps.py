@@ -11,6 +11,7 @@ from by_inputs import PushedMass, driven
 from thoroughly import thorough
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -32,7 +33,7 @@ TAPES = ((0.0, 0.0, 0.0), (1.0, 0.3, 0.4), (1.5, 0.5, 0.3))
 @cache
 def car(sampling: Sampling, stratonovich: bool) -> PathIntegral:
     problem = driven(stratonovich=stratonovich)
-    return PathIntegral(problem, FreeSpace.of(problem.scene), sampling)
+    return path_integral(problem, FreeSpace.of(problem.scene), sampling)
 
 
 def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, horizon: float = 20.0) -> Rollouts:
@@ -88,7 +89,7 @@ def in_slit(partition: bool) -> PathIntegral:
     """A mass in `slit`, in one form or the other."""
     dynamics = DoubleIntegrator(b=0.1) if partition else PushedMass()
     problem = Problem(dynamics=dynamics, scene=load("slit", robot="puck").scene, R=2 * np.eye(2))
-    return PathIntegral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
+    return path_integral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
 
 
 @pytest.mark.thorough

@@ -14,6 +14,7 @@ from moving import SCENES, hall, moved
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
@@ -27,7 +28,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
-from pirrht.rollouts.records import FINER
+from pirrht.rollouts.tables import FINER
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -35,7 +36,7 @@ from pirrht.systems.single_integrator import SingleIntegrator
 
 def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
 
 
 def held(integral: PathIntegral, x: Array, control: Array, count: int, time: float = 0.0, T: int = 60) -> Rollouts:
@@ -104,6 +105,7 @@ def test_a_mover_that_stands_still_is_an_obstacle(phi):
 
 def test_the_key_of_a_sampled_path_is_that_of_its_winding():
     integral = sampler(SCENES["oblique"](), 0.3)
+    assert integral.homology is not None
     seen = set()
     for x, control in (((1.0, 2.5), (0.9, 0.0)), ((1.5, 1.2), (0.8, 0.4)), ((2.9, 4.2), (0.3, -0.6))):
         rollouts = held(integral, np.array(x), np.array(control), 300, time=0.2)
@@ -121,6 +123,7 @@ def test_a_clock_that_starts_later_tells_the_same():
     integral = sampler(SCENES["oblique"](), 0.3)
     x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
     now = held(integral, x, control, 200, time=0.7)
+    assert integral.homology is not None
     integral.set_prediction(integral.space.traffic.after(0.7), integral.homology)
     then = held(integral, x, control, 200)
     assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere

@@ -13,6 +13,7 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -58,10 +59,10 @@ def setting(
 ) -> tuple[PathIntegral, Array, list[DDPGuide]]:
     """Sampler, grid, and the guide of each class."""
     problem, space, references = case(post, b, goal)
-    integral = PathIntegral(problem, space, Sampling(**options))
+    integral = path_integral(problem, space, Sampling(**options))
     x = problem.scene.start
     times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
-    guidance = PathIntegral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
+    guidance = path_integral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
     assert guidance is not None
     guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
     assert all(guide is not None for guide in guides)
@@ -144,7 +145,7 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     The noise of a guide is narrower than the passive one, so dP/dQ itself has tails; that of a weak law has not.
     """
     problem, space, references = case(False, 0.3, 2.0)
-    integral = PathIntegral(problem, space, Sampling(steps=steps))
+    integral = path_integral(problem, space, Sampling(steps=steps))
     times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
     guidance = integral.guidance
     assert guidance is not None

@@ -5,64 +5,59 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.leading import ProposalFactory
+from pirrht.estimation.factory import ProposalFactory
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.proposals.controls import LinearFeedback
-from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch
-from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import Scales, squeezed, trust, under_way, window
-from pirrht.rollouts.records import FINER, ProposalTables, Setup
+from pirrht.rollouts.tables import FINER, ProposalTables, Snapshot
 from pirrht.rollouts.ways import no_ways
-from pirrht.topology.homology import Homology
-
-MOMENTS = np.arange(1, 9) / 8.0  # shares of the window at which a guide's clearance is evaluated
-LEAST = 1.0 / 300.0  # least share of a step that is split near walls and goal
-DEVIATIONS, FASTER = 6.0, 1.5  # of noise, and of the longest step of a guide, that steps hardly ever exceed
-SMALL = 0.01  # among moving obstacles no step is split over which noise carries a point by so many robot radii
 
 
-class Tables:
-    """Tables of one sampler; those of the last batch are kept for one that differs in numbers of samples only."""
+class Packer:
+    """Packs the batches of one sampler into tables; a batch that differs in numbers of samples only reuses the last."""
 
-    def __init__(self, leading: ProposalFactory, guidance: DDPGuidance | None) -> None:
-        self.leading = leading
-        self.problem, self.sampling = leading.problem, leading.sampling
+    def __init__(self, proposals: ProposalFactory) -> None:
+        self.proposals, self.tuning = proposals, proposals.tuning
+        self.problem, self.sampling = proposals.problem, proposals.sampling
+        guidance = proposals.guidance
         self._width = 0 if guidance is None else guidance.law_width
-        self._pushes = leading.climbs or (guidance is not None and guidance.gated)
-        self._last: tuple[Batch | None, ProposalTables | None] = None, None
+        self._pushes = proposals.climbs or (guidance is not None and guidance.gated)
+        self._last: tuple[Snapshot | None, Batch | None, ProposalTables | None] = None, None, None
 
-    def of(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
-        """Return the tables of a batch; `homology` is that of paths in space and time, where obstacles move."""
-        known, leads = self._last
+    def __call__(self, batch: Batch) -> ProposalTables:
+        """Return the tables of a batch, under the current prediction of the world."""
+        snapshot, (before, known, tables) = self.proposals.world.snapshot, self._last
         first = np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64)
-        if leads is None or not _alike(known, batch):
-            leads = self._made(batch, setup, homology)
-        self._last = batch, leads
-        return leads._replace(first=first)
+        if tables is None or snapshot is not before or not _alike(known, batch):
+            tables = self._made(batch)
+        self._last = snapshot, batch, tables
+        return tables._replace(first=first)
 
-    def _made(self, batch: Batch, setup: Setup, homology: Homology) -> ProposalTables:
-        x, times, m = batch.state, batch.times, self.problem.dynamics.m
+    def _made(self, batch: Batch) -> ProposalTables:
+        (setup, homology), x = self.proposals.world.snapshot, batch.state
+        times, m = batch.times, self.problem.dynamics.m
         H, T = len(batch.proposals), len(times) - 1
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        scales = self.leading.scales(x)
+        scales = self.proposals.scales(x)
         bridge, end = self.sampling.exit == "bridge", self.problem.least_rate * float(times[-1])
-        pointlike = self.leading.pointlike
-        near = self.leading.nearest(x, batch.time) if pointlike else np.inf
+        pointlike = self.proposals.pointlike
+        near = self.proposals.nearest(x, batch.time) if pointlike else np.inf
         leads = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, TUNING.nodes, scales.decay), reach=scales.reach if self._pushes else 0.0,
-            beyond=self.leading.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if self._pushes else 0.0,
+            beyond=self.proposals.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * FINER, self._width)),
             led=np.zeros(H, np.int64),
-            marks=homology.rays(x, times + batch.time),
+            marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
             trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
-        leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads, setup))
+        leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(leads, h)
         busy = np.any(leads.control != 0.0, axis=2)
@@ -72,20 +67,20 @@ class Tables:
 
     @property
     def _moving(self) -> bool:
-        return self.leading.traffic is not None
+        return self.proposals.world.moving
 
     def _window(self, batch: Batch, scales: Scales, near: float) -> int:
         """Return the number of leading steps over which the control of a point is averaged, `near` [m] to an exit.
 
         Arrived paths apply no control and would bias a mean over all: it ends before they are many.
         """
-        shortest = TUNING.averaged_moving if self._moving else TUNING.averaged
+        shortest = PROPOSALS.averaged_moving if self._moving else PROPOSALS.averaged
         most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
-        if not self.leading.steady:
+        if not self.proposals.steady:
             return most
         times = batch.times[1 : most + 1]
         for _, guide in _guides(batch):
-            most = min(most, under_way(scales.noise, self.leading.from_goal(_places(guide, times)), times))
+            most = min(most, under_way(scales.noise, self.proposals.from_goal(_places(guide, times)), times))
         return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
 
     def _counted(self, batch: Batch, leads: ProposalTables, scales: Scales) -> float:
@@ -93,36 +88,37 @@ class Tables:
 
         For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
         """
-        if not self.leading.steady:
+        if not self.proposals.steady:
             return leads.trust
         guides = _guides(batch)
         if not guides:
             return 0.0
         _, guide = max(guides, key=lambda one: one[0])
-        times = float(leads.times[leads.window]) * MOMENTS
-        room = [self.leading.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
+        times = float(leads.times[leads.window]) * (np.arange(1, self.tuning.moments + 1) / self.tuning.moments)
+        room = [self.proposals.room(x, batch.time + t) for x, t in zip(_places(guide, times), times, strict=True)]
         return leads.trust * squeezed(scales.noise, np.array(room), times)
 
-    def _nearby(self, batch: Batch, leads: ProposalTables, setup: Setup) -> Nearby:
+    def _nearby(self, batch: Batch, leads: ProposalTables) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
-        if setup.traffic.J == 0:
+        if not self._moving:
             return NO_NEARBY
+        setup = self.proposals.world.setup
         traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
         if d.noisy_position:
             B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
-            spread = DEVIATIONS * float(np.sqrt(np.sum(B**2) * np.diff(leads.times).max()))
+            spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(leads.times).max()))
         ways = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
         way = max((float(np.hypot(*steps.T).max()) for steps in ways), default=0.0)
-        reach = max(spread + FASTER * way, REACHES * leads.reach, traffic.robot)
+        reach = max(spread + self.tuning.faster * way, REACHES * leads.reach, traffic.robot)
         frame = field.left, field.low, field.right, field.high
         return Nearby.of(traffic, frame, leads.times + batch.time, reach)
 
     def _least(self, scales: Scales) -> float:
         """Return the length of the shortest steps near walls [s]."""
-        least = LEAST * self.sampling.dt
+        least = self.tuning.least_step * self.sampling.dt
         if not self._moving or not self.problem.dynamics.noisy_position:
             return least
-        return max(least, (SMALL * self.problem.scene.robot_radius) ** 2 / scales.noise)
+        return max(least, (self.tuning.least_move * self.problem.scene.robot_radius) ** 2 / scales.noise)
 
 
 def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:

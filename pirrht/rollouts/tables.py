@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.world import World
-from pirrht.moving.broad_phase import NO_NEARBY, Nearby
-from pirrht.moving.obstacles import Traffic
-from pirrht.rollouts.ways import DesirabilityTubes
-from pirrht.topology.crossings import Cuts
-from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import NO_RAYS, RayTable
+
+if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
+    from pirrht.geometry.world import World
+    from pirrht.moving.broad_phase import Nearby
+    from pirrht.moving.obstacles import Traffic
+    from pirrht.rollouts.ways import DesirabilityTubes
+    from pirrht.topology.crossings import Cuts
+    from pirrht.topology.homology import Homology
+    from pirrht.topology.moving_crossings import RayTable
 
 FINER = 4  # rows of a law per step of the grid
 
@@ -44,15 +46,36 @@ class Setup(NamedTuple):
     bridge: bool  # exit rule: along the step, or at its end
     pace: float  # least q / lambda [1/s]
     traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
-    marks: RayTable = NO_RAYS  # of the steps of a guide among moving obstacles
+    marks: RayTable  # of the steps of a guide among moving obstacles
+
+
+class Snapshot(NamedTuple):
+    """The world as a plan takes it: one value, shared by all that plan with it."""
+
+    setup: Setup
+    homology: Homology  # classes of paths, in space and time where obstacles move
 
 
 @dataclass(slots=True)
-class Snapshot:
-    """World of the next plan, one for sampler, proposals and feedback; a prediction replaces it in one place."""
+class PredictedWorld:
+    """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    setup: Setup
-    homology: Homology  # of paths, on the clock of plans
+    snapshot: Snapshot
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem as rollouts need them."""
+        return self.snapshot.setup
+
+    @property
+    def homology(self) -> Homology:
+        """Classes of paths, in space and time where obstacles move."""
+        return self.snapshot.homology
+
+    @property
+    def moving(self) -> bool:
+        """Check for moving obstacles, J > 0."""
+        return self.setup.traffic.J > 0
 
 
 class ProposalTables(NamedTuple):
@@ -72,8 +95,8 @@ class ProposalTables(NamedTuple):
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, law_width)
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
-    marks: RayTable = NO_RAYS  # about which paths are told apart where bodies move
-    nearby: Nearby = NO_NEARBY  # which of these may be near
+    marks: RayTable  # moving markers by which classes of paths differ
+    nearby: Nearby  # moving obstacles that may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
