@@ -17,7 +17,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.plotting import plans
 
 
