@@ -15,13 +15,12 @@ from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import favourite_path
 from pirrht.control.run_state import RunState, from_start
-from pirrht.errors import NoReference, NoSurvivingSample
+from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
 from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
@@ -46,9 +45,7 @@ class ProposalBuilder:
         """Check whether classes may have unequal numbers of samples, by contributions in earlier plans."""
         return self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
 
-    def batch(
-        self, x: Array, references: Sequence[Reference], tree: HomologyTree | None, run: RunState, budget: TimeBudget
-    ) -> Batch:
+    def batch(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         integral, d = self.integral, self.integral.problem.dynamics
         trajectories = [reference.trajectory for reference in references]
@@ -63,7 +60,7 @@ class ProposalBuilder:
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(classes)
         if integral.guidance is not None:
-            guides = self._guides(integral.guidance, x, times, references, tree, run, budget)
+            guides = self._guides(integral.guidance, x, times, references, run, budget)
             pairs = zip(controls, guides, strict=True)
             controls = [one if guide is None else LinearFeedback(guide) for one, guide in pairs]
             counts = integral.guidance.counts(guides, integral.sampling.samples)
@@ -102,7 +99,7 @@ class ProposalBuilder:
 
     def _guides(
         self, guidance: DDPGuidance, x: Array, times: Array, references: Sequence[Reference],
-        tree: HomologyTree | None, run: RunState, budget: TimeBudget,
+        run: RunState, budget: TimeBudget,
     ) -> list[DDPGuide | None]:  # fmt: skip
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
@@ -111,13 +108,12 @@ class ProposalBuilder:
         """
         memory, short, classes = run.memory, budget.short, from_start(run, references)
         anew = not memory.optima and not short()
-        turned = self._reversed(tree, x, run.now) if anew else {}
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
             if not last and late:
                 return []  # new ones take ten times as long
-            paths = [one.trajectory, *one.others, *([turned[one.winding]] if one.winding in turned else [])]
+            paths = [one.trajectory, *one.others]
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
             return guidance.optima(query, paths, last, run.since_plan, thorough=thorough, short=short)
@@ -125,17 +121,6 @@ class ProposalBuilder:
         found = mapped(improved, range(len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
         return [some[0] if some else None for some in found]
-
-    def _reversed(self, tree: HomologyTree | None, x: Array, now: float) -> dict[tuple[int, ...], Trajectory]:
-        """Return paths from x (n,) at a time [s] driven backwards, by winding; none if nothing reverses."""
-        turned = None if tree is None else tree.steering.backwards(tree.at(x, now))
-        if tree is None or turned is None:
-            return {}
-        try:
-            found = tree.references(turned, polished=self.settings.polished, threads=self.integral.threads)
-        except NoReference:
-            return {}
-        return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
 
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:

@@ -90,7 +90,7 @@ class HomologyTree:
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
         self._compiled = steering.compiled
-        self._remembering = steering.remembering(self.checker.around)
+        self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
