@@ -19,9 +19,9 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.geometry.certify import FREE
 from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.threads import mapped
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
 from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.certify import LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
-from pirrht.jit.copies import copy_row
-from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.pointers import as_tuple
+from pirrht.jit.jit import as_tuple, inlined, kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.shortening.tuning import RESUME, TUNING, ChainTuning, ResumeTuning
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied

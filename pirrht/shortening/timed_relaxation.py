@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from pirrht.geometry.field import clearance
-from pirrht.jit.copies import copy_rows
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_rows
 from pirrht.moving.distances import FASTEST, WALL, of_body, outside_of, piece_of, pose_of, wall_of_body
 from pirrht.shortening.tuning import IN_TIME as TUNING
 

@@ -20,8 +20,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.pointers import as_tuple
+from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.cubics import CUBICS, Cubics
 from pirrht.steering.steering import CompiledSteering

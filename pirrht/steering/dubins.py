@@ -16,8 +16,8 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
-from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.problem import Problem
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING

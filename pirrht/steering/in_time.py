@@ -19,8 +19,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.pointers import as_tuple
+from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.legs import LEGS, Legs
 from pirrht.steering.steering import CompiledSteering

@@ -14,8 +14,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.pointers import as_tuple
+from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.arcs import ARCS
 from pirrht.steering.motion import Motion, Motions
 from pirrht.steering.trajectory import Trajectory

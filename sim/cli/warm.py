@@ -22,7 +22,7 @@ from numba.core import event
 from tqdm import tqdm
 
 import pirrht
-from pirrht.jit import cache
+from pirrht.jit import cache, names
 from pirrht.problem import Problem
 from sim.systems import BUILT_IN, System, named
 
@@ -96,7 +96,7 @@ def key_of(system: System, problem: Problem) -> str | None:
     d = problem.dynamics
     parts = [system.name, str((d.n, d.m, d.stratonovich, bool(problem.scene.movers))), _sources()]
     for function in _functions(problem):
-        name = cache.identity(function)
+        name = names.identity(function)
         if name is None:
             return None
         parts.append(name)
