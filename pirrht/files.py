@@ -74,7 +74,7 @@ def target_of(path: Path) -> Path:
 
 
 def takes_as_it_comes(path: Path) -> bool:
-    """Whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
+    """Return whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -115,7 +115,7 @@ _pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what
 
 
 def has_reader(path: Path) -> bool:
-    """Whether somebody reads a pipe, which is kept open until it is written to, lest its reader take that for the end.
+    """Return whether somebody reads a pipe, which is kept open until it is written to, lest its reader take that for the end.
 
     Opening one that nobody reads would wait for ever.
     """
