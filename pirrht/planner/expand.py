@@ -51,7 +51,7 @@ class PassageSampler:
         return offered
 
     def together(self, draw: int) -> int:
-        """Return how many draws from this number on may be dealt with before `note` is asked for: none is offered twice."""
+        """Return the number of draws from this one on that need no `note`: none is offered twice."""
         return self._period - draw % self._period if self.waiting else TUNING.batch
 
 
