@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from pirrht.errors import OptionError, told
+from pirrht.errors import OptionError, one_line
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -59,14 +59,14 @@ def _drift_faults(d: Dynamics) -> Iterator[str]:
     rates = np.zeros((2, d.n))
     for x, out in zip((0.0, 0.3), rates, strict=True):
         try:
-            with np.errstate(all="ignore"):  # what is no number is reported below
+            with np.errstate(all="ignore"):  # a value that is no number is reported below
                 d.drift(np.full(d.n, x), d.parameters, out)
         except TypeError as error:
             yield f"drift(x, p, out) cannot be called ({error}); make it a @staticmethod"
         except Exception as error:
-            yield f"drift(x, p, out) fails at x = {[x] * d.n} ({told(error)}); mend it"
+            yield f"drift(x, p, out) fails at x = {[x] * d.n} ({one_line(error)}); fix it"
     if not np.isfinite(rates).all(axis=1).any():
-        yield f"drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * d.n}; mend it"
+        yield f"drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * d.n}; fix it"
 
 
 def _input_faults(d: Dynamics) -> Iterator[str]:
