@@ -280,7 +280,7 @@ class HomologyTree:
 
     @cached_property
     def passages(self) -> Passages:
-        """Where obstacles face each other with room for the robot between."""
+        """Passages between obstacles that face each other with clearance for the robot."""
         return self.space.passages()
 
     @cached_property

@@ -62,7 +62,7 @@ def key_of_leg(around, start, curvature, length, last, x, y):  # type: ignore[no
     """
     most = length.shape[0] * around.weights.shape[0]
     marker, turn = np.empty(most, np.int32), np.empty(most, np.int16)
-    count = pairs_of_curve(around.cuts, start, curvature, length, last, x, y, marker, turn, 0)
+    count = pairs_of_curve(around.cuts, (start, curvature, length), last, (x, y), marker, turn, 0)
     return key_of_pairs(marker, turn, 0, count, around.weights)
 
 

@@ -72,10 +72,8 @@ def _judge(arcs, into_goal, around, status, enters):  # type: ignore[no-untyped-
 
 @inlined
 def _pairs(arcs, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    x, y = arcs.heads[i, 0], arcs.heads[i, 1]
-    return pairs_of_curve(
-        around.cuts, arcs.start[i], arcs.curvature[i], arcs.length[i], to_goal, x, y, marker, turn, count
-    )
+    curve, head = (arcs.start[i], arcs.curvature[i], arcs.length[i]), (arcs.heads[i, 0], arcs.heads[i, 1])
+    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
 
 
 @inlined

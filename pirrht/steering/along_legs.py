@@ -48,7 +48,7 @@ class TimedSurroundings(NamedTuple):
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights,
             goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=homology.tracks, speed=homology.speed,
-            bases=BaseCache.room(homology.J, 0),
+            bases=BaseCache.empty(homology.J, 0),
         )  # fmt: skip
 
 
@@ -165,7 +165,7 @@ def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
     if around.bases.state.shape[0] == 0 or to_goal:
         leg = (ax, ay, s), (bx, by, t)
-        return crossings_of_leg(around.cuts, around.tracks, around.speed, leg[0], leg[1], to_goal, marker, turn, count)
+        return crossings_of_leg(around, leg[0], leg[1], to_goal, marker, turn, count)
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
     goal, standing = (around.goal_x, around.goal_y), around.markers.shape[0]
     one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)

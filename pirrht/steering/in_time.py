@@ -160,7 +160,7 @@ class InTime(Steering):
 
     def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
         """Add room for the bases of a graph's vertices; for one thread at a time."""
-        return around._replace(bases=BaseCache.room(around.tracks.J))
+        return around._replace(bases=BaseCache.empty(around.tracks.J))
 
     def at(self, x: Array, time: float) -> Array:
         """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""

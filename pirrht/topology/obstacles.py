@@ -144,10 +144,10 @@ class _Planar:
     def candidates(self) -> list[tuple[int, int]]:
         """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
         order = np.argsort(self.low[:, 0], kind="stable")
-        starts = self.low[order, 0]
+        lows = self.low[order, 0]
         pairs = []
         for position, i in enumerate(order.tolist()):
-            later = order[position + 1 : int(np.searchsorted(starts, self.high[i, 0], side="right"))]
+            later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
             pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
         return sorted(pairs)
