@@ -22,7 +22,7 @@ UNCHECKED: tuple[str, ...] = (
     "pirrht/bridge.py", "pirrht/control", "pirrht/errors.py", "pirrht/estimation", "pirrht/exact", "pirrht/files.py",
     "pirrht/freespace.py", "pirrht/geometry", "pirrht/jit", "pirrht/moving", "pirrht/outcome.py",
     "pirrht/planner/file.py", "pirrht/planner/tree.py",
-    "pirrht/plotting", "pirrht/problem.py", "pirrht/proposals", "pirrht/rollouts", "pirrht/shortening",
+    "pirrht/problem.py", "pirrht/proposals", "pirrht/rollouts", "pirrht/shortening",
     "pirrht/shown.py", "pirrht/steering", "pirrht/systems",
 )  # packages that do not follow the terms yet  # fmt: skip
 
