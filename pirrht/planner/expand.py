@@ -98,7 +98,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
 @inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
-    """Tell whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
+    """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
     used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
     return used + edges > at.edge_room or paired + pairs > at.pair_room

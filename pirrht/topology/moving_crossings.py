@@ -115,7 +115,7 @@ def crossings_at_goal(tracks, j, goal, t, first):  # type: ignore[no-untyped-def
 
 @kernel
 def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
-    """Tell whether moving marker j is surely outside of the triangle a, b, goal, (2) each [m], from s to t [s].
+    """Return whether moving marker j is surely outside of the triangle a, b, goal, (2) each [m], from s to t [s].
 
     Paths inside the triangle that come back have then turned about it by nothing.
     """
@@ -145,7 +145,7 @@ def _far_side(u, v, w):  # type: ignore[no-untyped-def]
 
 @inlined
 def _beyond(line, box):  # type: ignore[no-untyped-def]
-    """Tell whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
+    """Return whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
     return a * x + b * y - c > TUNING.outside_margin

@@ -153,7 +153,7 @@ class _Planar:
         return sorted(pairs)
 
     def meet(self, i: int, j: int) -> bool:
-        """Tell whether P_i and P_j intersect, by the centre-of-gravity method.
+        """Return whether P_i and P_j intersect, by the centre-of-gravity method.
 
         It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
         all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
@@ -183,7 +183,7 @@ class _Planar:
         return (east - west) / (2 * h), (north - south) / (2 * h)
 
     def joins_border(self, i: int) -> bool:
-        """Tell whether P_i meets a side of the workspace."""
+        """Return whether P_i meets a side of the workspace."""
         lower, upper = self.world.lower, self.world.upper
         if np.any(self.low[i] > upper) or np.any(self.high[i] < lower):
             return False
@@ -205,7 +205,7 @@ class _Planar:
         return False
 
     def within(self, i: int) -> bool:
-        """Tell whether P_i, known not to meet the border, is inside the workspace and not empty."""
+        """Return whether P_i, known not to meet the border, is inside the workspace and not empty."""
         if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
             return False
         point = self.center(i)

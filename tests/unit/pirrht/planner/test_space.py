@@ -120,7 +120,7 @@ def _entry(motions, i, around):
 def _between(motions, i, share, out):
     for k in range(3):
         out[k] = motions.tails[i, k] + share * (motions.heads[i, k] - motions.tails[i, k])
-    return True
+    return share <= 1.0
 
 
 @kernel
