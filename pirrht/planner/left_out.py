@@ -60,7 +60,7 @@ def left_out(tree: HomologyTree, x: Array, factor: float = TUNING.left_out_facto
 
 
 def _surely_none(tree: HomologyTree, x: Array, factor: float) -> bool:
-    """Return whether a reference is nearly straight, and no passage without one is near enough for another short way."""
+    """Return whether a reference is nearly straight, and no unused passage near enough for a short path."""
     try:
         references = tree.references(x, polished=False)
     except NoReference:

@@ -164,7 +164,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
 
 @kernel
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
-    """Return whether an allowed class leads over any of k `Edges` to the goal; the state's base has H `straight` (M,)."""
+    """Return whether an allowed class leads over one of k `Edges` to the goal; the base has H `straight` (M,)."""
     near, turns = edges.near, edges.turns
     pair_marker, pair_turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
     for i in range(near.shape[0]):

@@ -145,7 +145,7 @@ def _far_side(u, v, w):  # type: ignore[no-untyped-def]
 
 @inlined
 def _beyond(line, box):  # type: ignore[no-untyped-def]
-    """Return whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
+    """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
     return a * x + b * y - c > TUNING.outside_margin

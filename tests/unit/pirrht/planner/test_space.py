@@ -247,14 +247,6 @@ def test_a_tree_in_space_finds_the_classes_on_both_sides_of_a_ring(tree: Homolog
     assert references[0].cost <= references[1].cost <= references[2].cost
 
 
-def test_references_in_space_are_shortened_inside_their_class(tree: HomologyTree) -> None:
-    raw = {one.winding: one.cost for one in tree.references(START, polished=False)}
-    short = {one.winding: one.cost for one in tree.references(START)}
-    assert short.keys() == raw.keys()
-    assert all(short[winding] <= raw[winding] for winding in raw)
-    assert short[(0,)] == pytest.approx(np.linalg.norm(GOAL - START) - RADIUS, rel=0.01)
-
-
 def test_a_limit_below_one_passage_leaves_the_ring_alone() -> None:
     one = HomologyTree(BoxWorld(), StraightInSpace(), limit=0.6, rng=np.random.default_rng(0))  # type: ignore[arg-type]
     with pytest.raises(NoReference):  # from behind the ring, the straight line leads through it
