@@ -20,7 +20,6 @@ from pirrht.jit.jit import inlined, kernel
 PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
 REACH = 1.0  # of a wall next to the goal, in decay lengths 1/k
 SIXTH, LATER = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
-AT_ONCE = 8  # cross-sections that a step may pass
 TINY = np.float32(1e-9)
 
 
@@ -45,27 +44,6 @@ def no_ways(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
 
 
 @inlined
-def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
-    """Place (dx, dy) from the point of cross-section s, along it, in nodes."""
-    k = PLACE * s
-    left = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3)
-    return (left - load_float32(place, k + 4)) * load_float32(place, k + 5)
-
-
-@inlined
-def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
-    """Interpolate cross-section s, `node` nodes from its first one."""
-    node = min(max(node, ZERO), np.float32(J - 1))
-    j = min(np.int64(node), J - 2)
-    share, k = node - np.float32(j), KNOWN * (s * J + j)
-    rest = ONE - share
-    gx = load_float32(slope, k) * rest + load_float32(slope, k + 4) * share
-    gy = load_float32(slope, k + 1) * rest + load_float32(slope, k + 5) * share
-    left = load_float32(slope, k + 2) * rest + load_float32(slope, k + 6) * share
-    return gx, gy, left, load_float32(slope, k + 3) * rest + load_float32(slope, k + 7) * share
-
-
-@inlined
 def push_of(c, reach):  # type: ignore[no-untyped-def]
     """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of reach b.
 
@@ -87,6 +65,78 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 
 
 @inlined
+def past_of(place, s, x, y):  # type: ignore[no-untyped-def]
+    """Return how far (x, y) [m] has passed cross-section s, to its left and in its nodes [m, m, 1]."""
+    k = PLACE * s
+    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
+    return dx * tx + dy * ty, (dy * tx - dx * ty - load_float32(place, k + 4)) * load_float32(place, k + 5)
+
+
+@inlined
+def stage_at(place, last, s, x, y):  # type: ignore[no-untyped-def]
+    """Find the last cross-section that (x, y) [m] has passed, from the s-th on, or the one before it.
+
+    Returns its number, how far it is passed and how far the next one is ahead [m], and nodes on both.
+    """
+    past, node = past_of(place, s, x, y)
+    if past < ZERO and s > 0:
+        s -= 1
+        past, node = past_of(place, s, x, y)
+    ahead, following = ONE, ZERO
+    while s < last:
+        passed, following = past_of(place, s + 1, x, y)
+        ahead = -passed
+        if ahead > ZERO:
+            break
+        s, past, node = s + 1, passed, following
+    return s, past, ahead, node, following
+
+
+@inlined
+def node_at(node, J):  # type: ignore[no-untyped-def]
+    """Return the node before a place in nodes, and the share of the way to the next one."""
+    node = min(max(node, ZERO), np.float32(J - 1))
+    j = min(np.int64(node), J - 2)
+    return j, node - np.float32(j)
+
+
+@inlined
+def between(one, other, share):  # type: ignore[no-untyped-def]
+    """Interpolate linearly."""
+    return one * (ONE - share) + other * share
+
+
+@inlined
+def slope_between(values, shares, end, decay, goal, tangent, x, y, walls):  # type: ignore[no-untyped-def]
+    """Interpolate grad log psi [1/m] between four nodes, without branches; behind the last cross-section (`end`): of a disc.
+
+    Args: (4, 4) numbers of the nodes; share along the way and along both cross-sections; decay k [1/m]; goal's centre [m];
+        direction of travel; place [m]; walls as of `uphill`.
+    """
+    along, one, other = shares
+    gx, gy, left, right = (
+        between(between(values[0][0], values[1][0], one), between(values[2][0], values[3][0], other), along),
+        between(between(values[0][1], values[1][1], one), between(values[2][1], values[3][1], other), along),
+        between(between(values[0][2], values[1][2], one), between(values[2][2], values[3][2], other), along),
+        between(between(values[0][3], values[1][3], one), between(values[2][3], values[3][3], other), along),
+    )
+    ox, oy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
+    per = ONE / math.sqrt(ox * ox + oy * oy + TINY)
+    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
+    tx, ty = ox if end else tangent[0], oy if end else tangent[1]
+    gx, gy = rate * ox if end else gx, rate * oy if end else gy
+    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
+
+
+@inlined
+def corner(slope, s, j, J):  # type: ignore[no-untyped-def]
+    """Load the numbers of a node."""
+    k = KNOWN * (s * J + j)
+    return load_float32(slope, k), load_float32(slope, k + 1), load_float32(slope, k + 2), load_float32(slope, k + 3)
+
+
+@inlined
 def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
     """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
 
@@ -94,33 +144,13 @@ def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[
         centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
     """
     x, y = np.float32(x), np.float32(y)
-    k = PLACE * s
-    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
-    past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
-    if past < ZERO and s > 0:
-        s -= 1
-        k -= PLACE
-        dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
-        past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
-    for _ in range(AT_ONCE):
-        if s == last:
-            break
-        k = PLACE * (s + 1)
-        ex, ey = x - load_float32(place, k), y - load_float32(place, k + 1)
-        tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
-        ahead = -ex * tx - ey * ty
-        if ahead > ZERO:
-            share = min(max(past / (past + ahead + TINY), ZERO), ONE)
-            ax, ay, al, ar = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
-            bx, by, bl, br = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
-            gx, gy = ax + share * (bx - ax), ay + share * (by - ay)
-            gx, gy = _with_walls(gx, gy, al + share * (bl - al), ar + share * (br - ar), tx, ty, walls)
-            return s, gx, gy
-        s, dx, dy, past = s + 1, ex, ey, -ahead
-    dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
-    per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
-    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
-    gx, gy = _with_walls(rate * dx, rate * dy, reach, reach, dx, dy, walls)
+    s, past, ahead, node, following = stage_at(place, last, s, x, y)
+    more = min(s + 1, last)
+    share = min(max(past / (past + ahead + TINY), ZERO), ONE)
+    (i, one), (j, other) = node_at(node, J), node_at(following, J)
+    values = corner(slope, s, i, J), corner(slope, s, i + 1, J), corner(slope, more, j, J), corner(slope, more, j + 1, J)
+    tangent = load_float32(place, PLACE * more + 2), load_float32(place, PLACE * more + 3)
+    gx, gy = slope_between(values, (share, one, other), s == last, decay, goal, tangent, x, y, walls)
     return s, gx, gy
 
 
