@@ -3,8 +3,9 @@
 A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
 
     errors outcome files shown arrays | compiled < geometry < topology < freespace < plotting | systems < problem
-    steering < shortening < tree | rollouts < guidance < estimation | exact
+    steering < shortening < tree | rollouts < guidance < estimation
     control
+    exact
 
 The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
 Names are imported when they are first used, so that importing the package is quick. At the prompt objects show
@@ -39,7 +40,7 @@ _HOME = {
     "NoSurvivingSample": "errors",
     "NotLinearlySolvable": "errors",
     "Obstacle": "geometry.scene",
-    "Optimal": "control.optimal",
+    "Optimal": "exact.optimal",
     "OptionError": "errors",
     "Outcome": "outcome",
     "PathIntegral": "estimation.sampler",
@@ -55,6 +56,7 @@ _HOME = {
     "StraightLine": "steering.straight_line",
     "Trajectory": "steering.trajectory",
     "Unicycle": "systems.unicycle",
+    "path_integral": "estimation.assembly",
 }
 
 __all__ = [*_HOME]

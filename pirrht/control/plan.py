@@ -11,6 +11,7 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
+from pirrht.control.methods import TUNING
 from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
@@ -21,10 +22,6 @@ from pirrht.planner.reference import Reference
 from pirrht.plotting import axes as axes_of
 from pirrht.plotting import ground, lines
 
-DECIDED = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
-ALONG = 0.5  # time that the arrow of a control stands for [s]
-FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
@@ -34,7 +31,7 @@ class Plan:
         state: where it was made, (n,).
         times: ends of the tape's steps, from 0, (T+1,) [s].
         references: best known path of every class, cheapest first; empty for methods that have none.
-        ids: class of each reference, relative to the start of the drive.
+        ids: class of each reference, relative to the start of the run.
         estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
         fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
         stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
@@ -45,10 +42,10 @@ class Plan:
         shares: weight of every class under the law, from 0 to 1.
         followed: the one class that the control follows; None: all.
         classes: names of the references' classes by additive key.
-        time: of the drive, at which the plan starts [s].
+        time: of the run, at which the plan starts [s].
         exact: v at the state [cost], where it is known without samples.
         space: the free space, for pictures.
-        movers: moving obstacles as predicted, on the drive's clock.
+        movers: moving obstacles as predicted, on the run's clock.
 
     Examples:
         The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
@@ -124,7 +121,7 @@ class Plan:
         lines.classes(axes, [one.trajectory.points for one, _ in drawn], [label for _, label in drawn], "class: weight")
         lines.dot(axes, self.state)
         if len(self.control) == 2:
-            lines.arrow(axes, self.state[:2], self.state[:2] + ALONG * self.control)
+            lines.arrow(axes, self.state[:2], self.state[:2] + 0.5 * self.control)  # where it leads to in 0.5 s
         axes.set_title(f"{self.space.scene.name} at {self.time:.2f} s", fontsize=10)
         return axes
 
@@ -137,7 +134,7 @@ class Plan:
         died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
         best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
         share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
-        for chosen, opacity in ((died, FAINT), (best, FAINT + (STRONG - FAINT) * share)):
+        for chosen, opacity in ((died, 0.08), (best, 0.08 + 0.52 * share)):
             if len(chosen):
                 states, steps = self.replay.trace(rollouts, chosen)
                 paths = [path[: int(count) + 1, :2] for path, count in zip(states, steps, strict=True)]
@@ -187,11 +184,11 @@ class Plan:
 
     @property
     def decided(self) -> str | None:
-        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; else None."""
+        """The favourite, if it has at least `ControlTuning.decided` of the weight or is followed alone; else None."""
         favourite = self.favourite
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
-        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= DECIDED else None
+        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:

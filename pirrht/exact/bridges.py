@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.exact.domain import Frame
-from pirrht.geometry.bodies import Bodies, clearance_and_slope, clearance_from
+from pirrht.exact.grid import Frame
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.bodies import Bodies, clearance_and_slope, clearance_from
 
 WALLS = 4  # directions of walls that are told apart, as seen from one place
 

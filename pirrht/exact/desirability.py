@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any, Protocol, cast
 
@@ -22,15 +22,14 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Progress, untold
+from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.topology.homology import class_id
-from pirrht.topology.moving import MovingHomology
+from pirrht.topology.signature import class_id
 
 WALK = 0.01  # steps of paths that are drawn in continuous time [s] ...
 AMONG = 0.005  # ... and among moving bodies, where gaps close while a law is held
@@ -46,7 +45,7 @@ class Solver(Protocol):
         """Return the requested spacing [m], or a default; refuses a grid that is too fine or too coarse."""
 
     def grid_of(
-        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = untold
+        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
     ) -> Any:
         """Solve for a spacing [m] and a step dt [s] or none: a record whose `frame` is a `domain.Frame`.
 
@@ -56,8 +55,8 @@ class Solver(Protocol):
 
 # By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
 Modules = Mapping[type[Dynamics], tuple[str, str]]
-SOLVERS: Modules = {SingleIntegrator: ("planar", "discrete_time"), Unicycle: ("heading_grid", "heading_grid")}
-AMONG_MOVERS: Modules = {SingleIntegrator: ("moving", "moving")}  # where bodies move
+SOLVERS: Modules = {SingleIntegrator: ("point", "discrete_point"), Unicycle: ("car", "car")}
+AMONG_MOVERS: Modules = {SingleIntegrator: ("moving_point", "moving_point")}  # where bodies move
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
@@ -92,7 +91,7 @@ class Desirability:
         *,
         spacing: float | None = None,
         dt: float | None = None,
-        progress: Progress = untold,
+        progress: Progress = ignore_progress,
     ) -> Desirability:
         """Solve for psi (paper, section III-A, or III-B with a step).
 
@@ -191,14 +190,13 @@ class Desirability:
         )  # fmt: skip
         walk = walker(self.look, d.drift, self.dt is not None)
         walk(self.grid, process, markers, x, seed, turns, outcome)
-        return np.rint(turns - self.space.homology.straight(x[None, :2])[0]).astype(int), outcome
+        return np.rint(turns - self.space.homology.static.base(x)).astype(int), outcome
 
     def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
         from pirrht.exact.optimal_paths import classes_of
 
-        scene = self.space.scene
-        homology = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, best_speed(self.problem))
-        return classes_of(self.grid, self.gain, self.space.homology, homology, x, t, AMONG, samples, seed)
+        homology = replace(self.space.homology, speed=best_speed(self.problem))
+        return classes_of(self.grid, self.gain, homology, x, t, AMONG, samples, seed)
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)

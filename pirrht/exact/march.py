@@ -14,8 +14,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.exact.bridges import WALLS, Step, log_paid, log_sum, missed, outside, walls_around
-from pirrht.geometry.bodies import clearance_from
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.bodies import clearance_from
 
 TILE = 16  # points along each side of a tile
 LITTLE = 1e-250  # sums below this are taken again, relative to the greatest psi within reach of the point itself

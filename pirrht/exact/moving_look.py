@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.exact import planar
+from pirrht.exact import point
 from pirrht.exact.bridges import WALLS, Room, Step, log_paid, log_sum, missed, outside, walls_around
-from pirrht.exact.domain import Frame, in_goal
-from pirrht.geometry.bodies import clearance_from
+from pirrht.exact.grid import Frame, in_goal
 from pirrht.jit.jit import kernel
+from pirrht.moving.bodies import clearance_from
 
 BEYOND = 6.0  # a step is cut off so many deviations beyond the one that the law asks for
 
@@ -28,7 +28,7 @@ class March(NamedTuple):
     frame: Frame
     room: Room
     step: Step  # the longest of the march
-    rest: planar.Expansion  # after `last`; of a motion that starts over unused
+    rest: point.Expansion  # after `last`; of a motion that starts over unused
     last: float  # when all stands still for good [s]; infinite where motions start over
     first: float  # when what starts over begins to repeat itself [s] ...
     period: float  # ... every so many seconds; 0 where nothing does
@@ -64,7 +64,7 @@ def look(grid, x, slope):  # type: ignore[no-untyped-def]
     if t >= grid.last:
         if in_wall(grid.room, pose, x[0], x[1]):
             return -grid.step.wall
-        return planar.look(grid.rest, x, slope)
+        return point.look(grid.rest, x, slope)
     g, high = 0, grid.kept.shape[0] - 1
     while g < high:
         middle = (g + high) // 2

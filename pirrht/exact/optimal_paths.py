@@ -15,17 +15,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.exact.domain import in_goal
+from pirrht.exact.grid import in_goal
 from pirrht.exact.moving_look import March, look, poses_of
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.bodies import clearance_from
 from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import as_jitable, inlined, kernel
 from pirrht.jit.streams import normals, stream, uniform
+from pirrht.moving.bodies import clearance_from
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
-from pirrht.topology.cuts import straight_turns
+from pirrht.topology.crossings import straight_turns
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving import MovingHomology
 from pirrht.topology.tracks import turns_of_step
 
 CANDIDATES = 64  # ends that one discrete step is chosen from
@@ -144,23 +143,21 @@ def classes_of(
     grid: March,
     gain: Array,
     homology: Homology,
-    moving: MovingHomology,
     x: Array,
     t: float,
     step: float,
     samples: int,
     seed: int,
 ) -> tuple[IntArray, IntArray]:
-    """Classes (S, M + J) [turns] and outcomes (S,) of paths that leave x (2,) [m] at t [s] under the optimal law.
+    """Classes (S, M) [turns] and outcomes (S,) of paths that leave x (2,) [m] at t [s] under the optimal law.
 
     `gain` is lambda R^-1 G_c', (2, 2) [control per nats/state], `step` that of a path at most [s].
     """
-    M, J = homology.M, moving.J
-    turns, outcome = np.zeros((samples, M + J)), np.zeros(samples, dtype=np.int64)
-    arrival = moving.arrival(x, t)
-    _walk(grid, gain, homology.markers, moving.tracks, moving.goal, x, t, step, arrival, seed, turns, outcome)
-    base = np.concatenate([homology.straight(x[None])[0], moving.base(x, t, arrival)])
-    return np.rint(turns - base).astype(np.int64), outcome
+    turns, outcome = np.zeros((samples, homology.M)), np.zeros(samples, dtype=np.int64)
+    here = np.array([x[0], x[1], t])
+    arrival = homology.arrival(here)
+    _walk(grid, gain, homology.markers, homology.tracks, homology.goal, x, t, step, arrival, seed, turns, outcome)
+    return np.rint(turns - homology.base(here)).astype(np.int64), outcome
 
 
 @kernel

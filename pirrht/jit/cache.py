@@ -132,9 +132,10 @@ def _of(value: Any, above: tuple[Any, ...]) -> str:
     if isinstance(value, np.ndarray) and value.dtype != object:
         return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
     if isinstance(value, tuple):
-        return (
-            f"{_of(type(value), above) if type(value) is not tuple else ''}({','.join(_of(v, above) for v in value)})"
-        )
+        record = "" if type(value) is tuple else _of_class(type(value))
+        return f"{record}({','.join(_of(v, above) for v in value)})"
+    if isinstance(value, slice):
+        return f"slice{_of((value.start, value.stop, value.step), above)}"
     if isinstance(value, Dispatcher):
         return f"{_of_function(value.py_func, above)} {sorted(value.targetoptions.items())}"
     if isinstance(value, _Intrinsic):

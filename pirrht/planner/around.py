@@ -35,7 +35,7 @@ class Neighbourhood:
 
     def straight(self, x: Array) -> Array:
         """H of the straight line from x (n,) to the goal point, (M,)."""
-        straight: Array = self.homology.straight(x[None])[0]
+        straight: Array = self.homology.base(x)
         return straight
 
     def edges_from(self, x: Array, vertices: Vertices, least: int = 0, threads: int = 1) -> Edges:

@@ -22,7 +22,7 @@ from pirrht.shortening.shorten import polish, resume, resumes
 from pirrht.steering.edges import Edges
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Motions
-from pirrht.topology.homology import integers
+from pirrht.topology.signature import integers
 
 ALIKE = 1e-5  # share of its cost by which a path that was shortened before may exceed one that is not
 WAYS = 4  # of a class in space and time that are shortened where no earlier one is known

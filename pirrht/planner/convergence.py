@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_int32, load_int64
 from pirrht.jit.jit import inlined, kernel
-from pirrht.topology.turns import spread
+from pirrht.topology.crossings import spread
 
 ROOT = -1
 PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with

@@ -11,8 +11,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoReference
 from pirrht.geometry.field import clearances
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.homology import hash_weights
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.signature import hash_weights
 
 FACTOR = 1.25  # a way of no more than so many times the shortest matters
 POINTS = (4000, 16_000, 64_000)  # of the lattice on which ways are measured: the first on which there is one
@@ -36,7 +35,7 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
     the shortest of all matter. They are those of a point that may turn on the spot. Empty among moving obstacles, where
     classes are those in space and time.
     """
-    if isinstance(tree.homology, TimedHomology) or tree.homology.M == 0 or _surely_none(tree, x, factor):
+    if tree.steering.timed or tree.homology.M == 0 or _surely_none(tree, x, factor):
         return []
     for count in POINTS:
         points, before, length = _shortest_ways(tree, x[:2], count)
@@ -48,7 +47,7 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
     near = np.flatnonzero(whole <= factor * whole[START])
     to, on = (_turns(points, before[row], tree.homology.markers, near) for row in (START, GOAL))
     to *= -1.0  # both are turns from a point to the end of its row
-    windings = np.rint(to + on - tree.homology.straight(x[None, :2])).astype(np.int64)
+    windings = np.rint(to + on - tree.homology.base(x)).astype(np.int64)
     keys = windings @ hash_weights(tree.homology.M)
     order = np.argsort(whole[near], kind="stable")
     _, first = np.unique(keys[order], return_index=True)

@@ -25,7 +25,7 @@ from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.queue import push
 from pirrht.planner.status import DONE, NEW, NODES_FULL, PAIRS_FULL, QUEUE_FULL
-from pirrht.topology.turns import summed
+from pirrht.topology.crossings import summed
 
 TIE = 1e-12  # costs closer than this are equal: rounding must not make two nodes replace each other forever
 

@@ -8,7 +8,7 @@ from typing import Any
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,7 +21,7 @@ from pirrht.planner import graph as g
 from pirrht.planner.nodes import Candidate, admits, append, joined
 from pirrht.planner.queue import pop, push
 from pirrht.planner.status import DONE, PAIRS_FULL
-from pirrht.topology.turns import key_of_pairs
+from pirrht.topology.crossings import key_of_pairs
 
 
 class Best(NamedTuple):

@@ -131,12 +131,9 @@ class HomologyTree:
         return int(self.graph.nodes[: self.size].sum())
 
     def grow(
-        self,
-        vertices: int,
-        *,
-        progress: Callable[[int], None] | None = None,
-        enough: Callable[[int], bool] | None = None,
-    ) -> None:
+        self, vertices: int, *,
+        progress: Callable[[int], None] | None = None, enough: Callable[[int], bool] | None = None,
+    ) -> None:  # fmt: skip
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
         Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
@@ -251,6 +248,10 @@ class HomologyTree:
         except NoReference:
             return {}
 
+    def at(self, x: Array, time: float) -> Array:
+        """State to query it at, for a system's state x (n,) at a time [s]."""
+        return self.steering.at(x, time)
+
     def too_fast(self, x: Array) -> bool:
         """Whether a state (n,) of the system that has no reference would have one at rest."""
         x = self.steering.vertex_of(x)
@@ -258,7 +259,7 @@ class HomologyTree:
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
-        """Vertices from a node to its root, first to last (Algorithm 5, ReconstructPath)."""
+        """Vertices from a node to its root, first to last (ReconstructPath)."""
         return self._asked.path_of(vertex, slot)
 
     def __repr__(self) -> str:
@@ -312,9 +313,8 @@ class HomologyTree:
 
     @property
     def _asked(self) -> ReferenceQuery:
-        return ReferenceQuery(
-            around=self.around, rules=self.rules, places=self._places, vertices=self._first(self.size)
-        )
+        vertices = self._first(self.size)
+        return ReferenceQuery(around=self.around, rules=self.rules, places=self._places, vertices=vertices)
 
     def _first(self, count: int) -> Vertices:
         """So many of the vertices, written but not yet inserted ones included."""

@@ -18,7 +18,7 @@ from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.steering.along_legs import Legs
-from pirrht.topology.turns import key_of_pairs
+from pirrht.topology.crossings import key_of_pairs
 
 STATIONS = 16  # times at which ways are compared, from now until the cheapest one arrives
 

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, ZERO
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, part
 
 PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
+NUMBERS = 7 + 4 * KNOWN  # of `slope_of`
 REACH = 1.0  # of a wall next to the goal, in decay lengths 1/k
 SIXTH, LATER = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
 TINY = np.float32(1e-9)
@@ -65,8 +66,8 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 
 
 @inlined
-def past_of(place, s, x, y):  # type: ignore[no-untyped-def]
-    """Return how far (x, y) [m] has passed cross-section s, to its left and in its nodes [m, m, 1]."""
+def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
+    """Return how far (x, y) [m] has passed cross-section s [m], and its place along it in nodes."""
     k = PLACE * s
     dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
     tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
@@ -74,92 +75,83 @@ def past_of(place, s, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def stage_at(place, last, s, x, y):  # type: ignore[no-untyped-def]
-    """Find the last cross-section that (x, y) [m] has passed, from the s-th on, or the one before it.
-
-    Returns its number, how far it is passed and how far the next one is ahead [m], and nodes on both.
-    """
-    past, node = past_of(place, s, x, y)
-    if past < ZERO and s > 0:
-        s -= 1
-        past, node = past_of(place, s, x, y)
-    ahead, following = ONE, ZERO
-    while s < last:
-        passed, following = past_of(place, s + 1, x, y)
-        ahead = -passed
-        if ahead > ZERO:
-            break
-        s, past, node = s + 1, passed, following
-    return s, past, ahead, node, following
-
-
-@inlined
-def node_at(node, J):  # type: ignore[no-untyped-def]
-    """Return the node before a place in nodes, and the share of the way to the next one."""
+def _node(node, J):  # type: ignore[no-untyped-def]
+    """Return the node before a place in nodes, and the share of the distance to the next one."""
     node = min(max(node, ZERO), np.float32(J - 1))
     j = min(np.int64(node), J - 2)
     return j, node - np.float32(j)
 
 
-@inlined
-def between(one, other, share):  # type: ignore[no-untyped-def]
-    """Interpolate linearly."""
-    return one * (ONE - share) + other * share
+@part
+def numbers_at(place, slope, last, J, s, x, y, out, at, each):  # type: ignore[no-untyped-def]
+    """Write the NUMBERS of `slope_of` at (x, y) [m] to out[at + each * i]; return the cross-section passed.
 
-
-@inlined
-def slope_between(values, shares, end, decay, goal, tangent, x, y, walls):  # type: ignore[no-untyped-def]
-    """Interpolate grad log psi [1/m] between four nodes, without branches; behind the last cross-section (`end`): of a disc.
-
-    Args: (4, 4) numbers of the nodes; share along the way and along both cross-sections; decay k [1/m]; goal's centre [m];
-        direction of travel; place [m]; walls as of `uphill`.
+    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, the one to search from.
     """
-    along, one, other = shares
-    gx, gy, left, right = (
-        between(between(values[0][0], values[1][0], one), between(values[2][0], values[3][0], other), along),
-        between(between(values[0][1], values[1][1], one), between(values[2][1], values[3][1], other), along),
-        between(between(values[0][2], values[1][2], one), between(values[2][2], values[3][2], other), along),
-        between(between(values[0][3], values[1][3], one), between(values[2][3], values[3][3], other), along),
-    )
-    ox, oy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
-    per = ONE / math.sqrt(ox * ox + oy * oy + TINY)
-    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
-    tx, ty = ox if end else tangent[0], oy if end else tangent[1]
-    gx, gy = rate * ox if end else gx, rate * oy if end else gy
-    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
-
-
-@inlined
-def corner(slope, s, j, J):  # type: ignore[no-untyped-def]
-    """Load the numbers of a node."""
-    k = KNOWN * (s * J + j)
-    return load_float32(slope, k), load_float32(slope, k + 1), load_float32(slope, k + 2), load_float32(slope, k + 3)
-
-
-@inlined
-def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
-    """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
-
-    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, k [1/m], the goal's
-        centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
-    """
-    x, y = np.float32(x), np.float32(y)
-    s, past, ahead, node, following = stage_at(place, last, s, x, y)
+    past, node = _passed(place, s, x, y)
+    if past < ZERO and s > 0:
+        s -= 1
+        past, node = _passed(place, s, x, y)
+    ahead, following = ONE, ZERO
+    while s < last:
+        passed, following = _passed(place, s + 1, x, y)
+        ahead = -passed
+        if ahead > ZERO:
+            break
+        s, past, node = s + 1, passed, following
     more = min(s + 1, last)
-    share = min(max(past / (past + ahead + TINY), ZERO), ONE)
-    (i, one), (j, other) = node_at(node, J), node_at(following, J)
-    values = corner(slope, s, i, J), corner(slope, s, i + 1, J), corner(slope, more, j, J), corner(slope, more, j + 1, J)
-    tangent = load_float32(place, PLACE * more + 2), load_float32(place, PLACE * more + 3)
-    gx, gy = slope_between(values, (share, one, other), s == last, decay, goal, tangent, x, y, walls)
-    return s, gx, gy
+    (i, one), (j, other) = _node(node, J), _node(following, J)
+    out[at], out[at + each], out[at + 2 * each] = past, ahead, ONE if s == last else ZERO
+    out[at + 3 * each], out[at + 4 * each] = one, other
+    out[at + 5 * each], out[at + 6 * each] = (
+        load_float32(place, PLACE * more + 2),
+        load_float32(place, PLACE * more + 3),
+    )
+    one_at, other_at, at = KNOWN * (s * J + i), KNOWN * (more * J + j), at + 7 * each
+    for c in range(2 * KNOWN):
+        out[at + c * each] = load_float32(slope, one_at + c)
+        out[at + (2 * KNOWN + c) * each] = load_float32(slope, other_at + c)
+    return s
+
+
+@part
+def _mixed(f, at, each, shares):  # type: ignore[no-untyped-def]
+    """Interpolate a number of four nodes, along two cross-sections and between them."""
+    along, one, other = shares
+    first = f[at] * (ONE - one) + f[at + KNOWN * each] * one
+    second = f[at + 2 * KNOWN * each] * (ONE - other) + f[at + 3 * KNOWN * each] * other
+    return first + along * (second - first)
+
+
+@part
+def slope_of(f, at, each, decay, goal, x, y, walls):  # type: ignore[no-untyped-def]
+    """Return grad log psi [1/m] at (x, y) [m], without branches, from the numbers f[at + each * i].
+
+    These are the distances past one cross-section and ahead of the next [m], whether the first is the last one, the
+    shares of `_node` on both, the direction of travel, and KNOWN numbers of four nodes. Args: k [1/m], the goal's
+    centre [m], `two_walls` at (x, y), none closer than they may push. Single precision suffices.
+    """
+    past, end = f[at], f[at + 2 * each] > ZERO
+    share = min(max(past / (past + f[at + each] + TINY), ZERO), ONE)
+    shares, base = (share, f[at + 3 * each], f[at + 4 * each]), at + 7 * each
+    gx, gy = _mixed(f, base, each, shares), _mixed(f, base + each, each, shares)
+    left, right = _mixed(f, base + 2 * each, each, shares), _mixed(f, base + 3 * each, each, shares)
+    dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
+    per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
+    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
+    gx, gy = rate * dx if end else gx, rate * dy if end else gy
+    tx, ty = dx if end else f[at + 5 * each], dy if end else f[at + 6 * each]
+    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
 
 
 @kernel
 def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
-    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `uphill`."""
+    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+    x, y, numbers = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32)
     stage, before = 0, -1
     while stage > before:
         before = stage
-        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y, walls)
+        stage = numbers_at(place, slope, ways.count[g] - 1, J, before, x, y, numbers, 0, 1)
+    out[0], out[1] = slope_of(numbers, 0, 1, ways.decay, goal, x, y, walls)

@@ -18,7 +18,7 @@ from pirrht.geometry.certify import FREE, UNSURE
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Steering
-from pirrht.topology.turns import Turns
+from pirrht.topology.crossings import Turns
 
 EVEN = 16  # stations of the first round, vertices not counted
 CORNERS = 6  # rounds that follow, each with stations twice as near to the corners

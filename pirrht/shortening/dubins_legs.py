@@ -17,7 +17,7 @@ from pirrht.geometry.certify import LEAST_STEP, surely_free
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import kernel
 from pirrht.steering.dubins import shortest
-from pirrht.topology.turns import key_of_pairs, pairs_of_curve
+from pirrht.topology.crossings import key_of_pairs, pairs_of_curve
 
 SHORT = 1e-9  # pieces below this length [m] are rounding
 

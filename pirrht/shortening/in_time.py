@@ -18,8 +18,8 @@ from pirrht.shortening.timed_relaxation import INSIDE, WEIGHTS, relax
 from pirrht.steering.along_legs import Legs, entered, free_leg
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
-from pirrht.topology.cuts import crossed
-from pirrht.topology.in_time import whole_turns
+from pirrht.topology.crossings import key_of_pairs
+from pirrht.topology.moving_crossings import crossings_of_leg
 
 # Legs of a round, and clearances to keep [m]; the first with which all legs are certified counts.
 ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
@@ -114,15 +114,9 @@ def _meshed(knots: Array, count: int) -> Array:
 @kernel
 def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped-def]
     """Additive key of the straight line from a to b, 2 x (3,); marker, turn (M,) are scratch."""
-    key, standing = np.int64(0), around.markers.shape[0]
-    for i in range(crossed(around.cuts, a[0], a[1], b[0], b[1], marker, turn, 0)):
-        key += turn[i] * around.weights[marker[i]]
-    tail, head, goal = (a[0], a[1], a[2]), (b[0], b[1], b[2]), (around.goal_x, around.goal_y)
-    for j in range(around.tracks.J):
-        whole = whole_turns(around.tracks, j, goal, around.speed, tail, head, to_goal)
-        if whole != 0:
-            key += whole * around.weights[standing + j]
-    return key
+    tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
+    count = crossings_of_leg(around.cuts, around.tracks, around.speed, tail, head, to_goal, marker, turn, 0)
+    return key_of_pairs(marker, turn, 0, count, around.weights)
 
 
 @kernel

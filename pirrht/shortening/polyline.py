@@ -13,7 +13,7 @@ from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Surroundings
-from pirrht.topology.cuts import key_of_segment
+from pirrht.topology.crossings import key_of_segment
 
 ROUNDS = 12
 GAIN = 1e-5  # a round that shortens the path by less than this share is the last

@@ -21,7 +21,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.turns import pairs_of_curve
+from pirrht.topology.crossings import pairs_of_curve
 
 SAME = 1e-6  # headings that differ by less are one [rad]
 

@@ -25,7 +25,7 @@ from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.steering.motion import Motion, MotionKernels, Surroundings
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import crossed
+from pirrht.topology.crossings import crossed
 
 CROSSINGS = 3  # a cubic path crosses a straight cut no more often
 TAPE = 0.05  # pieces of constant control that a trajectory is told in [s]

@@ -12,15 +12,16 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_segment
 from pirrht.geometry.field import Field
-from pirrht.geometry.sweeps import certify_leg, certify_some, certify_way, list_passed, note_unsure
-from pirrht.geometry.traffic import Traffic
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
+from pirrht.moving.obstacles import Traffic
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import Cuts, crossed
-from pirrht.topology.in_time import BaseCache, TimedHomology, row_of, turns_between, whole_turns, write_straight
+from pirrht.topology.crossings import Cuts, crossed
+from pirrht.topology.homology import Homology, write_base
+from pirrht.topology.moving_crossings import BaseCache, crossings_of_leg, row_of, turns_between
 from pirrht.topology.tracks import MarkerTrajectories
 
 
@@ -40,14 +41,14 @@ class TimedSurroundings(NamedTuple):
     bases: BaseCache  # that are kept
 
     @classmethod
-    def of(cls, space: FreeSpace, homology: TimedHomology) -> TimedSurroundings:
+    def of(cls, space: FreeSpace, homology: Homology) -> TimedSurroundings:
         """Take those of an examined scene and its classes."""
-        goal, standing, moving = space.scene.goal, homology.standing, homology.moving
+        goal = space.scene.goal
         x, y, reach = (float(v) for v in (*goal.center, goal.radius))
         return cls(
-            field=space.field, cuts=standing.cuts, markers=standing.markers, weights=homology.hash_weights,
-            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=moving.tracks, speed=moving.speed,
-            bases=BaseCache.room(moving.J, 0),
+            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights,
+            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=homology.tracks, speed=homology.speed,
+            bases=BaseCache.room(homology.J, 0),
         )  # fmt: skip
 
 
@@ -115,7 +116,7 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @kernel
 def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
-    standing = certify_way(around.field, ax, ay, bx, by)
+    standing = certify_segment(around.field, ax, ay, bx, by)
     return standing if standing == BLOCKED else min(standing, certify_leg(around.traffic, ax, ay, s, bx, by, t))
 
 
@@ -151,7 +152,7 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
             bx, by, t = ax + share * (bx - ax), ay + share * (by - ay), s + share * (t - s)
             path[i, 3], path[i, 4], path[i, 5] = bx, by, t
             record.cost[i] *= share
-        status[i] = certify_way(around.field, ax, ay, bx, by)
+        status[i] = certify_segment(around.field, ax, ay, bx, by)
         if status[i] != BLOCKED:
             status[i] = min(status[i], certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
         unsure += status[i] == UNSURE
@@ -162,17 +163,15 @@ def _judge(record, into_goal, around, status, enters):  # type: ignore[no-untype
 def _pairs(record, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     path = record.path
     ax, ay, s, bx, by, t = path[i, 0], path[i, 1], path[i, 2], path[i, 3], path[i, 4], path[i, 5]
+    if around.bases.state.shape[0] == 0 or to_goal:
+        leg = (ax, ay, s), (bx, by, t)
+        return crossings_of_leg(around.cuts, around.tracks, around.speed, leg[0], leg[1], to_goal, marker, turn, count)
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, standing, one, two = (around.goal_x, around.goal_y), around.markers.shape[0], 0, 0
-    kept = around.bases.state.shape[0] > 0 and not to_goal
-    if kept:
-        one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
-        two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
+    goal, standing = (around.goal_x, around.goal_y), around.markers.shape[0]
+    one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
+    two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
     for j in range(around.tracks.J):
-        if kept:
-            whole = turns_between(around.bases, around.tracks, j, one, two)
-        else:
-            whole = whole_turns(around.tracks, j, goal, around.speed, (ax, ay, s), (bx, by, t), to_goal)
+        whole = turns_between(around.bases, around.tracks, j, one, two)
         if whole != 0:
             marker[count], turn[count] = standing + j, whole
             count += 1
@@ -186,7 +185,7 @@ def _most(record):  # type: ignore[no-untyped-def]
 
 @inlined
 def _straight(around, x, out):  # type: ignore[no-untyped-def]
-    write_straight(around.markers, around.tracks, (around.goal_x, around.goal_y), around.speed, x, out)
+    write_base(around.markers, around.tracks, (around.goal_x, around.goal_y), around.speed, x, out)
 
 
 def _record(motions: Legs) -> LegRecord:
@@ -197,7 +196,7 @@ def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
     """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
     a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
-    if certify_way(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
     note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
     return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))

@@ -17,7 +17,7 @@ from pirrht.jit.jit import kernel
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
 from pirrht.steering.steering import Steering
-from pirrht.topology.turns import Turns, summed
+from pirrht.topology.crossings import Turns, summed
 
 
 class Edges(NamedTuple):

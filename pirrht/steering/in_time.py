@@ -29,7 +29,7 @@ from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import BaseCache, TimedHomology
+from pirrht.topology.moving_crossings import BaseCache
 
 FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
@@ -98,6 +98,7 @@ class InTime(Steering):
     n = 3
     symmetric = False
     asked = 500  # in haste one goes farther than to the cheapest neighbours
+    timed = True
     motion = LEGS
 
     def __post_init__(self) -> None:
@@ -149,9 +150,9 @@ class InTime(Steering):
         """Ways as kernels; their numbers are q, r, the limit of speeds and the best one."""
         return Compiled(_nearest, _connect, (self.q, self.r, self.limit, self.pace))
 
-    def homology(self, space: FreeSpace) -> TimedHomology:
+    def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""
-        return TimedHomology(standing=space.homology, moving=replace(space.moving, speed=self.pace))
+        return replace(space.homology, speed=self.pace)
 
     def surroundings(self, space: FreeSpace) -> TimedSurroundings:
         """Collect what kernels take of a scene."""
@@ -160,6 +161,10 @@ class InTime(Steering):
     def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
         """Add room for the bases of a graph's vertices; for one thread at a time."""
         return around._replace(bases=BaseCache.room(around.tracks.J))
+
+    def at(self, x: Array, time: float) -> Array:
+        """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
+        return np.array([x[0], x[1], time])
 
     def vertex_of(self, x: Array) -> Array:
         """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
@@ -231,7 +236,7 @@ def _last(movers: tuple[Mover, ...]) -> float:
     return max(0.0, *(float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), 0.0)
 
 
-def homology_of(problem: Problem, space: FreeSpace) -> Homology | TimedHomology:
+def homology_of(problem: Problem, space: FreeSpace) -> Homology:
     """Choose the classes of a problem's paths: those in space and time among moving obstacles.
 
     Bases go at the best speed; if the cost tells none, controls are taken for velocities.

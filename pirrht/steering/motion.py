@@ -13,7 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
 from pirrht.jit.jit import inlined
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.cuts import Cuts, straight_turns
+from pirrht.topology.crossings import Cuts, straight_turns
 
 
 class Surroundings(NamedTuple):
@@ -31,7 +31,7 @@ class Surroundings(NamedTuple):
     @classmethod
     def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
         """Take those of an examined scene, for paths that turn no tighter than `radius` [m]."""
-        goal, homology = space.scene.goal, space.homology
+        goal, homology = space.scene.goal, space.homology.static
         numbers = (float(v) for v in (*goal.center, goal.radius, radius))
         return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
 

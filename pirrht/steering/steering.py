@@ -38,6 +38,7 @@ class Steering(ABC):
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
     drives: bool = True  # whether references come with the controls that drive them; else guides must find those
     asked: int = 0  # how many vertices a reference is looked for from at least
+    timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
     motion: Motion = ARCS  # what `connect` makes
 
     @abstractmethod
@@ -57,8 +58,8 @@ class Steering(ABC):
         """States (k, n) at the goal point (2,) [m] that the tree starts from."""
 
     def homology(self, space: FreeSpace) -> Any:
-        """Return the classes of paths in an examined scene (`Homology`)."""
-        return space.homology
+        """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
+        return space.homology.static
 
     def surroundings(self, space: FreeSpace) -> Any:
         """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
@@ -67,6 +68,10 @@ class Steering(ABC):
     def remembering(self, around: Any) -> Any:
         """Add a cache for a growing graph to surroundings; for one thread at a time."""
         return around
+
+    def at(self, x: Array, time: float) -> Array:
+        """State to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
+        return x
 
     def vertex_of(self, x: Array) -> Array:
         """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""

@@ -13,8 +13,8 @@ import numpy as np
 from scipy.special import ive, kve
 
 from pirrht.arrays import Array
-from pirrht.exact import planar
-from pirrht.exact.domain import Domain
+from pirrht.exact import point
+from pirrht.exact.grid import Domain
 from pirrht.geometry.scene import Goal
 
 INNER, OUTER = 0.3, 1.0  # r0 and r1 [m]
@@ -55,10 +55,10 @@ def convergence(noise: float, spacings: Sequence[float], *, points: int = 1000, 
     )  # fmt: skip
     rows: list[dict[str, Any]] = []
     for h in spacings:
-        grid = planar.solve(room, wavenumber=k, wall=np.inf, spacing=h)
+        grid = point.solve(room, wavenumber=k, wall=np.inf, spacing=h)
         found, gradient = np.empty(points), np.empty((points, 2))
         for i, x in enumerate(CENTER + r[:, None] * radial):
-            found[i] = planar.look(grid, x, gradient[i])
+            found[i] = point.look(grid, x, gradient[i])
         off = np.hypot(*(noise**2 * gradient - exact).T) / np.maximum(np.hypot(*exact.T), 0.5)
         row = {
             "noise": noise,

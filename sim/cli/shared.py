@@ -14,7 +14,7 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Progress
+from pirrht.exact.grid import Progress
 from pirrht.planner.reference import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm

@@ -160,7 +160,7 @@ def finish(*what: str) -> None:
 
 def integral_of(dynamics_name: str, *, moving: bool) -> Any:
     """Make the sampler of one kind of dynamics in a small room, where an obstacle moves or none does."""
-    from pirrht.estimation.sampler import PathIntegral
+    from pirrht.estimation.assembly import path_integral
     from pirrht.estimation.sampling import Sampling
     from pirrht.freespace import FreeSpace
     from sim.rehearsal import BUSY_ROOM, ROOM
@@ -168,7 +168,7 @@ def integral_of(dynamics_name: str, *, moving: bool) -> Any:
     system, room = named(dynamics_name), BUSY_ROOM if moving else ROOM
     settings = system.settings
     drawing = Sampling(dt=settings.dt, first=min(settings.period, settings.dt), samples=20)
-    return PathIntegral(system.problem(room, settings), FreeSpace.of(room), drawing)
+    return path_integral(system.problem(room, settings), FreeSpace.of(room), drawing)
 
 
 def compile_rest(dynamics_name: str, *, moving: bool) -> None:
@@ -177,7 +177,7 @@ def compile_rest(dynamics_name: str, *, moving: bool) -> None:
     integral.warm_up_samples()
     if not moving:
         compile_shortening(dynamics_name)
-    integral.warm_up_guides()
+    integral.proposals.warm_up()
 
 
 def compile_shortening(dynamics_name: str) -> None:

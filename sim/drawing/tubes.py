@@ -9,9 +9,9 @@ from functools import lru_cache
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.crowd import reach_of
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
+from pirrht.moving.collision import reach_of
 from pirrht.plotting.ground import fading, outline
 from sim.drawing.strokes import at_most
 

@@ -11,13 +11,13 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.methods import TREELESS
 from pirrht.control.mppi import Mppi
-from pirrht.control.optimal import Optimal
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity, Predictor
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, solver_for
-from pirrht.exact.domain import Progress, untold
+from pirrht.exact.grid import Progress, ignore_progress
+from pirrht.exact.optimal import Optimal
 from pirrht.freespace import FreeSpace
 from pirrht.planner import file as tree_file
 from pirrht.planner.left_out import left_out
@@ -103,7 +103,7 @@ class Scenario(Task):
             SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
-            return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+            return tree.references(tree.at(self.start, 0.0), polished=self.settings.polish)
         except NoReference:
             why = covered(self.loaded.scene)
             if why is None and waits and self.moving:
@@ -114,7 +114,7 @@ class Scenario(Task):
                 f"{self.loaded.scene.name}: {why}, and no way was found that gets there before; let it rest elsewhere"
             ) from None
 
-    def truth(self, progress: Progress = untold) -> Desirability:
+    def truth(self, progress: Progress = ignore_progress) -> Desirability:
         """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends.
 
         Args:
@@ -127,7 +127,7 @@ class Scenario(Task):
         self._refuse_unsolved(dt)
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 
-    def optimal(self, truth: Desirability | None = None, progress: Progress = untold) -> Optimal:
+    def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before.
 
         Args:
@@ -209,7 +209,7 @@ class Scenario(Task):
         return ConstantVelocity(self.space, self.in_time, grown if trees else None, vertices=vertices)
 
     def driver(
-        self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = untold
+        self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
     ) -> Driver:
         """Return the policy of the settings' method.
 
@@ -249,4 +249,4 @@ class Scenario(Task):
 
 def _reaches(tree: HomologyTree, x: Array) -> bool:
     """Tell whether any class reaches the goal from x (n,)."""
-    return bool(tree.lengths(tree.homology.asked(x, 0.0)))
+    return bool(tree.lengths(tree.at(x, 0.0)))

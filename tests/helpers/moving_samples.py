@@ -14,9 +14,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.moving_look import look, poses_of
-from pirrht.geometry.bodies import clearance_from
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import normals, stream
+from pirrht.moving.bodies import clearance_from
 
 EARLY = 0.5826
 STEP = 2e-4  # [s]

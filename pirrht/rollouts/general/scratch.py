@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.rollouts.among import NEAR
+from pirrht.moving.broad_phase import HELD
+from pirrht.moving.exits import NEAR
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.nearby import HELD
-from pirrht.topology.marks import SPOT
+from pirrht.rollouts.ways import NUMBERS
+from pirrht.topology.moving_crossings import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
 
@@ -29,7 +30,6 @@ class Scratch(NamedTuple):
     D: Array  # (m, m) B^-1 G
     B: Array  # (rows, m)
     a: Array  # (H, m) B^-1 G u of every reference
-    aside: Array  # (H,) control of a car's sway
     pushed: Array  # (m,) what walls push on top
     stage: NDArray[np.int64]  # (H,) the node of its way, or the step of its law
     lost: NDArray[np.bool_]  # (H,) whether it is out of question
@@ -47,6 +47,7 @@ class Scratch(NamedTuple):
     near: Array  # (J, NEAR) where they are
     side: Array  # (marks,) on which side of the ray of each marker that moves the path is
     spot: Array  # (SPOT,) where it was seen there
+    tube: NDArray[np.float32]  # (NUMBERS,) of a way next to the state
 
 
 SCRATCH: Any = Scratch
@@ -64,12 +65,12 @@ def scratch_for(kind: KernelSpec) -> Any:
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m),
             np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)),
-            np.empty((H, m)), np.zeros(H), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty((H, m)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)),
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
             np.empty(HELD, np.int64), np.empty(bodies, np.int64), np.empty((bodies, NEAR)),
-            np.empty(leads.marks.weight.shape[0]), np.empty(SPOT),
+            np.empty(leads.marks.weight.shape[0]), np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
     return scratch_of

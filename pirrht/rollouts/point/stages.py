@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit.addresses import load_float32, load_float64, load_int64
+from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, halves, normals_of
-from pirrht.rollouts.ways import KNOWN, PLACE, TINY, node_at, slope_between, stage_at
-from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
+from pirrht.rollouts.ways import KNOWN, NUMBERS, PLACE, numbers_at, slope_of
+from pirrht.topology.crossings import key_of_step, turn_at_cut
+from pirrht.topology.tuning import TUNING
 
 LANES = 512  # of a block; all rows together stay within the nearest cache
 WIDE = 16  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
@@ -32,10 +33,12 @@ U, V, CORNER = 23 * L, 24 * L, 25 * L
 WALL = 33 * L  # the two nearest walls, six rows
 OWED = 39 * L  # time of the last step for which half of the guide has not been taken off the sum [s]
 PER = 40 * L  # one over the width of the cells that the steps lead to [1/m]
-CHUNK, NODES = 64, 41 * L  # lanes at once for which numbers of four nodes are loaded, and where they begin
-ROWS = 44
+CHUNK, NODES = 64, 41 * L  # lanes whose numbers of a way are loaded at once, and where these begin
+ROWS = 41 + NUMBERS * CHUNK // L + 1
 MANY = 1 << 32  # no row begins there
-NEVER = np.float32(-20.0)  # log dQ_g/dQ_h that a path has left for good: one in exp(40) returns (Ville)
+# Least log dQ_g/dQ_h: below it a_g = a_h. The mixture's density loses exp(-20) of itself on average, since dQ_g/dQ_h
+# is a martingale under Q_h; rounding to single precision takes more.
+NEGLIGIBLE = np.float32(-20.0)
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
 FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integers; cross-sections passed come last
@@ -81,58 +84,31 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 
 @inlined
 def way_control(ways, g, h, goal, B, f, short, a, ratio, n):  # type: ignore[no-untyped-def]
-    """Write a_g = B' grad log psi of one reference with a way at the lanes' states; a_h first.
-
-    Where dQ_g/dQ_h has fallen below exp(NEVER) it counts for nothing in the mixture's density, and is held: a_g = a_h.
-    """
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, or a_h if `NEGLIGIBLE`."""
     n = min(n, LANES)
     place, slope, C, J, last, decay = ways
     row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
     place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
-    for begin in range(0, n, CHUNK):
-        some = g == h
+    for begin in range(0, n, CHUNK):  # what is looked up lane by lane goes to rows of its own, for loops of vectors
+        some = False
         for k in range(begin, begin + CHUNK):
-            some |= ratio[own + k] >= NEVER
+            some |= g == h or ratio[own + k] >= NEGLIGIBLE
         for i in range(CHUNK if some else 0):
-            k, put = begin + i, NODES + i
-            if g != h and ratio[own + k] < NEVER:
-                continue
-            s, past, ahead, node, following = stage_at(place, last, np.int64(short[stage + k]), f[X + k], f[Y + k])
-            short[stage + k] = np.int32(s)
-            f[put], f[put + CHUNK], f[put + 2 * CHUNK] = past, ahead, ONE if s == last else ZERO
-            (i0, one), (i1, other), more = node_at(node, J), node_at(following, J), min(s + 1, last)
-            f[put + 3 * CHUNK], f[put + 4 * CHUNK] = one, other
-            f[put + 5 * CHUNK] = load_float32(place, PLACE * more + 2)
-            f[put + 6 * CHUNK] = load_float32(place, PLACE * more + 3)
-            put += 7 * CHUNK
-            a0, a1 = KNOWN * (s * J + i0), KNOWN * (more * J + i1)
-            for c in range(2 * KNOWN):
-                f[put + c * CHUNK] = load_float32(slope, a0 + c)
-                f[put + (2 * KNOWN + c) * CHUNK] = load_float32(slope, a1 + c)
+            k, at = begin + i, NODES + i
+            if g == h or ratio[own + k] >= NEGLIGIBLE:
+                s = numbers_at(place, slope, last, J, np.int64(short[stage + k]), f[X + k], f[Y + k], f, at, CHUNK)
+                short[stage + k] = np.int32(s)
         for i in range(CHUNK if some else 0):
-            k, put = begin + i, NODES + i
-            past, ahead, end = f[put], f[put + CHUNK], f[put + 2 * CHUNK] > ZERO
-            share = min(max(past / (past + ahead + TINY), ZERO), ONE)
-            shares = share, f[put + 3 * CHUNK], f[put + 4 * CHUNK]
-            tangent = f[put + 5 * CHUNK], f[put + 6 * CHUNK]
-            put += 7 * CHUNK
-            values = (
-                (f[put], f[put + CHUNK], f[put + 2 * CHUNK], f[put + 3 * CHUNK]),
-                (f[put + 4 * CHUNK], f[put + 5 * CHUNK], f[put + 6 * CHUNK], f[put + 7 * CHUNK]),
-                (f[put + 8 * CHUNK], f[put + 9 * CHUNK], f[put + 10 * CHUNK], f[put + 11 * CHUNK]),
-                (f[put + 12 * CHUNK], f[put + 13 * CHUNK], f[put + 14 * CHUNK], f[put + 15 * CHUNK]),
-            )
+            k = begin + i
             at = WALL + k
             walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
-            gx, gy = slope_between(values, shares, end, decay, goal, tangent, f[X + k], f[Y + k], walls)
-            a[row + k] = b00 * gx + b10 * gy
-            a[row + L + k] = b01 * gx + b11 * gy
-        if g != h:
-            for k in range(begin, begin + CHUNK):
-                over = ratio[own + k] < NEVER
-                a[row + k] = a[mine + k] if over else a[row + k]
-                a[row + L + k] = a[mine + L + k] if over else a[row + L + k]
+            gx, gy = slope_of(f, NODES + i, CHUNK, decay, goal, f[X + k], f[Y + k], walls)
+            a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
+        for k in range(begin, begin + CHUNK if g != h else begin):
+            over = ratio[own + k] < NEGLIGIBLE
+            a[row + k] = a[mine + k] if over else a[row + k]
+            a[row + L + k] = a[mine + L + k] if over else a[row + L + k]
 
 
 @inlined
@@ -187,7 +163,7 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
 def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
     n = min(n, LANES)
-    if cuts.M > FEW:
+    if TUNING.few_markers < cuts.M:
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

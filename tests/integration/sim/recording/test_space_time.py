@@ -210,7 +210,7 @@ def test_samples_that_hit_a_moving_body_are_told_to_have_hit_it():
 
 def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
     scene: Scene = load("pincer").scene
-    from pirrht.geometry.crowd import MovingObstacles
+    from pirrht.moving.collision import MovingObstacles
 
     others, crowd = Bystanders(scene.movers, scene.footprint), MovingObstacles(scene.movers, scene.footprint)
     rng = np.random.default_rng(0)

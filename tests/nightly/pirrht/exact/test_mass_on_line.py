@@ -7,10 +7,10 @@ from functools import cache
 import numpy as np
 import pytest
 from benchmarks import mass_line
+from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from thoroughly import first, thorough
 
 from pirrht.errors import OptionError
-from pirrht.exact.mass_on_line import MassOnLine, mass_on_line
 
 Q, R = 1.0, 2.0
 QUIET = ((0.2, 0.0), (0.5, -0.3), (0.3, 0.8), (0.9, -0.5))  # states from which the best way is not near the wall

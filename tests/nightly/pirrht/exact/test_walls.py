@@ -8,7 +8,7 @@ from benchmarks.scenes import scene_of
 from unit.pirrht.exact.test_walls import disc, exact
 
 from pirrht.errors import OptionError
-from pirrht.exact.domain import Domain
+from pirrht.exact.grid import Domain
 
 
 @pytest.mark.parametrize(("which", "b"), [("disc", 0.1), ("13", 0.2), ("9", 0.2)])

@@ -10,14 +10,16 @@ import pytest
 from discs import disc, scene_of
 
 from pirrht.arrays import Array
-from pirrht.control.feedback import ClassLaw, ClassMixture
+from pirrht.control.mixture import ClassLaw, ClassMixture
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.rover import RoverSteering
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.rover import Rover, towards_goal
@@ -30,7 +32,7 @@ def integral() -> PathIntegral:
     """A rover, noise 0.2, a post between start and goal; q = 1, lambda = 0.08."""
     scene = scene_of([disc("post", 1.4, 1.7, 0.25)], start=(0.5, 1.5), goal=(2.6, 1.5), side=3.0)
     problem = Problem(dynamics=Rover(b=0.2), scene=scene, R=np.diag([2.0, 0.5]))
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=0.1, draws="independent", threads=1))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(dt=0.1, draws="independent", threads=1))
 
 
 def reference(corner: Array) -> Trajectory:

@@ -68,7 +68,7 @@ def test_a_path_that_is_out_of_reach_or_all_but_over_is_not_resumed():
     beside = np.array([*tree.space.scene.obstacles[0].position[:2], 0.0])
     assert resumed_along_arcs(beside, path, tree.steering, checker) is None
     x, y = tree.space.scene.goal.center
-    near = tree.references(np.array([x - tree.space.arena.radius - 0.3, y, 0.0]))
+    near = tree.references(np.array([x - tree.space.world.radius - 0.3, y, 0.0]))
     short = [found.path for found in near if found.path.length.sum() < REACH]
     assert short
     assert all(resumed_along_arcs(start, path, tree.steering, checker) is None for path in short)

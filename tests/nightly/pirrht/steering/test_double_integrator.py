@@ -115,7 +115,7 @@ def test_free_motions_keep_clear_and_turn_as_their_points_do():
             continue
         assert clear > 0.0
         assert apart > 0.0
-        first, last = (space.homology.straight(p[None])[0] for p in (points[0], points[-1]))
+        first, last = (space.homology.base(p) for p in (points[0], points[-1]))
         whole = turned(points, space.homology.markers) + last - first
         assert edges.turns.dense(i, space.homology.M) == pytest.approx(whole, abs=1e-6)
     assert min(seen.values()) > 30

@@ -15,12 +15,14 @@ from batches import batch_of
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.plan import shifted
-from pirrht.estimation.allocation import RENEWED, Allocation
+from pirrht.estimation.allocation import Allocation
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.weights import OUTLYING, deviation
+from pirrht.estimation.tuning import TUNING
+from pirrht.estimation.weights import deviation
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.tree import HomologyTree
@@ -71,13 +73,13 @@ def test_the_spread_of_a_sum_is_that_of_its_independent_terms_and_more_of_the_la
         alone = part.reshape(-1, 2, 3).sum(axis=1) if paired else part
         squares = (alone - alone.mean(axis=0)) ** 2 * len(alone) / (len(alone) - 1)
         variance, largest = variance + squares.sum(axis=0), np.maximum(largest, squares.max(axis=0))
-    np.testing.assert_allclose(deviation(terms, first, paired), np.sqrt(variance + OUTLYING * largest))
+    np.testing.assert_allclose(deviation(terms, first, paired), np.sqrt(variance + TUNING.outlying * largest))
 
 
 def test_a_single_sample_knows_its_value_up_to_lambda(strip):
-    integral = PathIntegral(*strip, Sampling(dt=0.05, guide="open-loop", threads=1))
+    integral = path_integral(*strip, Sampling(dt=0.05, guide="open-loop", threads=1))
     estimate = to_both_sides(integral, 0, counts=[1, 1])
-    most = (1.0 + OUTLYING) ** 0.5  # a single term is the largest as well
+    most = (1.0 + TUNING.outlying) ** 0.5  # a single term is the largest as well
     assert 0.5**0.5 * integral.temperature <= estimate.value_error <= most * integral.temperature
     assert np.all(np.isfinite(estimate.control_error))
 
@@ -120,7 +122,7 @@ def test_a_shortfall_is_remembered_for_ten_plans_and_forgotten_with_the_drive():
     allocation = Allocation(200)
     assert allocation.shortfalls(["a", "b"]) == [0.0, 0.0]
     allocation.note(["a", "b"], [3.0, np.nan])
-    for _ in range(RENEWED - 1):
+    for _ in range(TUNING.renewed - 1):
         assert allocation.shortfalls(["b", "a"]) == [0.0, 3.0]
         allocation.note(["a", "b"], [np.nan, np.nan])
     assert allocation.shortfalls(["a"]) == [3.0]
@@ -187,7 +189,7 @@ def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
 def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_spent(strip):
     def until(**options) -> list[int]:
         settings = Sampling(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
-        estimate = in_batches(PathIntegral(*strip, settings), 3)
+        estimate = in_batches(path_integral(*strip, settings), 3)
         drawn = [part.size // 2 for part in estimate.parts]
         if options["target"] > 1e-6:
             assert estimate.control_error.max() <= options["target"]

@@ -11,7 +11,7 @@ from thoroughly import thorough
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, Problem, Scene, SingleIntegrator
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.domain import Domain
+from pirrht.exact.grid import Domain
 
 
 def disc() -> Scene:

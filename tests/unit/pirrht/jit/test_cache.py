@@ -65,6 +65,52 @@ def test_whatever_a_function_reads_is_part_of_its_name(edit: tuple[str, str]):
     assert named(SYSTEM) != named(source)
 
 
+TUNED = """
+from enum import IntEnum
+from typing import NamedTuple
+class Nested(NamedTuple):
+    gains: tuple[float, float] = (1.0, 2.0)
+class Tuning(NamedTuple):
+    share: float = 0.5
+    most: int = 3
+    nested: Nested = Nested()
+class Column(IntEnum):
+    FIRST = 0
+    LAST = 2
+TUNING = Tuning()
+REST = slice(1, 3)
+def scaled(x): return x * TUNING.share + TUNING.nested.gains[1]
+def drift(x):
+    total = x[Column.LAST] + x[REST].sum()
+    for k in range(TUNING.most):
+        total += scaled(x[k])
+    return total
+"""
+
+
+def test_kernels_read_records_enumerations_and_slices_of_a_module():
+    scope: dict[str, object] = {"__name__": "users"}
+    exec(TUNED, scope)
+    scope["scaled"] = as_jitable(scope["scaled"])  # type: ignore[arg-type]
+    assert kernel(scope["drift"])(np.arange(3.0)) == 2.0 + 3.0 + 0.5 * 3.0 + 3 * 2.0
+
+
+@pytest.mark.parametrize(
+    ("edit", "same"),
+    [
+        (("Tuning()", "Tuning(share=0.5)"), True),
+        (("share: float = 0.5", "share: float = 0.25"), False),
+        (("Tuning()", "Tuning(most=4)"), False),
+        (("(1.0, 2.0)", "(1.0, 2.5)"), False),
+        (("LAST = 2", "LAST = 1"), False),
+        (("slice(1, 3)", "slice(2, 3)"), False),
+    ],
+)
+def test_values_of_records_enumerations_and_slices_are_part_of_a_name(edit: tuple[str, str], same: bool):
+    assert named(TUNED) is not None
+    assert (named(TUNED) == named(TUNED.replace(*edit))) is same
+
+
 @pytest.mark.parametrize("value", ["object()", "[1.0]", "__import__('os')"])
 def test_what_could_change_unseen_leaves_a_function_without_a_name(value: str):
     assert named(SYSTEM.replace("SPEED = 1.5", f"SPEED = {value}")) is None

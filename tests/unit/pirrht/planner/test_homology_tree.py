@@ -19,7 +19,7 @@ from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry

@@ -12,7 +12,7 @@ from moving import SCENES, hall, moved
 
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.planner.around import SHARED
 from pirrht.planner.extend import Vertices
 from pirrht.planner.file import load, save

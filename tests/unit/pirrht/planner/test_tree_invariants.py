@@ -15,7 +15,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.topology.turns import Turns
+from pirrht.topology.crossings import Turns
 
 Class = tuple[int, ...]
 

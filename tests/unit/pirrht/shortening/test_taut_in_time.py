@@ -17,7 +17,7 @@ from pirrht.shortening.timed_relaxation import BAND, modelled
 from pirrht.steering.along_legs import Legs
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.topology.moving import MovingHomology
+from pirrht.topology.homology import Homology
 
 STEERING = InTime()
 
@@ -104,7 +104,7 @@ def _free(crosser, x: float, y: np.ndarray, t: np.ndarray, side: int) -> np.ndar
 def test_before_and_behind_cost_what_dynamic_programming_finds(side, winding, via):
     space = FreeSpace.of(SCENES["crossing"]())
     found = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]]))
-    ways: MovingHomology = STEERING.homology(space).moving
+    ways: Homology = STEERING.homology(space)
     assert ways.winding(found) == winding
     truth = least_cost(space, side, 2.85, 0.8)
     assert cost_of(found) == pytest.approx(truth, rel=4e-3)

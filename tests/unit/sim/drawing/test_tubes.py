@@ -10,8 +10,8 @@ from discs import block, disc
 from moving import moved, oblique
 
 from pirrht.arrays import Array
-from pirrht.geometry.crowd import reach_of
 from pirrht.geometry.motion import Mover
+from pirrht.moving.collision import reach_of
 from pirrht.plotting.ground import MOMENTS, outline
 from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
 

@@ -1,0 +1,291 @@
+"""Solve the continuous-time equation on a planar grid: `q psi/lambda = tr(BB' Hess psi)/2`, isotropic noise, no drift.
+
+It is `Laplace psi = k^2 psi`; near every grid point psi is a sum of I_n(kr) cos(n t) and I_n(kr) sin(n t). Stencil
+weights are exact for the eight lowest of these (Trefftz, or flexible local approximation: Tsukerman, IEEE Trans.
+Magnetics 2005), so that plane exponentials exp(k.x) of every direction are solved almost exactly on a grid as coarse as
+their decay length, where differences or upwinding would err by tens of per cent. Arms of a stencil end at walls and at
+the goal's rim: no boundary is moved to the grid. Unknowns are chi = psi exp(s) with s a length to the goal in units of
+1/k, since psi itself falls below 1e-300. Arms of a point that all but touches a wall would end in nearly one place, and
+errors of a tenth of a micrometer would decide on the sign of psi: theirs begin at a place further off the wall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import csc_matrix, csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.linalg import splu
+
+from pirrht.arrays import Array, BoolArray, IntArray
+from pirrht.errors import OptionError
+from pirrht.exact.grid import Domain, Frame, Progress, affordable, frame_at, ignore_progress, in_cells, in_goal
+from pirrht.freespace import FreeSpace
+from pirrht.jit.jit import inlined, kernel
+from pirrht.problem import Problem
+
+ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
+SECANTS = 20  # steps of the search for the end of an arm at most
+CLOSE = 1e-7  # of that end [m]
+HUG = 0.1  # a point hugs a wall that one of its arms meets within this share of the spacing
+
+
+def ends_of_arms(
+    domain: Domain, points: Array, free_by: Array, rows: IntArray, heads: Array, spacing: float
+) -> tuple[Array, BoolArray]:
+    """End arms of points (K, 2), free by (K,), towards heads (k, 2) at walls or rim: ends (k, 2) [m], if at the rim.
+
+    `rows` (k,) are the points that arms belong to, `spacing` is h [m].
+    """
+    tails, room = points[rows], free_by[rows]
+    ends, at_goal = _cut(domain, tails, room, heads)
+    short = ~at_goal & (np.hypot(*(ends - tails).T) < HUG * spacing)
+    hugging = np.unique(rows[short])
+    again = np.isin(rows, hugging)
+    which = np.searchsorted(hugging, rows[again])
+    beside, beside_by = _off_walls(domain, points[hugging], spacing)
+    ends[again], at_goal[again] = _cut(domain, beside[which], beside_by[which], heads[again])
+    return ends, at_goal
+
+
+def _off_walls(domain: Domain, points: Array, spacing: float) -> tuple[Array, Array]:
+    """Find places half an arm from points (j, 2) with most clearance, (j, 2) and (j,) [m]; spacing h [m]."""
+    around = points[:, None, :] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
+    free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
+    best = np.arange(len(points)), np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
+    return around[best], free_by[best]
+
+
+def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Array, BoolArray]:
+    """Cut lines from tails, free by (k,) [m], to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
+    clearance, goal = domain.clearance, domain.goal
+    span = heads - tails
+    full = np.hypot(*span.T)
+    unit = span / full[:, None]
+    to_goal = goal.center - tails
+    along = np.sum(to_goal * unit, axis=1)
+    inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
+    to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
+    to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
+    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), free_by, clearance(heads), full)
+    length = np.clip(np.minimum(to_rim, to_wall), CLOSE, full)
+    return tails + length[:, None] * unit, to_rim <= to_wall
+
+
+def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Array, end: Array) -> Array:
+    """Zeros (k,) of functions that are positive at 0, in (0, end]; infinite where there is none (Illinois rule)."""
+    low, high, f_low, f_high = np.zeros(len(end)), end.copy(), at_0.copy(), at_end.copy()
+    side = np.zeros(len(end))
+    zero = np.where(at_end <= CLOSE, end, np.inf)
+    busy = np.flatnonzero(at_end < 0.0)
+    for _ in range(SECANTS):
+        t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
+        value = f(busy, t)
+        zero[busy] = t
+        up, down = busy[value > 0.0], busy[value <= 0.0]
+        f_high[up[side[up] > 0.0]] *= 0.5
+        f_low[down[side[down] < 0.0]] *= 0.5
+        low[up], f_low[up], side[up] = t[value > 0.0], value[value > 0.0], 1.0
+        high[down], f_high[down], side[down] = t[value <= 0.0], value[value <= 0.0], -1.0
+        busy = busy[np.abs(value) > CLOSE]
+        if len(busy) == 0:
+            break
+    return zero
+
+
+ComplexArray = NDArray[np.complex128]
+
+FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
+COARSEST = 0.2  # ... but at most this share of the robot's radius
+WHOLE = ARMS @ np.array([1.0, 1j])  # arms as x + iy
+NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
+TINY = 1e-300
+LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
+
+
+class Expansion(NamedTuple):
+    """Near every free grid point psi = exp(shift) * (a sum of eight solutions of the equation)."""
+
+    frame: Frame
+    wavenumber: float  # k [1/m]
+    least: float  # a slope is never that of a place nearer to a wall [m]
+    owner: IntArray  # (nx, ny) free point that speaks for a grid point; -1 where none is near
+    place: IntArray  # (K, 2) grid indices of the K free points
+    coefficients: Array  # (K, 8) of 1, cos t, sin t, cos 2t, sin 2t, cos 3t, sin 3t, cos 4t
+    shift: Array  # (K,) [nats]; -inf where psi is 0
+
+
+def wavenumber_of(problem: Problem) -> float:
+    """k of `Laplace psi = k^2 psi` for a point in the plane [1/m]."""
+    assert not callable(problem.q)
+    b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
+    return math.sqrt(2.0 * problem.q / problem.temperature) / b
+
+
+def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
+    """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %; refuses too many points."""
+    length = 1.0 / wavenumber_of(problem)
+    default = min(FINEST * length, COARSEST * space.scene.robot_radius)
+    reason = f"psi falls by a factor e in {length:.2g} m"
+    return affordable(space.scene, default if spacing is None else spacing, reason)
+
+
+def grid_of(
+    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
+) -> Expansion:
+    """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
+    wall = problem.phi / problem.temperature
+    return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
+
+
+def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
+    """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
+
+    Args: wavenumber k [1/m]; wall phi/lambda [nats], which may be infinite; spacing h [m]. OptionError if h is too
+        coarse.
+    """
+    lower, goal = domain.lower, domain.goal
+    nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
+    index = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
+    points = lower + spacing * index
+    free_by, rim = domain.clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
+    free = (free_by > CLOSE) & (rim > CLOSE)
+    number = np.where(free, np.cumsum(free) - 1, -1)
+    place = index[free]
+    target = place[:, None, :] + ARMS
+    flat = target[:, :, 0] * ny + target[:, :, 1]
+    neighbour, arms, log_end = number[flat], np.broadcast_to(WHOLE, flat.shape).copy(), np.zeros(flat.shape)
+    cut = neighbour < 0
+    rows, heads = np.nonzero(cut)[0], points[flat[cut]]
+    ends, at_goal = ends_of_arms(domain, points[free], free_by[free], rows, heads, spacing)
+    arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
+    log_end[cut] = np.where(at_goal, 0.0, -wall)
+    s = _lengths(neighbour, spacing * np.abs(arms), log_end, wavenumber)
+    coefficients, below = _fit(neighbour, arms, log_end, s, wavenumber * spacing)
+    # In a narrow corner psi is a smaller share of what is around it than the distance to the wall is of the spacing.
+    gap = free_by[free] / spacing
+    if np.any((below > 0.0) & (below > np.where(gap < HUG, gap, 0.0))):
+        raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
+    number[free] = np.where(below > 0.0, -1, number[free])
+    number = number.reshape(nx, ny)
+    away, nearest = distance_transform_edt(number < 0, return_indices=True)
+    owner = np.where(away <= NEAR, number[tuple(nearest)], -1)
+    return Expansion(
+        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=owner,
+        place=place, coefficients=coefficients, shift=-s,
+    )  # fmt: skip
+
+
+def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: float) -> Array:
+    """Estimate -log psi at the free points, (K,): k times the length of arms to the goal or a wall [nats]."""
+    K = len(neighbour)
+    inner = neighbour >= 0
+    rows, arms = np.nonzero(inner)
+    out = np.where(inner, np.inf, wavenumber * length - log_end).min(axis=1, initial=np.inf)
+    exits = np.flatnonzero(np.isfinite(out))
+    weight = np.concatenate([wavenumber * length[rows, arms], out[exits]])
+    tail, head = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)]), np.concatenate([rows, exits])
+    found: Array = dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K]
+    return found
+
+
+def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:
+    """Fit chi = psi exp(s) around every free point, (K, 8), by one sparse solution; negative part as a share (K,)."""
+    K = len(neighbour)
+    finite = np.where(np.isfinite(s), s, 0.0)
+    inner = neighbour >= 0
+    whole = inner.all(axis=1)
+    common, own = np.linalg.inv(arm_basis(WHOLE[None, :], kh))[0], np.linalg.inv(arm_basis(arms[~whole], kh))
+    weight = np.empty((K, len(ARMS)))
+    weight[whole], weight[~whole] = common[0], own[:, 0]
+    rows, which = np.nonzero(inner)
+    columns = neighbour[rows, which]
+    known = np.where(inner, 0.0, np.exp(log_end + np.where(inner, 0.0, finite[:, None])))
+    known[~np.isfinite(s)] = 0.0
+    coupling = -weight[rows, which] * np.exp(finite[rows] - finite[columns])
+    diagonal = np.arange(K)
+    entries = np.concatenate([np.ones(K), coupling])
+    matrix = csc_matrix((entries, (np.concatenate([diagonal, rows]), np.concatenate([diagonal, columns]))))
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    chi = factors.solve(np.sum(weight * known, axis=1))
+    ends = known
+    ends[rows, which] = chi[columns] * np.exp(finite[rows] - finite[columns])
+    coefficients = np.empty((K, len(ARMS)))
+    coefficients[whole] = ends[whole] @ common.T
+    coefficients[~whole] = np.einsum("kij,kj->ki", own, ends[~whole])
+    most = np.maximum(ends.max(axis=1), TINY)
+    below = np.maximum(np.minimum(-chi, most) / most, TINY)
+    return coefficients, np.where((chi > 0.0) | ~np.isfinite(s), 0.0, below)
+
+
+def arm_basis(arms: ComplexArray, kh: float) -> Array:
+    """Evaluate the eight solutions at ends of arms, x + iy in spacings (K, 8) -> (K, 8 arms, 8); kh is k times h."""
+    factor = _series((0.5 * kh * np.abs(arms)) ** 2)
+    powers = [arms**n * factor[n] for n in range(5)]
+    columns = [powers[0].real]
+    for n in (1, 2, 3):
+        columns += [powers[n].real, powers[n].imag]
+    return np.stack([*columns, powers[4].real], axis=-1)
+
+
+def _series(t: Array) -> list[Array]:
+    """E_n = sum_j t^j n! / (j! (n+j)!), so that n! I_n(z) = (z/2)^n E_n(z^2/4), for n = 0 to 5."""
+    out = []
+    for n in range(6):
+        term, total = np.ones_like(t), np.ones_like(t)
+        for j in range(1, 40):
+            term = term * t / (j * (n + j))
+            total = total + term
+        out.append(total)
+    return out
+
+
+@inlined
+def _ladder(t):  # type: ignore[no-untyped-def]
+    """E_0 to E_5 at t >= 0: two series and a downward recurrence, E_(n-1) = E_n + t E_(n+1) / (n (n+1))."""
+    e5, e4, a5, a4, j = 1.0, 1.0, 1.0, 1.0, 1.0
+    while a4 > 1e-16 * e4:
+        a4 *= t / (j * (4.0 + j))
+        a5 *= t / (j * (5.0 + j))
+        e4 += a4
+        e5 += a5
+        j += 1.0
+    e3 = e4 + t * e5 / 20.0
+    e2 = e3 + t * e4 / 12.0
+    e1 = e2 + t * e3 / 6.0
+    return e1 + t * e2 / 2.0, e1, e2, e3, e4, e5
+
+
+@kernel
+def look(grid, x, slope):  # type: ignore[no-untyped-def]
+    """log psi [nats] at x (2,); its gradient [1/m] goes to slope (2,). Minus infinity far inside of a wall."""
+    slope[0], slope[1] = 0.0, 0.0
+    if in_goal(grid.frame, x):
+        return 0.0
+    nx, ny = grid.owner.shape
+    fx, fy = in_cells(grid.frame, x)
+    o = grid.owner[min(max(int(fx + 0.5), 0), nx - 1), min(max(int(fy + 0.5), 0), ny - 1)]
+    if o < 0 or grid.shift[o] == -math.inf:
+        return -math.inf
+    u, v = fx - grid.place[o, 0], fy - grid.place[o, 1]
+    h = grid.frame.spacing
+    c = grid.coefficients[o]
+    kh = 0.25 * (grid.wavenumber * h) ** 2
+    e0, e1, e2, e3, e4, e5 = _ladder(kh * (u * u + v * v))
+    z = complex(u, v)
+    z2 = z * z
+    z3 = z2 * z
+    c1, c2, c3 = complex(c[1], -c[2]), complex(c[3], -c[4]), complex(c[5], -c[6])
+    total = c[0] * e0 + (c1 * z).real * e1 + (c2 * z2).real * e2 + (c3 * z3).real * e3 + c[7] * (z2 * z2).real * e4
+    # The derivative along z lowers the order by one, that along its conjugate raises it.
+    down = c1 * e0 + 2.0 * c2 * z * e1 + 3.0 * c3 * z2 * e2 + 4.0 * c[7] * z3 * e3
+    up = 2.0 * c[0] * z * e1 + c1 * z2 * e2 / 2.0 + c2 * z3 * e3 / 3.0 + z2 * z2 * (c3 * e4 / 4.0 + c[7] * z * e5 / 5.0)
+    gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
+    total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
+    slope[0], slope[1] = gx / total, gy / total
+    return grid.shift[o] + math.log(total)
