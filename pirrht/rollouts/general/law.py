@@ -225,8 +225,8 @@ def aims(kind: KernelSpec) -> Any:
             np.float32(x[0]),
             np.float32(x[1]),
         )
-        stage[g] = numbers_at(place, slope, ways.count[g] - 1, J, stage[g], x, y, scratch.tube, 0, 1)
-        sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, x, y, walls)
+        stage[g] = numbers_at(place, slope, ways.count[g] - 1, J, stage[g], px, py, scratch.tube, 0, 1)
+        sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0
