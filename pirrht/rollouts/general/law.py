@@ -219,7 +219,7 @@ def aims(kind: KernelSpec) -> Any:
         ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
         C, J = ways.slope.shape[1], ways.slope.shape[2]
         place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-        place, slope, x, y = (
+        place, slope, px, py = (
             place + 4 * PLACE * g * C,
             slope + 4 * KNOWN * g * C * J,
             np.float32(x[0]),
