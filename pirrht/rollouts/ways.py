@@ -16,25 +16,39 @@ from numpy.typing import NDArray
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined, kernel, part
+from pirrht.rollouts.tuning import TUNING
 
-PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
+
+class Section(NamedTuple):
+    """Columns of a cross-section."""
+
+    x: float  # point on the reference [m]
+    y: float
+    tx: float  # unit normal in the direction of travel
+    ty: float
+    first: float  # offset of the first node to the left [m]
+    per_meter: float  # nodes per meter [1/m]
+
+
+class Node(NamedTuple):
+    """Columns of a node."""
+
+    gx: float  # grad log psi without the part of the walls [1/m]
+    gy: float
+    left: float  # reach of the walls to the left and right, as `push_of` takes it [m]
+    right: float
+
+
+PLACE, KNOWN = len(Section._fields), len(Node._fields)
 NUMBERS = 7 + 4 * KNOWN  # of `slope_of`
-REACH = 1.0  # of a wall next to the goal, in decay lengths 1/k
-SIXTH, LATER = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
-TINY = np.float32(1e-9)
 
 
 class DesirabilityTubes(NamedTuple):
-    """Ways of H references, of at most C cross-sections with J nodes each, as plain arrays for kernels.
-
-    A cross-section is a point on the reference, the unit normal in the direction of travel, the offset to the left of
-    the first node and the number of nodes per meter.
-    """
+    """Tubes around H references, of at most C cross-sections with J nodes each, as plain arrays for kernels."""
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no way
-    place: NDArray[np.float32]  # (H, C, 6) [m], 1, [m], [1/m]
-    slope: NDArray[np.float32]  # (H, C, J, 4) at the nodes grad log psi without the walls' part [1/m], and the reach of
-    # the walls to the left and to the right, as `push_of` takes it [m]
+    place: NDArray[np.float32]  # (H, C, 6) `Section`
+    slope: NDArray[np.float32]  # (H, C, J, 4) `Node`
     decay: float  # k, of psi per meter in the open [1/m]
 
 
@@ -50,8 +64,9 @@ def push_of(c, reach):  # type: ignore[no-untyped-def]
 
     There psi goes like 1 - exp(-c/b).
     """
-    s = c / (reach + TINY)
-    return ONE / (c * (ONE + s * (HALF + s * (SIXTH + s * LATER))))
+    s = c / (reach + np.float32(1e-9))
+    third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
+    return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))
 
 
 @inlined
@@ -132,13 +147,13 @@ def slope_of(f, at, each, decay, goal, x, y, walls):  # type: ignore[no-untyped-
     centre [m], `two_walls` at (x, y), none closer than they may push. Single precision suffices.
     """
     past, end = f[at], f[at + 2 * each] > ZERO
-    share = min(max(past / (past + f[at + each] + TINY), ZERO), ONE)
+    share = min(max(past / (past + f[at + each] + np.float32(1e-9)), ZERO), ONE)
     shares, base = (share, f[at + 3 * each], f[at + 4 * each]), at + 7 * each
     gx, gy = _mixed(f, base, each, shares), _mixed(f, base + each, each, shares)
     left, right = _mixed(f, base + 2 * each, each, shares), _mixed(f, base + 3 * each, each, shares)
     dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
-    per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
-    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
+    per = ONE / math.sqrt(dx * dx + dy * dy + np.float32(1e-9))
+    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
     gx, gy = rate * dx if end else gx, rate * dy if end else gy
     tx, ty = dx if end else f[at + 5 * each], dy if end else f[at + 6 * each]
     return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)

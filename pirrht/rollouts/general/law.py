@@ -218,13 +218,8 @@ def aims(kind: KernelSpec) -> Any:
         """Write `a` of a way, whose desirability is climbed."""
         ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
         C, J = ways.slope.shape[1], ways.slope.shape[2]
-        place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-        place, slope, px, py = (
-            place + 4 * PLACE * g * C,
-            slope + 4 * KNOWN * g * C * J,
-            np.float32(x[0]),
-            np.float32(x[1]),
-        )
+        place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+        px, py = np.float32(x[0]), np.float32(x[1])
         stage[g] = numbers_at(place, slope, ways.count[g] - 1, J, stage[g], px, py, scratch.tube, 0, 1)
         sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
         for j in range(m):

@@ -16,12 +16,12 @@ from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, halves, normals_of
+from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, NUMBERS, PLACE, numbers_at, slope_of
 from pirrht.topology.crossings import key_of_step, turn_at_cut
-from pirrht.topology.tuning import TUNING
+from pirrht.topology.tuning import TUNING as TOPOLOGY
 
-LANES = 512  # of a block; all rows together stay within the nearest cache
-WIDE = 16  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
+LANES, WIDE = TUNING.lanes, TUNING.vector
 L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
 # Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
 # Of the grid cells that the steps lead to, place and corners, nearest and second: looked up by lane, since addresses
@@ -33,12 +33,9 @@ U, V, CORNER = 23 * L, 24 * L, 25 * L
 WALL = 33 * L  # the two nearest walls, six rows
 OWED = 39 * L  # time of the last step for which half of the guide has not been taken off the sum [s]
 PER = 40 * L  # one over the width of the cells that the steps lead to [1/m]
-CHUNK, NODES = 64, 41 * L  # lanes whose numbers of a way are loaded at once, and where these begin
+CHUNK, NODES = TUNING.chunk, 41 * L  # lanes whose numbers of a way are loaded at once, and where these begin
 ROWS = 41 + NUMBERS * CHUNK // L + 1
 MANY = 1 << 32  # no row begins there
-# Least log dQ_g/dQ_h: below it a_g = a_h. The mixture's density loses exp(-20) of itself on average, since dQ_g/dQ_h
-# is a martingale under Q_h; rounding to single precision takes more.
-NEGLIGIBLE = np.float32(-20.0)
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
 FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integers; cross-sections passed come last
@@ -84,19 +81,20 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 
 @inlined
 def way_control(ways, g, h, goal, B, f, short, a, ratio, n):  # type: ignore[no-untyped-def]
-    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, or a_h if `NEGLIGIBLE`."""
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, or a_h if `negligible`."""
     n = min(n, LANES)
     place, slope, C, J, last, decay = ways
+    negligible = np.float32(-TUNING.negligible)
     row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
     place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
     for begin in range(0, n, CHUNK):  # what is looked up lane by lane goes to rows of its own, for loops of vectors
         some = False
         for k in range(begin, begin + CHUNK):
-            some |= g == h or ratio[own + k] >= NEGLIGIBLE
+            some |= g == h or ratio[own + k] >= negligible
         for i in range(CHUNK if some else 0):
             k, at = begin + i, NODES + i
-            if g == h or ratio[own + k] >= NEGLIGIBLE:
+            if g == h or ratio[own + k] >= negligible:
                 s = numbers_at(place, slope, last, J, np.int64(short[stage + k]), f[X + k], f[Y + k], f, at, CHUNK)
                 short[stage + k] = np.int32(s)
         for i in range(CHUNK if some else 0):
@@ -106,7 +104,7 @@ def way_control(ways, g, h, goal, B, f, short, a, ratio, n):  # type: ignore[no-
             gx, gy = slope_of(f, NODES + i, CHUNK, decay, goal, f[X + k], f[Y + k], walls)
             a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
         for k in range(begin, begin + CHUNK if g != h else begin):
-            over = ratio[own + k] < NEGLIGIBLE
+            over = ratio[own + k] < negligible
             a[row + k] = a[mine + k] if over else a[row + k]
             a[row + L + k] = a[mine + L + k] if over else a[row + L + k]
 
@@ -163,7 +161,7 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
 def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
     n = min(n, LANES)
-    if TUNING.few_markers < cuts.M:
+    if TOPOLOGY.few_markers < cuts.M:
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return
