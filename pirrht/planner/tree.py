@@ -29,7 +29,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.rewire import reaches
 from pirrht.planner.storage import Storage
 from pirrht.planner.tuning import TUNING, PlannerTuning
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, joined
+from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Compiled, Steering
 
@@ -185,7 +185,7 @@ class HomologyTree:
 
         if threads == 1 or len(near) < self.tuning.shared_edges:
             return edges(near)
-        return joined(mapped(edges, np.array_split(near, 2 * threads), threads))
+        return concatenated(mapped(edges, np.array_split(near, 2 * threads), threads))
 
     # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
 
@@ -242,7 +242,7 @@ class HomologyTree:
             return {}
 
     def too_fast(self, x: Array) -> bool:
-        """Tell whether a state (n,) of the system that has no reference would have one at rest."""
+        """Return whether a state (n,) of the system that has no reference would have one at rest."""
         x = self.steering.vertex_of(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
@@ -281,7 +281,7 @@ class HomologyTree:
 
     @cached_property
     def passages(self) -> Passages:
-        """Where obstacles face each other with room for the robot between."""
+        """Passages between obstacles that face each other with clearance for the robot."""
         return self.space.passages()
 
     @cached_property

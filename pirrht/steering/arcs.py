@@ -21,9 +21,9 @@ def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     start, length, whole = curves.start[i], curves.length[i], 0.0
     for p in range(length.shape[0]):
         whole += length[p]
-    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.reach + whole):
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.goal_radius + whole):
         return np.inf
-    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.reach)
+    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.goal_radius)
 
 
 @inlined
@@ -49,10 +49,8 @@ def _sure(curves, i, around):  # type: ignore[no-untyped-def]
 
 @inlined
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    x, y = curves.heads[i, 0], curves.heads[i, 1]
-    return pairs_of_curve(
-        around.cuts, curves.start[i], curves.curvature[i], curves.length[i], to_goal, x, y, marker, turn, count
-    )
+    curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
+    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
 
 
 @inlined

@@ -41,7 +41,7 @@ NO_EDGES = Edges(
 )  # fmt: skip
 
 
-def joined(parts: Sequence[Edges]) -> Edges:
+def concatenated(parts: Sequence[Edges]) -> Edges:
     """Join several judgements in order."""
     counts = np.cumsum([0, *(len(part.turns.marker) for part in parts)])
     first = [part.turns.first[:-1] + count for part, count in zip(parts, counts, strict=False)]
@@ -62,7 +62,7 @@ class EdgeChecker:
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
         """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, around=Surroundings.of(space, steering.homology(space)), motion=steering.motion)
+        return cls(space=space, around=steering.surroundings(space), motion=steering.motion)
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).

@@ -16,7 +16,7 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.arcs import ARCS
-from pirrht.steering.motion import Motion, Motions
+from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory
 
 
@@ -77,6 +77,10 @@ class Steering(ABC):
         """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
         return space.homology.static
 
+    def surroundings(self, space: FreeSpace) -> Any:
+        """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
+        return Surroundings.of(space, self.homology(space))
+
     def at(self, x: Array, time: float) -> Array:
         """Return the state to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
         return x
@@ -89,14 +93,14 @@ class Steering(ABC):
         """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""
         return x
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
+    def states_along(self, path: Array, scene: Scene) -> Array:
         """Return states (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
 
         Here all but the position is drawn, from one seed; steering methods with headings override it.
         """
         rng = np.random.default_rng(0)
-        states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
-        states[:, :2] = way[:, :2]
+        states = np.array([self.sample(scene, rng) for _ in path]).reshape(-1, self.n)
+        states[:, :2] = path[:, :2]
         return states
 
     def draws(
