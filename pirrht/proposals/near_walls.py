@@ -19,8 +19,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import bisect
-from scipy.special import erfc
 
 from pirrht.arrays import Array
 from pirrht.proposals.tuning import TUNING
@@ -38,14 +36,18 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
         s: speed away from it, as seen from it [m/s]; towards it counts as along it.
         variance: of the noise, b^2 [m^2/s].
     """
-    g, t = max(s, 0.0) / variance, span * MOMENTS
+    g, total = max(s, 0.0) / variance, 0.0
     if g * c > TUNING.out_of_reach:
         return 0.0
-    spread = np.sqrt(2.0 * variance * t)
-    if g * c < TUNING.along:
-        return float(SHARES @ erfc(c / spread)) / c
-    near, far = erfc((c - s * t) / spread), erfc((c + s * t) / spread)
-    return float(g * SHARES @ (near / math.expm1(2.0 * g * c) - far / math.expm1(-2.0 * g * c)))
+    for moment, share in zip(MOMENTS, SHARES, strict=True):
+        t = span * moment
+        spread = math.sqrt(2.0 * variance * t)
+        if g * c < TUNING.along:
+            total += share * math.erfc(c / spread) / c
+        else:
+            near, far = math.erfc((c - s * t) / spread), math.erfc((c + s * t) / spread)
+            total += share * g * (near / math.expm1(2.0 * g * c) - far / math.expm1(-2.0 * g * c))
+    return float(total)
 
 
 def speed_of(mean: float, c: float, variance: float, span: float) -> float:
@@ -56,12 +58,13 @@ def speed_of(mean: float, c: float, variance: float, span: float) -> float:
         now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
         return now - shortfall(c, s, variance, span) - mean
 
-    high = max(mean, 0.0) * variance  # the mean is no less than s / variance
-    if off(0.0) >= 0.0:
+    low, high = 0.0, max(mean, 0.0) * variance
+    if off(low) >= 0.0:
         return 0.0
-    if off(high) <= 0.0:  # by rounding, where the wall is out of reach
-        return high
-    return float(bisect(off, 0.0, high, xtol=high * 0.5**TUNING.bisections))
+    for _ in range(TUNING.bisections):  # the mean is no less than s / variance
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if off(middle) >= 0.0 else (middle, high)
+    return 0.5 * (low + high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
