@@ -105,8 +105,7 @@ class Controller(Policy):
         run.query(x)
         self._update_prediction(x, TimeBudget(left, self.settings.tuning))
         budget = TimeBudget(left, self.settings.tuning)
-        try:
-            # Line 3: U_in <- ExtractReference(x_cur, (V, E))
+        try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = of_tree.extract_references(
                 self.tree, x, run, budget, self.settings, self.path_integral.threads
             )
@@ -115,7 +114,7 @@ class Controller(Policy):
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
             run.queried = None
             raise
-        # Line 4: u <- PathIntegral(x_cur, U_in)
+        # line 4: u <- PathIntegral(x_cur, U_in)
         batch = self.batch(x, references, budget)
         estimate = self.proposals.estimate(batch, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
@@ -129,10 +128,9 @@ class Controller(Policy):
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
 
-        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last; turns about
-        these count from where the robot is. Guides, control sequences and statistics of a class are kept while its
-        path is free. An obstacle that has moved off its own marker is another one. Nothing changes if the scene is
-        unchanged, or is refused.
+        A new tree grows. Obstacles keep their numbers, and so classes their names; turns about new obstacles, which
+        come last, count from where the robot is, and one off its own marker is new. What is known of a class stays
+        while its path is free. Nothing changes if the scene is unchanged, or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.
