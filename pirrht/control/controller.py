@@ -56,8 +56,6 @@ class Controller(Policy):
         >>> tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
         >>> tree.grow(50)
         >>> controller = Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
-        >>> controller
-        Controller(pi-rrht for a SingleIntegrator in 'room': 100 samples, a tree of 50 vertices)
         >>> bool(controller.plan(start[:2]).control[0] > 0.5)  # towards the goal
         True
 

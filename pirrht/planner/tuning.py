@@ -20,7 +20,11 @@ class PlannerTuning(NamedTuple):
     cost_tie: float = 1e-12  # closer costs are equal: rounding must not make two nodes replace each other forever
     shared_edges: int = 200  # edges that are worth more than one thread
     resumed_excess: float = 1e-5  # share of its cost by which a path that was shortened before may exceed another
+    optima: int = 4  # local optima of a class in space and time that are shortened where no earlier one is known
+    optima_apart: float = 0.1  # least distance of two optima, as a share of the distance to the goal
+    optima_excess: float = 0.2  # most excess of their cost over the cheapest, before shortening, as a share
     new_classes: int = 1  # new classes in space and time shortened at once, while earlier paths of others are known
+    stations: int = 16  # times at which two paths of a class are compared
     left_out_factor: float = 1.25  # paths of so many times the shortest length matter, if H_limit leaves them out
     lattices: tuple[int, int, int] = (
         4000,
