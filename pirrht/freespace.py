@@ -122,7 +122,7 @@ class FreeSpace:
             self,
             scene=scene,
             traffic=self.traffic.moving(movers),
-            homology=self.homology.among(movers, scene.footprint),
+            homology=self.homology.with_moving(movers, scene.footprint),
             crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
         )
 
@@ -153,7 +153,7 @@ def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     """What is known of a scene's bodies that move."""
     movers, footprint = scene.movers, scene.footprint
     return {
-        "homology": homology.among(movers, footprint),
+        "homology": homology.with_moving(movers, footprint),
         "traffic": Traffic.of(scene),
         "crowd": MovingObstacles(movers, footprint),
     }
