@@ -101,13 +101,13 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 
 
 @inlined
-def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
+def uphill(tube, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
     """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
 
-    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, k [1/m], the goal's
+    Args: tube (addresses of its `place` and `slope`, number of its last cross-section, J, k [1/m]), the goal's
         centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
     """
-    x, y = np.float32(x), np.float32(y)
+    (place, slope, last, J, decay), x, y = tube, np.float32(x), np.float32(y)
     k = PLACE * s
     dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
     past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
@@ -143,7 +143,8 @@ def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def
     """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `uphill`."""
     _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+    tube = place, slope, ways.count[g] - 1, J, ways.decay
     stage, before = 0, -1
     while stage > before:
         before = stage
-        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y, walls)
+        stage, out[0], out[1] = uphill(tube, goal, before, x, y, walls)

@@ -219,10 +219,8 @@ def aims(kind: KernelSpec) -> Any:
         ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
         C, J = ways.slope.shape[1], ways.slope.shape[2]
         place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-        stage[g], sx, sy = uphill(
-            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay, goal,
-            stage[g], x[0], x[1], walls,
-        )  # fmt: skip
+        tube = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay
+        stage[g], sx, sy = uphill(tube, goal, stage[g], x[0], x[1], walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0

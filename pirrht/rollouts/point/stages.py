@@ -89,7 +89,7 @@ def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-de
     for k in range(n):
         at = WALL + k
         walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
-        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
+        s, gx, gy = uphill((place, slope, last, J, decay), goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
         short[stage + k] = np.int32(s)
         a[row + k] = b00 * gx + b10 * gy
         a[row + L + k] = b01 * gx + b11 * gy
