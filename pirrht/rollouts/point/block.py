@@ -235,9 +235,10 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         pace(times, least, scale, rim, f, short, full)
         if reach > 0.0:
             wall_push(around.field, reach, leads.beyond, math.sqrt(variance), B, f, short, full)
-        for g in range(H):
+        for one in range(H):
+            g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
             if count[g] > 0:
-                way_control((place, slope, C, J, count[g] - 1, decay), g, goal, B, f, short, a, full)
+                way_control((place, slope, C, J, count[g] - 1, decay), g, h, goal, B, f, short, a, ratio, full)
             else:
                 tape_control(drift, g, T, active[g], f, short, a, full)
         if not begun:
