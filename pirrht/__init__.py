@@ -2,7 +2,7 @@
 
 A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
 
-    errors outcome files shown arrays | compiled < geometry < topology < freespace < plotting | systems < problem
+    errors outcome files shown arrays | compiled < geometry < topology < freespace < systems < problem
     steering < shortening < tree | rollouts < guidance < estimation
     control
     exact
@@ -47,7 +47,7 @@ _HOME = {
     "PirrhtError": "errors",
     "Plan": "control.plan",
     "Problem": "problem",
-    "Reference": "planner.reference",
+    "Reference": "planner.references",
     "Sampling": "estimation.sampling",
     "Scene": "geometry.scene",
     "SceneError": "errors",
@@ -56,6 +56,7 @@ _HOME = {
     "StraightLine": "steering.straight_line",
     "Trajectory": "steering.trajectory",
     "Unicycle": "systems.unicycle",
+    "path_integral": "estimation.assembly",
 }
 
 __all__ = [*_HOME]

@@ -11,17 +11,18 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.arena import Arena
+from pirrht.geometry.certify import FREE, UNSURE, certify_point
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
 from pirrht.geometry.motion import Mover
+from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
-from pirrht.geometry.traffic import Traffic
+from pirrht.geometry.world import World
+from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.obstacles import Traffic
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving import MovingHomology
 from pirrht.topology.obstacles import Component, components, continued
 
 
@@ -37,9 +38,8 @@ class FreeSpace:
     collision: Collision
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
-    homology: Homology
+    homology: Homology  # about what stands and what moves, with bases at 1 m/s
     traffic: Traffic  # what moves, none of which the others know of
-    moving: MovingHomology  # its markers, with bases at 1 m/s
     crowd: MovingObstacles  # the same as FCL knows it
 
     def __repr__(self) -> str:
@@ -73,7 +73,7 @@ class FreeSpace:
         scene = fitted(scene, collision, start_counts=False)
         if scene.waivers:
             collision = Collision(scene.world, scene.footprint)
-        named = self.homology.M if self.homology.named is None else self.homology.named
+        named = len(self.homology.markers) if self.homology.named is None else self.homology.named
         parts = components(collision)
         return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
 
@@ -83,13 +83,13 @@ class FreeSpace:
         named: int | None = None,
     ) -> FreeSpace:  # fmt: skip
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
+        homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
         return cls(
             scene=scene,
             collision=collision,
             field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
             obstacles=encircled,
-            homology=Homology(markers=markers, goal=scene.goal.center.astype(float), named=named),
-            **_moving(scene),
+            **_moving(scene, homology),
         )
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -105,13 +105,12 @@ class FreeSpace:
         if self.scene.waivers or (scene := fitted(scene, self.collision)).waivers:
             return FreeSpace.of(scene)
         center = scene.goal.center.astype(float)
-        homology = Homology(markers=self.homology.markers, goal=center, named=self.homology.named)
-        return replace(self, scene=scene, homology=homology, moving=replace(self.moving, goal=center))
+        return replace(self, scene=scene, homology=replace(self.homology, goal=center))
 
     def among(self, movers: Sequence[Mover]) -> FreeSpace:
         """The same standing world and task among other bodies that move."""
         scene = replace(self.scene, movers=tuple(movers))
-        return replace(self, scene=scene, **_moving(scene))
+        return replace(self, scene=scene, **_moving(scene, self.homology))
 
     def foretold(self, movers: Sequence[Mover]) -> FreeSpace:
         """The same bodies on other motions: what is known of their shapes is shared, with FCL's own, and not made anew.
@@ -123,25 +122,41 @@ class FreeSpace:
             self,
             scene=scene,
             traffic=self.traffic.moving(movers),
-            moving=MovingHomology.of(movers, scene.footprint, self.moving.goal, self.moving.speed),
+            homology=self.homology.among(movers, scene.footprint),
             crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
         )
 
     @property
-    def arena(self) -> Arena:
-        """What a path asks about this world and its goal's disc, lengths in [m]."""
-        return Arena.of(self.field, self.scene.goal)
+    def world(self) -> World:
+        """Take the snapshot of what is free at (x, t), lengths in [m]."""
+        return World.of(self.field, self.scene.goal, self.traffic)
+
+    def free(self, x: Array) -> bool:
+        """Return whether the robot may be at a state x (n,), of which the position (2,) [m] is judged."""
+        status = certify_point(self.field, x[0], x[1])
+        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
+
+    def in_goal(self, x: Array) -> bool:
+        """Return whether the position (2,) [m] of a state x (n,) lies in the goal."""
+        return bool(self.scene.goal.contains(x[:2]))
+
+    def passages(self) -> Passages:
+        """Find the places where obstacles face each other with clearance for the robot between."""
+        return find_passages(self.field, self.collision)
 
     def clearance(self, position: Array) -> float:
         """FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
 
 
-def _moving(scene: Scene) -> dict[str, Any]:
+def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     """What is known of a scene's bodies that move."""
     movers, footprint = scene.movers, scene.footprint
-    moving = MovingHomology.of(movers, footprint, scene.goal.center, 1.0)
-    return {"traffic": Traffic.of(scene), "moving": moving, "crowd": MovingObstacles(movers, footprint)}
+    return {
+        "homology": homology.among(movers, footprint),
+        "traffic": Traffic.of(scene),
+        "crowd": MovingObstacles(movers, footprint),
+    }
 
 
 def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:

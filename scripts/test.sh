@@ -17,6 +17,7 @@ trap 'kill "$warming" 2>/dev/null || true' EXIT
 ruff check .
 ruff format --check .
 lint-imports
+python scripts/words.py
 mypy
 wait "$warming"
 trap - EXIT

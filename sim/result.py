@@ -9,14 +9,13 @@ import numpy as np
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.freespace import FreeSpace
-from pirrht.planner.convergence import Convergence
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.drawing.sides import passing
 from sim.drive.truth import Truth
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence
 
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
@@ -29,7 +28,7 @@ def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
 
 
 def classes_json(
-    references: Sequence[Reference], ids: Sequence[str] | None = None, homology: Homology | TimedHomology | None = None
+    references: Sequence[Reference], ids: Sequence[str] | None = None, homology: Homology | None = None
 ) -> list[dict[str, Any]]:
     """The classes, cheapest first; with a homology in time also how each passes the bodies that move."""
     return [
@@ -39,7 +38,7 @@ def classes_json(
             "signature": r.signature.tolist(),
             "cost": r.cost,
             "length": r.length,
-            **({"bodies": passing(r, homology)} if isinstance(homology, TimedHomology) else {}),
+            **({"bodies": passing(r, homology)} if homology is not None and homology.J else {}),
         }
         for r, name in zip(references, ids or [r.id for r in references], strict=True)
     ]
@@ -153,7 +152,7 @@ def _ways_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str,
     """Classes, and what the numbers of a winding stand for: the obstacles, then the bodies that move."""
     return {
         "obstacles": obstacles_json(scenario.space),
-        "movers": list(scenario.space.moving.names),
+        "movers": list(scenario.space.homology.names),
         "classes": classes_json(references, homology=scenario.homology),
     }
 

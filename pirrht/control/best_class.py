@@ -15,17 +15,27 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.run_state import ClassMemory
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.weights import log_weights
 from pirrht.problem import Problem
+from pirrht.proposals.proposal import Batch
 
-CONSISTENCY = 0.8  # factor on the value of the class followed so far
+
+def follow_best(
+    problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float
+) -> Estimate:  # fmt: skip
+    """Return the estimate by the samples of the best class alone; forget those of earlier plans if it is another."""
+    ids = list(batch.classes.values())
+    best = best_class(problem, estimate, ids, memory.followed, consistency=consistency)
+    if memory.followed != ids[best]:
+        memory.followed, memory.mixture = ids[best], None
+    return alone(problem, estimate, best, {key: name for key, name in batch.classes.items() if name == ids[best]})
 
 
 def best_class(
-    problem: Problem, estimate: Estimate, names: Sequence[str], followed: str | None, *,
-    consistency: float = CONSISTENCY,
-) -> int:  # fmt: skip
+    problem: Problem, estimate: Estimate, names: Sequence[str], followed: str | None, *, consistency: float
+) -> int:
     """Return the number of the reference to follow next, of those with class `names` (H,) in sample order.
 
     The value v [cost] of `followed`, the class followed so far, is multiplied by `consistency`.
@@ -67,7 +77,7 @@ def _own(problem: Problem, part: Rollouts) -> Array:
 def _restricted(problem: Problem, part: Rollouts, h: int) -> Rollouts:
     # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
     first, log_weight = part.leads.first, np.full(part.size, -np.inf)
-    mine = int(first[h]), int(first[h + 1])
+    mine = slice(int(first[h]), int(first[h + 1]))
     averaged = log_weights(problem, "average", part.paths, first, mine)
-    log_weight[slice(*mine)] = averaged + np.log(len(first) - 1)
+    log_weight[mine] = averaged + np.log(len(first) - 1)
     return replace(part, log_weight=log_weight)

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.control.run_state import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Along, Batch, LinearFeedback
-
-Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
-SOON, FINE = 1.0, 0.02  # [s], and the step in which clearance is compared [m]
-NEARER = 0.01  # loss of clearance at a place to wait before others are tried [m]
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.proposal import Batch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,64 +28,55 @@ class BrakeSettings:
     clearance: float = 0.1  # sufficient, from static and moving obstacles [m]
     rings: tuple[float, ...] = (0.0, 0.1, 0.2, 0.4, 0.8)  # how far to give way for it [m], nearest first
     directions: int = 12  # in which to give way
+    urgent: float = 1.0  # being free for so long takes precedence over clearance [s]
+    resolution: float = 0.02  # differences of clearance below this do not count [m]
+    loss: float = 0.01  # loss of clearance at a place to wait before others are tried [m]
+    efforts: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)  # of steady turns without a brake, in usual controls
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Halt:
-    """A law that brakes or, of a robot that cannot, follows the longest free path; with its outcome."""
-
-    law: Law
-    times: Array  # ends of steps, (T+1,) [s]
-    tape: Array  # controls of those steps without noise, (T, m)
-    room: float  # clearance from static obstacles once it has settled, at most the sufficient one [m]
-    free: float  # how long it touches nothing [s]; infinite if that is beyond the horizon
-    clearance: float  # the least within the horizon, once it has settled [m]
-
-
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Brake:
-    """Chooses where to wait, and keeps to it while that stays free."""
+    """Chooses where to wait."""
 
-    def __init__(self, problem: Problem, settings: BrakeSettings | None = None) -> None:
-        self.problem, self.settings = problem, settings or BrakeSettings()
-        at_start = problem.dynamics.state_of(problem.scene.start)
-        self.stops = problem.dynamics.brake(at_start, at_start[:2], self.settings.within) is not None
-        self._last: Law | None = None
-        self._enough = 0.0  # clearance that is sufficient where it waits [m]
+    problem: Problem
+    settings: BrakeSettings = BrakeSettings()
 
-    def begin(self) -> None:
-        """Forget where it waits."""
-        self._last = None
+    @property
+    def stops(self) -> bool:
+        """Check whether the robot can stop."""
+        start = self.problem.dynamics.state_of(self.problem.scene.start)
+        return self.problem.dynamics.brake(start, start[:2], self.settings.within) is not None
 
-    def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None) -> Halt:
+    def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None) -> Halt:
         """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].
 
         The first with sufficient clearance is taken: to go on waiting, to brake on the spot, to give way ever farther.
-        If none has, being free for SOON counts first, then clearance from static obstacles, since noise uses it up,
-        then how long it is free: what comes later may go elsewhere.
+        If none has, being free for the urgent time counts first, then clearance from static obstacles, since noise
+        uses it up, then how long it is free: what comes later may go elsewhere.
 
         Args:
             known: law that a robot which cannot stop prefers to turning.
+            last: brake that it waits by so far.
         """
+        s = self.settings
         chosen: Halt | None = None
         best: tuple[float, ...] = ()
-        for law in self._laws(x, known):
+        for law in self._laws(x, known, last):
             found = self._tried(law, x, space, now)
-            worth = min(found.free, SOON), found.room // FINE, found.free, found.clearance
+            worth = min(found.free, s.urgent), found.room // s.resolution, found.free, found.clearance
             if chosen is None or worth > best:
                 best, chosen = worth, found
-            enough = self._enough if law is self._last else self.settings.clearance
+            enough = last.enough if last is not None and law is last.law else s.clearance
             if found.free == inf and found.clearance >= enough:
                 break
         assert chosen is not None  # there are always laws
-        if chosen.law is not self._last:
-            half = 0.5 * self.settings.clearance
-            self._enough = max(half, min(2.0 * half, chosen.clearance - NEARER))
-        self._last = None if chosen.law is known else chosen.law
-        return chosen
+        if last is not None and chosen.law is last.law:
+            return replace(chosen, enough=last.enough)
+        return replace(chosen, enough=max(0.5 * s.clearance, min(s.clearance, chosen.clearance - s.loss)))
 
-    def _laws(self, x: Array, known: Law | None) -> Iterator[Law]:
+    def _laws(self, x: Array, known: Law | None, last: Halt | None) -> Iterator[Law]:
         """Yield candidate laws at x (n,), in the order of preference."""
-        yield from (law for law in (known, self._last) if law is not None)
+        yield from (law for law in (known, None if last is None else last.law) if law is not None)
         if not self.stops:
             yield from (held(np.array([0.0, np.inf]), u[None]) for u in self._turns(x))
             return
@@ -108,11 +98,11 @@ class Brake:
         return law
 
     def _turns(self, x: Array) -> Iterator[Array]:
-        """Yield steady controls (m,) of a robot that cannot stop: zero, and up to four times the usual effort."""
+        """Yield steady controls (m,) of a robot that cannot stop: zero, and multiples of the usual effort."""
         m = self.problem.dynamics.m
         usual = np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x)))
         yield np.zeros(m)
-        for times in (0.5, 1.0, 2.0, 4.0):
+        for times in self.settings.efforts:
             for i in range(m):
                 for sign in (1.0, -1.0):
                     yield sign * times * usual * (np.arange(m) == i)
@@ -126,7 +116,7 @@ class Brake:
             controls.append(law(states[-1], i * s.step))
             states.append(d.step(states[-1], controls[-1], still, s.step))
         places, times = np.array(states)[:, :2], np.arange(count + 1) * s.step
-        standing = clearance = space.collision.clearance(places)
+        static = clearance = space.collision.clearance(places)
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
             clearance = np.minimum(clearance, [space.crowd.clearance(place, time) for place, time in pairs])
@@ -134,7 +124,7 @@ class Brake:
         settled = times >= 2.0 * s.within
         return Halt(
             law=law, times=np.asarray(times), tape=np.array(controls),
-            room=min(float(standing[settled].min()), s.clearance), free=float(times[met[0]]) if len(met) else inf,
+            room=min(float(static[settled].min()), s.clearance), free=float(times[met[0]]) if len(met) else inf,
             clearance=float(clearance[settled].min()),
         )  # fmt: skip
 
@@ -144,9 +134,28 @@ def held(times: Array, tape: Array) -> Law:
     return lambda _, s: tape[min(int(np.searchsorted(times, s + 1e-9, side="right")), len(tape)) - 1]
 
 
-def known_law(batch: Batch, references: Sequence[Reference]) -> Law | None:
+def known_law(batch: Batch | None, references: Sequence[Reference]) -> Law | None:
     """Return the law of the cheapest guide or reference, without feedback; None if there is none."""
-    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, Along | LinearFeedback)]
+    if batch is None:
+        return None
+    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
     if led:
         return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
     return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None
+
+
+def blocked_plan(
+    brake: Brake, x: Array, run: RunState, space: FreeSpace, why: str, batch: Batch | None = None,
+    references: Sequence[Reference] = (),
+) -> Plan:  # fmt: skip
+    """Brake at x (n,), and wait until there is a path; forget guides and samples of earlier plans."""
+    known = None if brake.stops else known_law(batch, references)
+    predicted = space if run.prediction is None else run.prediction.space
+    halt = brake.halt(x, predicted, run.now, known, run.halt)
+    run.halt, run.since_plan = None if halt.law is known else halt, 0.0
+    run.memory.forget()
+    return Plan(
+        state=x, times=halt.times, references=tuple(references),
+        ids=() if batch is None else tuple(batch.classes.values()), estimate=None, fallback=why, stops=brake.stops,
+        instead=halt.tape, law=halt.law, time=run.time, space=space, movers=run.movers,
+    )  # fmt: skip

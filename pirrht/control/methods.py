@@ -1,18 +1,18 @@
-"""Methods of control: how each uses references and samples.
+"""Methods of control, their settings and the numbers that control is tuned by.
 
-All steer the same robot under the same noise of the plant, and those with samples draw them with the same kernels and
-exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single", "passive" and
-"mppi" are given N times the classes that are allowed at the start (sim), at least as many.
+All methods steer the same robot under the same noise of the plant, and those with samples draw them with the same
+kernels and exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single",
+"passive" and "mppi" are given N times the classes that are allowed at the start (sim), at least as many.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from pirrht.planner.reference import Reference
+from pirrht.errors import OptionError
+
+BETWEEN = ("classes", "hold")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,12 +27,6 @@ class Method:
     def mixes(self) -> bool:
         """Check that samples around several references make one estimate."""
         return self.most is None and not self.alone
-
-    def around(self, found: Sequence[Reference], kept: Sequence[Reference]) -> list[Reference]:
-        """Return the references to sample around, cheapest first, of those of the tree and of guides kept."""
-        if self.most is not None:
-            return list(found[: self.most])
-        return sorted([*found, *kept], key=lambda reference: reference.cost) if kept else list(found)
 
 
 SAMPLING = {
@@ -49,3 +43,63 @@ METHODS = {name: method.text for name, method in SAMPLING.items()} | {
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")
+
+
+class ControlTuning(NamedTuple):
+    """Numbers that control is tuned by; times are in seconds, log weights in nats."""
+
+    # Time budget of a plan
+    short: float = 0.3  # share of the time left below which time is short; less leaves too few samples, by runs
+    regrown: float = 0.6  # share left at which growth of a new tree of `few_vertices` stops, so that sampling follows
+    few_vertices: int = 100  # vertices of a tree that usually has all classes of the bundled scenes
+    before_samples: float = 0.6  # share for guides and references; more of it leaves too few samples
+    per_class: float = 0.5  # share of that time which is proportional to the number of classes, as measured
+    first_share: float = 0.5  # share counted on after one plan: nothing ran next to it, so later ones are slower
+    recent: int = 5  # plans that the number of classes is predicted from; more react slower, fewer are noisier
+    # Mixture of classes between plans
+    memory: float = (
+        0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes near walls
+    )
+    stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
+    bound: float = 2.0  # earlier plans count at most exp(bound) times as much as the last; bounds wrong gradients
+    negligible: float = 25.0  # classes so far behind add nothing to a control in double precision
+    faded: float = 60.0  # classes so far behind are forgotten, long before they could weigh again
+    # Prediction at constant velocity
+    deviation: float = 0.005  # distance from a prediction that contradicts it [m]; less replans at every rounding
+    deviation_ahead: float = 1.0  # time after which a velocity may make ten times that deviation
+    crossings: float = 2.0  # horizon in times to cross the workspace at the best speed; longer than runs that arrive
+    # Trees and first plans of a run
+    elsewhen: float = 0.1  # a run that begins so much later than its tree assumes regrows it
+    regrowth: int = 400  # vertices that such a tree gains, about a third of a usual one
+    thorough: int = 4  # cheapest classes whose first guides are improved from all initialisations; each takes 10 ms
+    # Decisions
+    decided: float = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
+
+
+TUNING = ControlTuning()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ControlSettings:
+    """Choices of a `Controller`.
+
+    Raises:
+        OptionError: the method or the feedback between plans is unknown.
+    """
+
+    method: str = "pi-rrht"
+    polished: bool = True  # shorten references inside their class
+    consistency: float = 0.8  # factor on the value of the class followed so far under "best-class"
+    between: str = "classes"  # until the next plan follow the state by "classes", or "hold" the control (paper)
+    tuning: ControlTuning = TUNING
+
+    def __post_init__(self) -> None:
+        if self.between not in BETWEEN:
+            raise OptionError(f"unknown feedback {self.between!r} between plans; known are {', '.join(BETWEEN)}")
+        if self.method not in SAMPLING:
+            raise OptionError(f"unknown method {self.method!r}; known here are {', '.join(SAMPLING)}")
+
+    @property
+    def use(self) -> Method:
+        """Use of references and samples by the method."""
+        return SAMPLING[self.method]

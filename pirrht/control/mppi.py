@@ -20,21 +20,20 @@ import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
+from pirrht.control.budget import TimeBudget
 from pirrht.control.plan import Plan, shifted
-from pirrht.control.policy import Policy
+from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 
-HORIZON = 3.0  # [s]
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 
 
@@ -47,7 +46,7 @@ class Mppi(Policy):
         sampling: `samples` counts all of a plan; they follow the tape open loop. None: 600 independent ones.
         horizon: length of the tape [s].
         beyond: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
-        homology: tells classes of drives apart where obstacles move; None: that of the problem.
+        homology: tells classes of runs apart where obstacles move; None: that of the problem.
         predict: predicts moving obstacles; None: their motions are known.
         rng: source of one seed per plan.
 
@@ -56,8 +55,8 @@ class Mppi(Policy):
     """
 
     def __init__(
-        self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = HORIZON,
-        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
+        beyond: Callable[[Array], Array] | None = None, homology: Homology | None = None,
         predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
@@ -65,9 +64,8 @@ class Mppi(Policy):
         sampling = sampling or USUAL
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
-        self.problem, self.space, self.rng = problem, space, rng
-        self.homology, self.predict = homology or homology_of(problem, space), predict
-        self.path_integral = PathIntegral(
+        self.rng, self.homology, self.predict = rng, homology or homology_of(problem, space), predict
+        self.path_integral = path_integral(
             problem, space, sampling, beyond=beyond or straight_home(problem), homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)
@@ -79,7 +77,7 @@ class Mppi(Policy):
         return f"Mppi(for a {of} in {scene}: {samples} samples, horizon {horizon:.3g} s)"
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,) at a time [s], from a tape of zeros (T, m)."""
+        """Forget the run so far; a new one starts at x (n,) at a time [s], from a tape of zeros (T, m)."""
         super().begin(x, time)
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
 
@@ -89,14 +87,12 @@ class Mppi(Policy):
         Args:
             left: time left for sampling [s]; samples are drawn until it is up.
         """
-        x = np.asarray(x, dtype=float)
-        self.drive.ask(x)
-        foreseen = self._look(x, None)
-        if foreseen is not None:
-            self.path_integral.foresee(foreseen.space.traffic, foreseen.homology)
-        tape = shifted(self.times, self._tape, self.times + self.drive.since_plan)
+        run, x = self.run, state_of(self.problem, x)
+        run.query(x)
+        self._update_prediction(x, TimeBudget())
+        tape = shifted(self.times, self._tape, self.times + run.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
-        batch = Batch(state=x, times=self.times, proposals=(proposal,), time=self.now)
+        batch = Batch(state=x, times=self.times, proposals=(proposal,), time=run.now)
         try:
             estimate = sample(self.path_integral, batch, int(self.rng.integers(2**63)), left=left)
         except NoSurvivingSample:
@@ -104,9 +100,9 @@ class Mppi(Policy):
         plan = Plan(
             state=x, times=self.times, references=(), ids=(), estimate=estimate, replay=self.path_integral.replay,
             fallback="no survivor" if estimate is None else None, instead=tape if estimate is None else None,
-            time=self.drive.time, space=self.space, movers=self.movers,
+            time=run.time, space=self.space, movers=run.movers,
         )  # fmt: skip
-        self._tape, self.drive.since_plan = plan.tape, 0.0
+        self._tape, run.since_plan = plan.tape, 0.0
         return plan
 
 

@@ -5,25 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
+from pirrht.control.methods import TUNING
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
-from pirrht.outcome import Outcome
-from pirrht.planner.reference import Reference
-from pirrht.plotting import axes as axes_of
-from pirrht.plotting import ground, lines
-
-DECIDED = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
-ALONG = 0.5  # time that the arrow of a control stands for [s]
-FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
+from pirrht.planner.references import Reference
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +28,7 @@ class Plan:
         state: where it was made, (n,).
         times: ends of the tape's steps, from 0, (T+1,) [s].
         references: best known path of every class, cheapest first; empty for methods that have none.
-        ids: class of each reference, relative to the start of the drive.
+        ids: class of each reference, relative to the start of the run.
         estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
         fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
         stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
@@ -45,10 +39,10 @@ class Plan:
         shares: weight of every class under the law, from 0 to 1.
         followed: the one class that the control follows; None: all.
         classes: names of the references' classes by additive key.
-        time: of the drive, at which the plan starts [s].
+        time: of the run, at which the plan starts [s].
         exact: v at the state [cost], where it is known without samples.
         space: the free space, for pictures.
-        movers: moving obstacles as predicted, on the drive's clock.
+        movers: moving obstacles as predicted, on the run's clock.
 
     Examples:
         The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
@@ -83,19 +77,19 @@ class Plan:
         else:
             value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
         which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
-        weight = self._weights().get(favourite := self.favourite or "")
+        weight = self.weights().get(favourite := self.favourite or "")
         most = f", most weight {shown.turns(favourite)} ({shown.share(weight)})" if weight is not None else ""
         return f"Plan(at {shown.vector(self.state)}: control {shown.vector(self.control)}, {value}{which}{most})"
 
     def _repr_html_(self) -> str:
-        by, estimate, rows = self._weights(), self.estimate, []
+        by, estimate, rows = self.weights(), self.estimate, []
         for id, reference in zip(self.ids, self.references, strict=False):
             ess = "" if estimate is None or id not in estimate.class_ess else f"{estimate.class_ess[id]:.1f}"
             weight = shown.share(by[id]) if id in by else ""
             rows.append([shown.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
         return shown.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
 
-    def _weights(self) -> dict[str, float]:
+    def weights(self) -> dict[str, float]:
         """Return the weight of every class under the law, else in the estimate; empty without either."""
         return {**({} if self.estimate is None else self.estimate.class_weights), **(self.shares or {})}
 
@@ -112,36 +106,7 @@ class Plan:
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.
         """
-        if self.space is None:
-            raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
-        axes = axes_of.on(axes, "plan.plot")
-        ground.draw(axes, self.space.scene, self.time)
-        ground.foreseen(axes, self.movers, self.time)
-        self._plot_samples(axes, samples)
-        by = self._weights()
-        labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in self.ids]
-        drawn = list(zip(self.references, labels, strict=False))
-        lines.classes(axes, [one.trajectory.points for one, _ in drawn], [label for _, label in drawn], "class: weight")
-        lines.dot(axes, self.state)
-        if len(self.control) == 2:
-            lines.arrow(axes, self.state[:2], self.state[:2] + ALONG * self.control)
-        axes.set_title(f"{self.space.scene.name} at {self.time:.2f} s", fontsize=10)
-        return axes
-
-    def _plot_samples(self, axes: Any, count: int) -> None:
-        """Draw the heaviest samples, stronger the more they weigh, then as many of those that died."""
-        if self.estimate is None or self.replay is None or count < 1:
-            return
-        rollouts, weight = self.estimate.rollouts, self.estimate.weight
-        arrived = np.flatnonzero(rollouts.paths.outcome == Outcome.GOAL)
-        died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
-        best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
-        share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
-        for chosen, opacity in ((died, FAINT), (best, FAINT + (STRONG - FAINT) * share)):
-            if len(chosen):
-                states, steps = self.replay.trace(rollouts, chosen)
-                paths = [path[: int(count) + 1, :2] for path, count in zip(states, steps, strict=True)]
-                lines.many(axes, paths, lines.SAMPLE, width=0.7, opacity=opacity, zorder=2)
+        return import_module("sim.plotting.prompt").plan(self, samples, axes)
 
     @property
     def tape(self) -> Array:
@@ -187,11 +152,11 @@ class Plan:
 
     @property
     def decided(self) -> str | None:
-        """The favourite, if it has at least `DECIDED` of the weight or is followed alone; else None."""
+        """The favourite, if it has at least `ControlTuning.decided` of the weight or is followed alone; else None."""
         favourite = self.favourite
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
-        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= DECIDED else None
+        return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:

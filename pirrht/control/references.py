@@ -1,118 +1,121 @@
-"""References of a drive: whether a tree fits the problem, its paths from plan to plan, and a tree in another scene."""
+"""References of a run: whether a tree fits the problem, one path per class, and a tree in another scene."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.proposals import Whole, kept
+from pirrht.control.budget import TimeBudget
+from pirrht.control.methods import ControlSettings, ControlTuning
+from pirrht.control.run_state import ClassFromStart, RunState, from_start
 from pirrht.errors import NoReference, OptionError
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.steering.motion import Motions
-from pirrht.steering.trajectory import SPACING, Trajectory
+from pirrht.steering.trajectory import SPACING
 from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology, integers
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.signature import integers
 
 
-def validate_tree(problem: Problem, tree: HomologyTree) -> None:
-    """Raise an OptionError for a tree of another kind of system, or one without times where obstacles move."""
+def validate(tree: HomologyTree | None, integral: PathIntegral, settings: ControlSettings) -> None:
+    """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
+
+    Raises:
+        OptionError: it is not so.
+    """
+    if tree is None:
+        if settings.use.most != 0:
+            raise OptionError(f"the method {settings.method!r} needs a tree")
+        return
+    problem = integral.problem
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
-    if problem.scene.movers and not isinstance(tree.homology, TimedHomology):
+    if problem.scene.movers and not tree.steering.timed:
         raise OptionError(
-            f"{steering} knows no times, and bodies move in the scene; grow the tree with InTime.of(problem)"
+            f"{steering} knows no times, and obstacles move in the scene; grow the tree with InTime.of(problem)"
         )
     zero = np.zeros(problem.dynamics.n)
-    if len(tree.steering.vertex_of(tree.homology.asked(zero, 0.0))) != tree.steering.n:
+    if len(tree.steering.vertex_of(tree.at(zero, 0.0))) != tree.steering.n:
         raise OptionError(
             f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
             f"the tree with a Steering for {dynamics}"
         )
-
-
-def check_drives(problem: Problem, tree: HomologyTree, *, guided: bool) -> None:
-    """Raise an OptionError for references without controls, unless samples are `guided` by something else."""
-    if not (tree.steering.drives or guided):
+    if not (tree.steering.drives or integral.proposals.closed_loop):
         raise OptionError(
-            f"{type(problem.dynamics).__name__} has no steering of its own, and its references no controls that "
-            'samples could follow: guide them by "feedback", not "open-loop"'
+            f"{dynamics} has no steering of its own, and its references no controls that samples could follow: guide "
+            'them by "feedback", not "open-loop"'
         )
 
 
-def blame_speed(tree: HomologyTree | None, x: Array) -> None:
-    """Raise a NoReference of its own at a state x (n,) that would have references at rest."""
-    if tree is not None and tree.too_fast(x):
-        raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
+def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuning) -> None:
+    """Grow a tree in space and time for a run from x (n,) at a time [s], unless it was grown for that."""
+    if tree is None or not tree.steering.timed:
+        return
+    scene, here = tree.space.scene, tree.at(x, time)
+    origin = np.array([*scene.start[:2], 0.0]) if tree.origin is None else tree.origin
+    if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
+        tree.aim(here)
+        tree.grow(tree.size + tuning.regrowth)
 
 
-class ReferenceCache:
-    """Queries a tree for references; the paths of one plan, by class, are where the next one's shortening begins.
+def extract_references(
+    tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
+) -> list[Reference]:
+    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides.
 
-    Args:
-        polished: shorten references inside their class.
-        threads: for shortening.
-
-    Attributes:
-        unseen: names of earlier classes by key, where the last plan updated only some.
+    Raises:
+        NoReference: there is none.
     """
-
-    def __init__(self, *, polished: bool, threads: int) -> None:
-        self._polished, self._threads = polished, threads
-        self._known: dict[Whole, Motions] = {}
-        self.unseen: dict[int, str] = {}
-
-    def lines(self) -> dict[Whole, Array]:
-        """Return the paths of the last plan, (k, 2) [m] each, by class."""
-        return {whole: np.vstack(path.points(SPACING)) for whole, path in self._known.items()}
-
-    def inherit(self, heirs: Mapping[Whole, Whole]) -> None:
-        """Rename classes to what they are now; drop the others."""
-        self._known = kept(self._known, heirs)
-
-    def reversed(self, tree: HomologyTree | None, x: Array) -> dict[Whole, Trajectory]:
-        """Return paths from x (n,) driven backwards, by winding; none of a system that does not reverse."""
-        turned = None if tree is None else tree.steering.backwards(x)
-        if tree is None or turned is None:
-            return {}
-        try:
-            found = tree.references(turned, polished=self._polished, threads=self._threads)
-        except NoReference:
-            return {}
-        return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
-
-    def references(
-        self, tree: HomologyTree, homology: Homology | TimedHomology, x: Array, driven: Sequence[int], *,
-        pressed: Callable[[], bool], most: int | None,
-    ) -> list[Reference]:  # fmt: skip
-        """Return the references at x (n,), cheapest first.
-
-        Args:
-            driven: class (M,) of the driven path [turns].
-            pressed: whether time is short (`HomologyTree.references`).
-            most: number of classes; None: all.
-
-        Raises:
-            NoReference: no allowed class reaches the goal from x.
-        """
-        self.unseen = {}
-        before = {integers(np.subtract(whole, driven)): path for whole, path in self._known.items()}
+    method = settings.use
+    if tree is None or method.most == 0:
+        return []
+    memory, driven, most = run.memory, run.path.winding(), budget.most_classes(run.recent)
+    before = {integers(np.subtract(whole, driven)): path for whole, path in memory.paths.items()}
+    memory.others = {}
+    try:
         found = tree.references(
-            x, polished=self._polished, before=before, pressed=pressed, threads=self._threads, most=most
-        )
-        left_out: dict[Whole, Motions] = {}
-        if most is not None:
-            left_out = self._known
-            self.unseen = {homology.key(way): homology.name(whole) for way, whole in zip(before, left_out, strict=True)}
-        self._known = left_out | {integers(np.add(driven, one.winding)): one.path for one in found}
-        return found
+            tree.at(x, run.now), polished=settings.polished, before=before, pressed=budget.short,
+            threads=threads, most=most,
+        )  # fmt: skip
+    except NoReference:
+        if rest := _remaining_guides(tree, x, run):
+            return rest
+        if not run.planned and tree.too_fast(x):
+            raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
+        raise
+    left_out = {} if most is None else memory.paths
+    memory.others = dict(zip(map(run.homology.key, before), map(run.homology.name, left_out), strict=False))
+    memory.paths = left_out | {integers(np.add(driven, one.winding)): one.path for one in found}
+    if method.most is not None:
+        return found[: method.most][:most]
+    rest = _remaining_guides(tree, x, run, from_start(run, found))
+    return sorted([*found, *rest], key=lambda reference: reference.cost)[:most] if rest else found[:most]
+
+
+def _remaining_guides(
+    tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
+) -> list[Reference]:
+    """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
+    references: list[Reference] = []
+    driven = run.path.winding()
+    for whole, guide in run.memory.guides.items():
+        if whole not in run.memory.sampled or whole in known:
+            continue
+        rest = guide.rest(run.since_plan, tree.space.scene.goal.center)
+        if rest is None:
+            continue
+        winding = integers(np.subtract(whole, driven))
+        signature = run.homology.signature(run.homology.at(x, run.now), winding)
+        if np.all(np.abs(signature - 1.0) <= tree.limit):
+            named = run.homology.named
+            references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
+    return references
 
 
 def renewed(
@@ -148,7 +151,21 @@ def renewed(
     return replace(problem, scene=scene), now, grown
 
 
-def heirs(space: FreeSpace, driven: Driven, lines: Mapping[Whole, Array]) -> dict[Whole, Whole]:
+def continue_among(space: FreeSpace, run: RunState) -> None:
+    """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
+    path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
+    path.enter(space.homology)
+    rests = {whole: guide.rest(run.since_plan, goal) for whole, guide in memory.guides.items()}
+    guides = _heirs(space, path, {whole: rest.points for whole, rest in rests.items() if rest is not None})
+    lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
+    paths = guides | _heirs(space, path, lines)
+    names = {before.name(then): space.homology.name(now) for then, now in paths.items()}
+    run.homology, run.memory = space.homology, memory.renamed(guides, paths, names)
+
+
+def _heirs(
+    space: FreeSpace, driven: Driven, lines: Mapping[ClassFromStart, Array]
+) -> dict[ClassFromStart, ClassFromStart]:
     """Map earlier classes to what they are now, those whose path ahead, (k, 2) [m], is still free."""
     found = {}
     for whole, line in lines.items():

@@ -15,12 +15,8 @@ from numpy.typing import NDArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch
-
-FILLED = 0.6  # share of the time left that the next round takes, since the pace changes
-FIRST = 0.1  # share of a plan's samples that come first where obstacles move, since the rest of a plan takes time
-FIRST_MOST = 64  # times the samples of a plan that the first of a drive draws at most (`Sampling.least`)
-MOST = 150_000  # samples of a plan at any time limit: weighing more takes longer than it is worth
+from pirrht.estimation.tuning import EstimationTuning
+from pirrht.proposals.proposal import Batch
 
 
 def sample(
@@ -36,7 +32,7 @@ def sample(
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    settings, number = integral.sampling, np.asarray(batch.counts)
+    settings, tuning, number = integral.sampling, integral.tuning, np.asarray(batch.counts)
     parts: list[Rollouts] = []
 
     def draw(number: NDArray[np.int64]) -> None:
@@ -45,15 +41,15 @@ def sample(
     if left is None:
         draw(number)
     else:
-        part, before = FIRST if integral.moving else 1.0, left()
+        part, before = tuning.first_round if integral.moving else 1.0, left()
         draw(np.maximum(1, np.rint(part * number)).astype(np.int64))
-        _until(left, (before - left()) / part, part, number, draw)
+        _until(left, (before - left()) / part, part, number, draw, tuning)
     drawn, most = 1.0, max(1.0, settings.most / settings.samples)
     while settings.target is not None and drawn < most and not _so_far(integral, parts)[0] <= settings.target:
         more = min(drawn, most - drawn)
         draw(np.maximum(1, np.rint(more * number)).astype(np.int64))
         drawn += more
-    most = min(FIRST_MOST, MOST / max(1.0, float(number.sum())))
+    most = min(tuning.first_plan, tuning.most / max(1.0, float(number.sum())))
     enough = 2 if least <= 0.0 or _so_far(integral, parts)[1] >= least else 0
     while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
         draw(np.rint(drawn * number).astype(np.int64))
@@ -64,13 +60,13 @@ def sample(
 
 def _until(
     left: Callable[[], float], pace: float, drawn: float, number: NDArray[np.int64],
-    draw: Callable[[NDArray[np.int64]], None],
+    draw: Callable[[NDArray[np.int64]], None], tuning: EstimationTuning,
 ) -> None:  # fmt: skip
     """Draw rounds while time is left; `drawn` times `number` (H,) samples are there, of `pace` [s] per `number`."""
-    least, most = drawn, MOST / float(number.sum())
+    least, most = drawn, tuning.most / float(number.sum())
     while drawn < most:
         before = left()
-        more = min(2.0 * drawn, most - drawn, FILLED * before / max(pace, 1e-6))
+        more = min(2.0 * drawn, most - drawn, tuning.filled * before / max(pace, 1e-6))
         if more < least:  # as few as that are not worth their overhead
             return
         draw(np.rint(more * number).astype(np.int64))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,27 +12,28 @@ from numpy.typing import NDArray
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
+from pirrht.estimation.tuning import TUNING
 from pirrht.estimation.weights import centred, deviation, grouped, heavy, tail_shape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.proposals.near_walls import NearWalls
-from pirrht.rollouts.records import MovingSetup, Origin, Paths, ProposalTables, Setup
+from pirrht.rollouts.tables import Origin, Paths, ProposalTables, Setup
+
+if TYPE_CHECKING:
+    from pirrht.proposals.near_walls import NearWalls
 
 OTHER = "other"
-SHOWN, LEAST = 4, 0.005  # number and least weight of classes in one line
-FEW = 10.0  # effective samples that are too few for reliable standard errors
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rollouts:
     """S sampled paths from one state; their states are simulated again where needed (`Replay`)."""
 
-    origin: Origin
+    setup: Setup
     leads: ProposalTables
+    origin: Origin
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
-    setup: Setup | MovingSetup | None = None  # of the sampler; None: that of a replay
-    rise: Array | None = None  # (H, m) each lead now less its mean over the first step [control]
+    rise: Array  # (H, m) each proposal control now less its mean over the first step [control]
 
     @property
     def x0(self) -> Array:
@@ -96,8 +98,8 @@ class Estimate:
         return self.walls.push
 
     def __repr__(self) -> str:
-        leading = sorted(self.class_weights.items(), key=lambda one: -one[1])[:SHOWN]
-        classes = ", ".join(f"{shown.turns(name)} {shown.share(w)}" for name, w in leading if w >= LEAST)
+        heaviest = sorted(self.class_weights.items(), key=lambda one: -one[1])[:4]
+        classes = ", ".join(f"{shown.turns(name)} {shown.share(w)}" for name, w in heaviest if w >= 0.005)
         return f"Estimate({self._figures()}{f'; {classes}' if classes else ''})"
 
     def _repr_html_(self) -> str:
@@ -115,7 +117,7 @@ class Estimate:
     @property
     def doubtful(self) -> bool:
         """Check for too few effective samples for reliable errors."""
-        return self.ess < FEW
+        return self.ess < TUNING.few
 
     @property
     def tail(self) -> float:
@@ -165,12 +167,11 @@ def weigh(
     free, unresolved = walls.told(control, np.einsum("s,sm->m", weight, paths.led))
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     drawn_around = drawn_around.reshape(len(parts), -1).sum(axis=0)
-    rise = np.zeros(len(free)) if parts[0].rise is None else drawn_around @ parts[0].rise
     ends = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
     rollouts = parts[shown]
     return Estimate(
-        control=free + rise + walls.push,
+        control=free + drawn_around @ parts[0].rise + walls.push,
         log_psi=log_psi,
         value=-problem.temperature * log_psi,
         value_error=problem.temperature * float(errors[0]),

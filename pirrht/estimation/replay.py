@@ -10,24 +10,20 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
+from pirrht.estimation.tuning import TUNING
 from pirrht.estimation.weights import normalised
-from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup
-
-NEGLIGIBLE = 1e-6  # normalised weights below this do not contribute to a tape
+from pirrht.rollouts.backend import Backend
+from pirrht.rollouts.tables import Chosen
 
 
 class Replay(NamedTuple):
-    """Makes tapes and paths of the samples of an estimate."""
+    """Makes control sequences and paths of the samples of an estimate."""
 
-    kernels: Kernels
-    setup: Setup | MovingSetup
+    backend: Backend
 
     def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
         """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
-        T = rollouts.leads.control.shape[1]
-        states, steps = np.zeros((len(chosen), T + 1, len(rollouts.x0))), np.zeros(len(chosen), np.int64)
-        self.kernels.trace(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, states, steps)
-        return states, steps
+        return self.backend.trace(rollouts.setup, rollouts.leads, rollouts.origin, chosen)
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
         """Return open-loop controls of groups of samples, with weights normalised within each group.
@@ -38,16 +34,14 @@ class Replay(NamedTuple):
         Returns:
             weight times control (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
         """
-        T, m = rollouts.leads.control.shape[1:]
-        total, alive, ess = np.zeros((len(groups), T, m)), np.zeros((len(groups), T)), np.zeros(len(groups))
-        weight, group = np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
+        ess, weight, group = np.zeros(len(groups)), np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
         for g, mask in enumerate(groups):
             weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
             group[mask] = g
-        number = np.flatnonzero(weight > NEGLIGIBLE)
+        number = np.flatnonzero(weight > TUNING.negligible)
         chosen = Chosen(number, group[number], weight[number])
-        self.kernels.control(rollouts.setup or self.setup, rollouts.leads, rollouts.origin, chosen, total, alive)
-        return total, alive, ess
+        controls = self.backend.controls(rollouts.setup, rollouts.leads, rollouts.origin, chosen, len(groups))
+        return *controls, ess
 
     def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
         """Return open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""

@@ -9,89 +9,94 @@ walls and goal.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
-from pirrht.estimation.leading import ProposalFactory
 from pirrht.estimation.replay import Replay
 from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.tables import Tables
+from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.estimation.weights import log_weights
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.field import clearance
-from pirrht.geometry.traffic import Traffic
-from pirrht.jit.threads import mapped
+from pirrht.jit.threads import over_ranges
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, Proposal, Tape
-from pirrht.proposals.tracking import Guidance
-from pirrht.rollouts.backend import kernels_for, setup_of
-from pirrht.rollouts.records import Kernels, MovingSetup, Origin, Setup, empty_paths
-from pirrht.steering.in_time import homology_of
-from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
+from pirrht.proposals.proposal import Batch, Proposal, Tape
+from pirrht.rollouts.backend import Backend
+from pirrht.rollouts.tables import Origin, Paths, ProposalTables, Setup, Snapshot
 
-TAIL = 40.0  # paths longer than the cheapest reference plus so many lambda are cut: they weigh exp(-40)
+if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
+    from pirrht.estimation.factory import ProposalFactory
+    from pirrht.freespace import FreeSpace
+    from pirrht.moving.obstacles import Traffic
+    from pirrht.topology.homology import Homology
 
 
 class PathIntegral:
     """Draws and weighs samples around references; the problem and its scene stay fixed.
 
+    `assembly.path_integral` makes one for a problem and its free space.
+
     Args:
+        proposals: makes controls of samples.
+        pack: writes a batch into the tables that the backend reads.
+        backend: simulates paths.
+        threads: that weigh samples and make guides.
         beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
             by then weighs nothing.
-        homology: of the problem's paths; None: where obstacles move, with bases at the best speed.
     """
 
     def __init__(
-        self, problem: Problem, space: FreeSpace, sampling: Sampling, *,
-        beyond: Callable[[Array], Array] | None = None, homology: Homology | TimedHomology | None = None,
+        self, problem: Problem, sampling: Sampling, proposals: ProposalFactory,
+        pack: Callable[[Batch], ProposalTables], backend: Backend, *, threads: int = 1,
+        beyond: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.problem, self.space, self.sampling, self.beyond = problem, space, sampling, beyond
-        self.temperature = problem.temperature
-        self.kernels: Kernels = kernels_for(problem)
-        self.moving = bool(problem.scene.movers)
-        found = homology_of(problem, space) if homology is None else homology
-        self.homology = found if isinstance(found, TimedHomology) else None
-        self.setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-        self.guidance: Guidance | DDPGuidance | None = None
-        if sampling.guide == "feedback" and not self.moving and Guidance.suits(problem):
-            assert isinstance(self.setup, Setup)
-            self.guidance = Guidance(problem, self.setup, sways=sampling.fitted)
-        elif sampling.guide == "feedback" and (self.moving or DDPGuidance.suits(problem)):
-            self.guidance = DDPGuidance(problem, self.setup, sways=sampling.fitted, homology=self.homology)
-        self.replay = Replay(self.kernels, self.setup)
-        traffic = self.setup.traffic if isinstance(self.setup, MovingSetup) else None
-        self.leading = ProposalFactory(problem, space, sampling, self.setup.arena, traffic)
-        self.tables = Tables(self.leading, self.guidance)
-        self.threads = sampling.threads or len(os.sched_getaffinity(0))
+        self.problem, self.sampling, self.proposals, self.pack, self.backend = (
+            problem,
+            sampling,
+            proposals,
+            pack,
+            backend,
+        )
+        self.threads, self.beyond, self.tuning = threads, beyond, tuning
+        self.temperature, self.guidance = problem.temperature, proposals.guidance
 
-    def foresee(self, traffic: Traffic, homology: TimedHomology) -> None:
-        """Replace the prediction of moving obstacles and its homology, on the clock of batches and guides."""
-        assert isinstance(self.setup, MovingSetup)
-        self.setup, self.homology = self.setup._replace(traffic=traffic), homology
-        self.leading.traffic = traffic
-        if isinstance(self.guidance, DDPGuidance):
-            self.guidance.setup, self.guidance.homology = self.setup, homology
+    @property
+    def space(self) -> FreeSpace:
+        """The free space."""
+        return self.proposals.space
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem as rollouts need them, under the current prediction."""
+        return self.proposals.world.setup
+
+    @property
+    def homology(self) -> Homology:
+        """Classes of paths under the current prediction."""
+        return self.proposals.world.homology
+
+    @property
+    def moving(self) -> bool:
+        """Check for moving obstacles."""
+        return self.proposals.world.moving
+
+    @property
+    def replay(self) -> Replay:
+        """Replay of samples."""
+        return Replay(self.backend)
+
+    def set_prediction(self, traffic: Traffic, homology: Homology) -> None:
+        """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
+        self.proposals.world.snapshot = Snapshot(self.setup._replace(traffic=traffic), homology)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""
-        self.warm_up_guides()
+        self.proposals.warm_up()
         self.warm_up_samples()
-
-    def warm_up_guides(self) -> None:
-        """Compile the kernels of guides."""
-        x = self.problem.dynamics.state_of(self.problem.scene.start)
-        if self.guidance is not None:
-            self.guidance.warm_up(x)
-        if self.leading.climbs_too:
-            self.leading.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
 
     def warm_up_samples(self) -> None:
         """Compile the kernels of sampling, weighing and tracing."""
@@ -102,69 +107,58 @@ class PathIntegral:
         self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever the outcome of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
-        clearance(self.space.field, x[0], x[1])
 
     def grid(self, reference_cost: float) -> Array:
-        """Return the ends of the rollout steps (T+1,) [s] up to T_max = (c_ref + 40 lambda) / q_min."""
-        return self.steps((reference_cost + TAIL * self.temperature) / self.problem.least_rate)
+        """Return the ends of the rollout steps (T+1,) [s] up to T_max = (c_ref + tail lambda) / q_min."""
+        return self.steps((reference_cost + self.tuning.tail * self.temperature) / self.problem.least_rate)
 
     def steps(self, horizon: float) -> Array:
         """Return the ends of the rollout steps (T+1,) [s] up to a horizon [s].
 
         The control of the first step is the mean over that step, near a wall much weaker than the control now. Where
-        plans follow each other more often than every dt, the first dt is therefore split (`Sampling.leading`).
+        plans follow each other more often than every dt, the first dt is therefore split (`Sampling.first_dt`).
         """
         dt = self.sampling.dt
         steps = max(1, int(np.ceil(horizon / dt)))
-        parts = max(1, round(dt / self.sampling.leading))
+        parts = max(1, round(dt / self.sampling.first_dt))
         fine = np.arange(parts) * (dt / parts)
         return np.concatenate([fine, np.arange(1, steps + 1) * dt])
 
-    @property
-    def leads_itself(self) -> bool:
-        """Check whether samples follow guides or climbs, so that references need no controls."""
-        return self.guidance is not None or self.leading.climbs
-
-    @property
-    def shares(self) -> bool:
-        """Check whether references may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.guidance is None or isinstance(self.guidance, DDPGuidance)
-
     def prepare(self, batch: Batch) -> None:
         """Make the tables of a batch, for any numbers of samples."""
-        self.tables.of(batch, self.setup, self.homology)
+        self.pack(batch)
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
-        leads = self.tables.of(batch, self.setup, self.homology)
-        first, H = leads.first, len(batch.proposals)
-        S = int(first[-1])
-        paths, log_weight = empty_paths(S, H, self.problem.dynamics.m), np.empty(S)
-        origin = Origin(np.ascontiguousarray(batch.state, dtype=float), np.uint64(seed), float(batch.time))
-
-        def work(part: tuple[int, int]) -> None:
-            self.kernels.sample(self.setup, leads, origin, part[0], part[1], paths)
-            log_weight[slice(*part)] = log_weights(self.problem, self.sampling.weights, paths, first, part)
-
-        _in_parallel(work, S, self.threads if self.kernels.alone < S else 1)
-        rise = None
+        setup, leads, x = self.setup, self.pack(batch), batch.state
+        origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
+        paths = self.backend.sample(setup, leads, origin)
+        rollouts = Rollouts(
+            setup=setup, origin=origin, leads=leads, paths=paths, log_weight=np.empty(len(paths.work)),
+            rise=np.zeros((len(batch.proposals), self.problem.dynamics.m)),
+        )  # fmt: skip
         if self.guidance is not None:
-            x = batch.state
-            rise = np.array([leads.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals])
-        rollouts = Rollouts(origin=origin, leads=leads, paths=paths, log_weight=log_weight, setup=self.setup, rise=rise)
-        return rollouts if self.beyond is None else self._completed(rollouts, self.beyond)
+            rise = [leads.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
+            rollouts = replace(rollouts, rise=np.array(rise))
+        ended = paths if self.beyond is None else self._completed(rollouts, self.beyond)
 
-    def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Rollouts:
-        """Charge paths that are under way at the end of the grid their terminal cost."""
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            rollouts.log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, leads.first, part)
+
+        over_ranges(work, rollouts.size, self.threads if rollouts.size >= self.tuning.parallel else 1)
+        return rollouts
+
+    def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Paths:
+        """Charge paths that are under way at the end of the grid their terminal cost, as if they had arrived."""
         paths = rollouts.paths
         under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if len(under_way) == 0:
-            return rollouts
+            return paths
         work, outcome = paths.work.copy(), paths.outcome.copy()
         work[under_way] += beyond(self.replay.trace(rollouts, under_way)[0][:, -1])
         outcome[under_way] = Outcome.GOAL
-        arrived, first = paths._replace(work=work, outcome=outcome), rollouts.leads.first
-        return replace(rollouts, log_weight=log_weights(self.problem, self.sampling.weights, arrived, first))
+        return paths._replace(work=work, outcome=outcome)
 
     def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples: v [cost], u (m,); `classes` maps additive class keys to names of references' classes.
@@ -181,13 +175,4 @@ class PathIntegral:
             NoSurvivingSample: no sample has any weight.
         """
         first = parts[0]
-        return weigh(self.problem, parts, self.leading.near_walls(first.leads, first.x0, first.origin.time), classes)
-
-
-def _in_parallel(work, count: int, threads: int) -> None:  # type: ignore[no-untyped-def]
-    """Split a range of samples over threads; samples do not depend on the split."""
-    if threads == 1:
-        work((0, count))
-        return
-    edges = np.linspace(0, count, 2 * threads + 1).astype(int)
-    mapped(work, zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True), threads)
+        return weigh(self.problem, parts, self.proposals.near_walls(first.leads, first.x0, first.origin.time), classes)

@@ -35,7 +35,7 @@ class Sampling:
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
         least: effective samples of the first plan of a drive, with 64 N samples at most.
         budget: with a target, samples around each reference at most; None: 16 N.
-        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper; of a unicycle).
+        allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper).
         threads: None for all cores this process may use; results do not depend on it.
 
     Raises:
@@ -87,7 +87,7 @@ class Sampling:
                 raise OptionError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(known)}")
 
     @property
-    def leading(self) -> float:
+    def first_dt(self) -> float:
         """Length of the steps that the first dt is split into [s]; dt with exits at ends of steps."""
         return self.dt if self.first is None or self.exit == "endpoint" else self.first
 

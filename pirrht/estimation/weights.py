@@ -16,22 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.jit.jit import kernel
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.rollouts.records import Paths
-
-LEAST = 25  # weights from which on a shape is estimated
-SHARE, ROOTS = 0.2, 3.0  # the tail is the smaller of this share of all and so many roots of their number
-MIDDLE, PULL = 0.5, 10  # prior of a shape, and its weight in samples
-HEAVY = 0.7  # shapes from which on errors are unreliable
-OUTLYING = 4.0  # calibrated on random scenes: with 0 a twentieth of plans near walls is off by more than 3 errors
+from pirrht.rollouts.tables import Paths
 
 
 def log_weights(
-    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: tuple[int, int] | None = None
+    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: slice = slice(None)
 ) -> Array:
-    """Return the logarithm of each sample's contribution to psi, (S,) [nats], or of those from part[0] to part[1].
+    """Return the logarithm of each sample's contribution to psi, (S,) [nats], or of a part of them.
+
+    Mixture weight of a sample with cost S from N_g samples of each proposal Q_g: exp(-S / lambda) / sum_g (N_g / N)
+    dQ_g/dP. All proposals count in every denominator, so that none of them makes psi biased.
 
     Args:
         rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C). Under "biased" samples weigh by their
@@ -40,17 +38,16 @@ def log_weights(
     """
     number = np.diff(first)
     H, S = len(number), int(first[-1])
-    chosen = slice(0, S) if part is None else slice(*part)
-    outcome = paths.outcome[chosen]
-    log_weight = paths.lasting[chosen] - paths.work[chosen] / problem.temperature
+    outcome = paths.outcome[part]
+    log_weight = paths.lasting[part] - paths.work[part] / problem.temperature
     log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
     if rule == "average":
-        samples = np.arange(S)[chosen]
+        samples = np.arange(S)[part]
         own = np.searchsorted(first, samples, side="right") - 1
         # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
         log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
     elif rule != "biased":
-        log_weight -= _log_mean(paths.log_ratio[chosen], number / S)
+        log_weight -= _log_mean(paths.log_ratio[part], number / S)
     log_weight[outcome == Outcome.TIMEOUT] = -np.inf
     return log_weight
 
@@ -74,23 +71,23 @@ def normalised(log_weight: Array) -> tuple[Array, float]:
     return weight, float(1.0 / np.sum(weight**2))
 
 
-def tail_shape(log_weight: Array) -> float:
+def tail_shape(log_weight: Array, tuning: EstimationTuning = TUNING) -> float:
     """Estimate the tail shape k of weights from their logarithms (S,) [nats], -inf for zero; nan if there are few."""
     known = log_weight[np.isfinite(log_weight)]
-    count = int(min(SHARE * len(log_weight), ROOTS * np.sqrt(len(log_weight)), len(known) - 1))
-    if len(known) < LEAST or count < LEAST // 5:
+    count = int(min(tuning.tail_share * len(log_weight), tuning.tail_roots * np.sqrt(len(log_weight)), len(known) - 1))
+    if len(known) < tuning.tail_weights or count < tuning.tail_weights // 5:
         return float("nan")
     largest = np.partition(known, len(known) - count - 1)[-count - 1 :]
     largest = np.exp(np.sort(largest) - largest.max())
     excess = largest[1:] - largest[0]
     if not excess[len(excess) // 4] > 0.0:
         return float("nan")  # nearly all are equal
-    return (count * _pareto(excess) + PULL * MIDDLE) / (count + PULL)
+    return (count * _pareto(excess) + tuning.prior_weight * tuning.prior_shape) / (count + tuning.prior_weight)
 
 
-def heavy(shape: float, count: int) -> bool:
+def heavy(shape: float, count: int, tuning: EstimationTuning = TUNING) -> bool:
     """Check for a tail too heavy for standard errors estimated from so many weights."""
-    return bool(shape > min(HEAVY, 1.0 - 1.0 / np.log10(max(count, 11))))
+    return bool(shape > min(tuning.heavy, 1.0 - 1.0 / np.log10(max(count, 11))))
 
 
 def _pareto(x: Array) -> float:
@@ -153,11 +150,11 @@ def centred(weight, now, span, control):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def scatter(terms, first, step):  # type: ignore[no-untyped-def]
+def scatter(terms, first, step, outlying):  # type: ignore[no-untyped-def]
     """Return standard deviations (k,) of sums of terms (S, k), those from first[h] on being identically distributed.
 
     `step` terms in a row count as one: 2 for antithetic pairs, which are independent only together. A single term
-    around a reference is its own deviation. The largest term counts `OUTLYING` times more: where a few terms dominate
+    around a reference is its own deviation. The largest term counts `outlying` times more: where a few terms dominate
     a sum, larger ones are likely still unseen.
     """
     k = terms.shape[1]
@@ -178,10 +175,10 @@ def scatter(terms, first, step):  # type: ignore[no-untyped-def]
                 square = scale * off * off
                 variance[j] += square
                 largest[j] = max(largest[j], square)
-    return np.sqrt(variance + OUTLYING * largest)
+    return np.sqrt(variance + outlying * largest)
 
 
-def deviation(terms: Array, first: NDArray[np.int64], paired: bool) -> Array:
+def deviation(terms: Array, first: NDArray[np.int64], paired: bool, tuning: EstimationTuning = TUNING) -> Array:
     """Return standard deviations (k,) of sums of terms (S, k), independent or in antithetic pairs (`scatter`)."""
-    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1)
+    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1, tuning.outlying)
     return spread

@@ -14,9 +14,9 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.exact.grid import TUNING, Frame, polynomial, to_rim
-from pirrht.geometry.bodies import Bodies, clearance_and_slope, clearance_from
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.bodies import Bodies, clearance_and_slope, clearance_from
 
 GOAL, WALL, LEFT, RIGHT, LOW, HIGH = range(6)  # kinds of boundaries
 

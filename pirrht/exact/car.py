@@ -94,7 +94,7 @@ def grid_of(
     ceiling = min(problem.phi, TUNING.worst_path * problem.q * float(np.sum(upper - lower)) / d.V)
     fate, share = np.zeros(shape, np.int8), np.ones(shape, np.float32)
     at = frame_at(lower, spacing, space.scene.goal)
-    _trace(space.arena, at, TUNING.ray * spacing, fate, share)
+    _trace(space.world, at, TUNING.ray * spacing, fate, share)
     free = fate[:, :, 0] >= 0
     owner = distance_transform_edt(~free, return_distances=False, return_indices=True)
     rays = Rays(fate, share, owner[0], owner[1], problem.q * tau, problem.temperature, ceiling)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
 from typing import Any, Protocol, cast
@@ -25,6 +25,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.grid import TUNING, Progress, ignore_progress
@@ -35,8 +36,7 @@ from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from pirrht.topology.homology import class_id
-from pirrht.topology.moving import MovingHomology
+from pirrht.topology.signature import class_id
 
 
 class Solver(Protocol):
@@ -178,10 +178,9 @@ class Desirability:
         """
         from pirrht.exact.paths import Process, walker
 
-        d, scene, homology = self.problem.dynamics, self.space.scene, self.space.homology
+        d, homology = self.problem.dynamics, replace(self.space.homology, speed=self._best_speed())
         x = np.array(x, dtype=float)
-        moving = MovingHomology.of(scene.movers, scene.footprint, scene.goal.center, self._best_speed())
-        turns, ends = np.zeros((samples, homology.M + moving.J)), np.empty((samples, len(x) + 1))
+        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x) + 1))
         outcome = np.zeros(samples, dtype=np.int64)
         step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
         process = Process(
@@ -189,13 +188,12 @@ class Desirability:
             G=d.G_c(x), B=d.B_c(x), wall=self.problem.phi / self.problem.temperature, step=step,
         )  # fmt: skip
         walk = walker(self.evaluate, d.drift, self.dt is not None, self.moves)
-        walk(self.grid, process, homology.markers, moving.tracks, np.append(x, t), seed, turns, ends, outcome)
-        turns[:, : homology.M] -= homology.straight(x[None, :2])[0]
-        for k, (a, b, end) in enumerate(ends[:, [0, 1, -1]]) if moving.J else ():
-            until = max(end, moving.arrival(x, t))
-            closing = np.array([[a, b, end], [*moving.goal, end], [*moving.goal, until]])
-            turns[k, homology.M :] += moving.turns(closing) - moving.base(x, t, until)
-        arrived = np.rint(turns[outcome == Outcome.GOAL]).astype(int)
+        walk(self.grid, process, homology.markers, homology.tracks, np.append(x, t), seed, turns, ends, outcome)
+        goal, first = outcome == Outcome.GOAL, homology.at(x, t)
+        closed = [
+            homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns[goal], ends[goal], strict=True)
+        ]
+        arrived = np.rint(np.reshape(closed, (-1, homology.M))).astype(int)
         classes, counts = np.unique(arrived, axis=0, return_counts=True)
         order = np.argsort(-counts, kind="stable")
         return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
@@ -219,17 +217,15 @@ class Desirability:
 
 
 class Optimal(Policy):
-    """Feedback control by a solved grid: the upper bound of any controller.
+    """Feedback control by a solved grid.
 
     Args:
         desirability: of the problem in continuous time.
-        sampling: of the sampler that a recording draws with; runs do not use it.
+        sampling: of the sampler that a recording draws with; drives do not use it.
     """
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
         self.desirability, self._sampling = desirability, sampling
-        self.problem: Problem = desirability.problem
-        self.space: FreeSpace = desirability.space
         self.homology = homology_of(self.problem, self.space)
         start = self.problem.dynamics.state_of(self.problem.scene.start)
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
@@ -238,14 +234,24 @@ class Optimal(Policy):
     def __repr__(self) -> str:
         return f"Optimal({self.desirability!r})"
 
+    @property
+    def problem(self) -> Problem:
+        """Problem that the grid solves."""
+        return self.desirability.problem
+
+    @property
+    def space(self) -> FreeSpace:
+        """Free space of its scene."""
+        return self.desirability.space
+
     @cached_property
-    def path_integral(self) -> PathIntegral:
+    def path_integral(self) -> PathIntegral:  # type: ignore[override]
         """Sampler that a recording reads problem and temperature from."""
-        return PathIntegral(self.problem, self.space, self._sampling)
+        return path_integral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
-        now = self.drive.time
+        now = self.run.time
 
         def law(state: Array, since: float = 0.0) -> Array:
             return self.desirability.control(state, now + since)
@@ -253,5 +259,5 @@ class Optimal(Policy):
         value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
-            instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.movers,
+            instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
         )  # fmt: skip

@@ -165,7 +165,7 @@ def log_psi_before(surroundings, step, begin, end, later, x, slope):  # type: ig
     value = _before(surroundings, step, patch, met, x[0], x[1], 0, 0)
     e = TUNING.difference * step.deviation
     for g in range(len(met.kind)):
-        e = min(e, 0.02 * met.distance[g])
+        e = min(e, 0.005 * met.distance[g])
     for k in range(2 if value > -math.inf else 0):
         for side in (-1.0, 1.0):
             px, py = x[0] + side * e * (1 - k), x[1] + side * e * k

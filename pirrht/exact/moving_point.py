@@ -36,10 +36,10 @@ from pirrht.exact.grid import (
     largest_change,
 )
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
+from pirrht.moving.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.problem import Problem
 
 SAME = 1e-6  # times that differ by less are one [s]

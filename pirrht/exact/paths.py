@@ -22,7 +22,6 @@ from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import as_jitable, kernel
 from pirrht.jit.streams import normals, stream, uniform
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
-from pirrht.topology.cuts import straight_turns
 from pirrht.topology.tracks import turns_of_step
 
 
@@ -127,9 +126,6 @@ def walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: boo
                 for k in range(turns.shape[1] - M):
                     turns[s, M + k] += turns_of_step(tracks, k, before_x, before_y, before, x[0], x[1], x[-1])
                 outcome[s] = end(grid, process, x)
-            for k in range(M):
-                goal_x, goal_y = grid.frame.goal_x, grid.frame.goal_y
-                turns[s, k] += straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], goal_x, goal_y)
             ends[s] = x
 
     return walk

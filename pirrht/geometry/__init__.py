@@ -11,14 +11,10 @@ flat          cells in which distances are linear, so that coarse blocks err by 
 certify       what the field certifies about points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
 saddles       where free space narrows before it widens again; passages: how wide it is there, and the way through
 pages         the same search where the field lies in blocks
-motion        bodies that move and how; crowd: how far they are as FCL says, and whether one passes over a robot
-bodies        distances in the frames of bodies, in closed form or from tables; traffic: the same as kernels ask
-moving_walls  the walls of bodies that are near; listed: which are, along one path
-sweeps        what surely passes bodies that move: straight ways in space and time
-spans         where bodies are within spans of time, as boxes, which rule far ones out
+motion        how obstacles move, as plain values of a scene
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
 fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls
-arena         field and goal together: what a path asks about the world
+world         what is free at (x, t): the interface of sampler, proposals, replay and feedback law
 
 It may import `compiled` and the root's arrays and errors. Only collision and fcl_shapes know FCL.
 """

@@ -32,19 +32,21 @@ def refused(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it."""
-    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
-    if length == 0.0:
-        return FREE if clearance(field, ax, ay) > 0.0 else UNSURE
-    ux, uy = (bx - ax) / length, (by - ay) / length
-    s = 0.0
+    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it.
+
+    Where they do not, the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+    """
+    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
+    per = 1.0 / length if length > 0.0 else 0.0
     while True:
-        x, y = ax + s * ux, ay + s * uy
+        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
         c = clearance(field, x, y)
         if c < LEAST_STEP:
-            return refused(field, x, y)
+            if refused(field, x, y) == BLOCKED:
+                return BLOCKED
+            verdict, c = UNSURE, 0.5 * field.spacing
         if s >= length:
-            return FREE
+            return verdict
         s = min(s + c, length)
 
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_of
 from pirrht.geometry.flat import CURVED, flat_cells
-from pirrht.geometry.scene import Footprint, Kind, World
+from pirrht.geometry.scene import Footprint, Kind, Workspace
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
 from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
 
@@ -30,10 +30,42 @@ KINK = 3.0  # in so many cells around it, interpolation is wrong where the dista
 SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
 
 
+def touches(
+    free: Callable[[float], float], way: Callable[[float, float], float], end: float = 1.0, *, slack: float = 0.0,
+    undecided: bool = True,
+) -> bool:  # fmt: skip
+    """Bisect a way from 0 to `end` until free distances decide whether two things touch on it.
+
+    A piece ab is free if free(a) + free(b) > way(a, b) + slack.
+
+    Args:
+        free: distance between them at a place of the way [m]; at most 0 in contact.
+        way: how far they may come nearer between two places at most [m].
+        slack: over-estimate of two distances [m].
+        undecided: the answer where a piece stays undecided down to SHORTEST.
+    """
+    pieces = [(0.0, free(0.0), end, free(end))]
+    while pieces:
+        a, free_a, b, free_b = pieces.pop()
+        if not min(free_a, free_b) > 0.0:
+            return True
+        length = way(a, b)
+        if free_a + free_b > length + slack:
+            continue
+        if length < SHORTEST:
+            if undecided:
+                return True
+            continue
+        middle = 0.5 * (a + b)
+        between = free(middle)
+        pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
+    return False
+
+
 class Collision:
     """Distances and free paths of a sphere among the obstacles of a world; the border bounds its centre."""
 
-    def __init__(self, world: World, footprint: Footprint) -> None:
+    def __init__(self, world: Workspace, footprint: Footprint) -> None:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
         self._asking = RLock()  # the probe is one for all, and threads move it
@@ -125,10 +157,10 @@ class Collision:
         return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
-        """Whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each.
+        """Return whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each.
 
         Args:
-            more: room that is asked for besides, from what stands [m].
+            more: clearance from obstacles that is required in addition [m].
         """
         result = self._inside(tails) & self._inside(heads)
         middles = self._lift(0.5 * (tails + heads))
@@ -148,26 +180,7 @@ class Collision:
             position: arc length in [0, length] [m] -> robot centre (2,) [m].
             length: of the curve [m].
         """
-        clear = self._clear_at
-        slack = self._slack
-        last = clear(position(length))
-        begin = clear(position(0.0))
-        if not min(begin, last) > 0:
-            return False
-        pieces = [(0.0, begin, length, last)]
-        while pieces:
-            a, clear_a, b, clear_b = pieces.pop()
-            if clear_a + clear_b > b - a + slack:
-                continue
-            if b - a < SHORTEST:
-                return False
-            middle = 0.5 * (a + b)
-            clear_middle = clear(position(middle))
-            if not clear_middle > 0:
-                return False
-            pieces.append((middle, clear_middle, b, clear_b))
-            pieces.append((a, clear_a, middle, clear_middle))
-        return True
+        return not touches(lambda s: self._clear_at(position(s)), lambda a, b: b - a, length, slack=self._slack)
 
     def _clear_at(self, position: Array) -> float:
         x, y = float(position[0]), float(position[1])

@@ -12,15 +12,16 @@ spacings, and a table says which block holds a cell.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.scene import World
+from pirrht.geometry.scene import Workspace
 from pirrht.jit.addresses import load_float32, load_int32
-from pirrht.jit.float32 import ONE
+from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import inlined, kernel
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
@@ -67,13 +68,13 @@ class Field(Grid):
     blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
 
     @classmethod
-    def of(cls, world: World, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
+    def of(cls, world: Workspace, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
         """Take hold of values (nx, ny), clearances [m] and labels, that start at the workspace's least corner."""
         shape = (*nearest.shape, nearest.shape[1], 0, 0, 0)
         return cls._holding(world, spacing, shape, _packed(nearest, second, label))
 
     @classmethod
-    def in_blocks(cls, world: World, spacing: float, table: NDArray[np.int32], arrays: Arrays) -> Field:
+    def in_blocks(cls, world: Workspace, spacing: float, table: NDArray[np.int32], arrays: Arrays) -> Field:
         """The same of blocks (k, stride, stride) and a table (rows, columns) of numbers and levels."""
         cells = arrays[0].shape[1] - 1
         nx, ny = (cells * n + 1 for n in table.shape)
@@ -83,7 +84,7 @@ class Field(Grid):
         return field
 
     @classmethod
-    def _holding(cls, world: World, spacing: float, shape: tuple[int, ...], arrays: Arrays) -> Field:
+    def _holding(cls, world: Workspace, spacing: float, shape: tuple[int, ...], arrays: Arrays) -> Field:
         corner, end = world.lower.astype(float), world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
         field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *shape, *addresses, *corner, *end)
@@ -229,3 +230,42 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
     """Write the clearance at points (k, 2) to out (k,) [m]."""
     for k in range(len(points)):
         out[k] = clearance(field, points[k, 0], points[k, 1])
+
+
+TINY = np.float32(1e-12)
+JUMP, AWAY = np.float32(2.0), np.float32(1e6)  # steeper than a distance can be: another wall is second from there on
+
+
+@inlined
+def two_walls(field, x, y):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
+    nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
+    return walls_of(field, x, y, nearest, second)
+
+
+@inlined
+def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
+    """Return the two nearest of three walls, the last two of which are in order."""
+    first, later = e < c, e < d
+    d, mx, my = (
+        c if first else (e if later else d),
+        nx if first else (ex if later else mx),
+        ny if first else (ey if later else my),
+    )
+    return e if first else c, ex if first else nx, ey if first else ny, d, mx, my
+
+
+@inlined
+def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
+    """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
+    c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
+    d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
+    d = d if mx * mx + my * my < JUMP else AWAY
+    one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
+    nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
+    left, right = np.float32(x - field.left), np.float32(field.right - x)
+    low, high = np.float32(y - field.low), np.float32(field.high - y)
+    beside, below = min(left, right), min(low, high)
+    side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
+    c, nx, ny, d, mx, my = _with_edge(beside, side, ZERO, c, nx, ny, d, mx, my)
+    return _with_edge(below, ZERO, level, c, nx, ny, d, mx, my)

@@ -82,19 +82,17 @@ def _side(tails: Array, heads: Array, points: Array) -> Array:
 def find_passages(field: Field, collision: Collision) -> Passages:
     """Every passage of a world that a robot can use, from its clearance field; FCL is asked where that is unsure."""
     radius = collision.footprint.radius
-    known: dict[tuple[int, int], list[Array]] = {}
     middles: list[Array] = []
     walks, work = [], np.empty((MOST, 3))
     middle = np.empty(4)  # x, y, heading, clearance
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
         _best_of_block(field, row, column, stride, middle)
-        if not _centre(field, radius, middle) or middle[3] > REACH or _known(known, middle, radius):
+        if not _centre(field, radius, middle) or middle[3] > REACH or _known(middles, middle, radius):
             continue
         if middle[3] < field.spacing and not collision.free(middle[None, :2])[0]:
             continue
         middles.append(middle.copy())
-        known.setdefault(_square(middle, radius), []).append(middles[-1])
         walks.append(work[: _walk(field, radius, middle, work)].copy())
     found = np.array(middles).reshape(-1, 4)
     order = np.argsort(found[:, 3], kind="stable")
@@ -107,20 +105,13 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     )
 
 
-def _square(middle: Array, radius: float) -> tuple[int, int]:
-    """Where a middle lies on a chessboard of squares as wide as the robot's radius [m]."""
-    return math.floor(middle[0] / radius), math.floor(middle[1] / radius)
-
-
-def _known(known: dict[tuple[int, int], list[Array]], middle: Array, radius: float) -> bool:
-    """Whether a passage through this chord has been found already; `known` are the middles in each square."""
-    i, j = _square(middle, radius)
-    return any(
-        math.hypot(*(middle[:2] - other[:2])) < radius and abs(math.sin(middle[2] - other[2])) < 0.7
-        for k in (i - 1, i, i + 1)
-        for m in (j - 1, j, j + 1)
-        for other in known.get((k, m), ())
-    )
+def _known(middles: list[Array], middle: Array, radius: float) -> bool:
+    """Return whether one of the passages so far leads through this chord."""
+    if not middles:
+        return False
+    others = np.array(middles)
+    near = np.hypot(*(others[:, :2] - middle[:2]).T) < radius
+    return bool(np.any(near & (np.abs(np.sin(others[:, 2] - middle[2])) < 0.7)))
 
 
 @kernel

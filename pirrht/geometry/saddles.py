@@ -1,9 +1,12 @@
-"""Where the clearance field has saddles: free space narrows there before it widens again.
+"""Find saddles of the clearance field: free space narrows there before it widens again.
 
 The points with more clearance than c fall into parts, and those with less as well. At a saddle two parts meet: two
 rooms with c falling (a doorway), or two obstacles with c rising (the last gap between them). Every passage is one or
 the other, also where both sides belong to one component. A sweep in the order of clearance finds them (union-find);
 that the shallower of two parts must be of some depth tells a passage from the grain of the grid.
+
+Squares of grid points lie in pages: one in a small world, one for every coarsest block near a solid in a large one.
+Away from all solids a page is one room of the field's greatest clearance, and all around the workspace is one obstacle.
 """
 
 from __future__ import annotations
@@ -13,72 +16,95 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
-from pirrht.geometry.field import REACH, Field, value_at
-from pirrht.geometry.pages import BLOCKS, ROOM, SOLID, saddles_of_pages
+from pirrht.arrays import Array, IntArray
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, value_at
 from pirrht.jit.jit import inlined, kernel
 
+ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
+SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it
+BLOCKS = 2.0  # of the field's points that make a square, per radius: the thinnest obstacle still blocks one
+STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
+FINE = 2  # levels below this are looked at point by point: wider cells hold whole squares
 
-class Blocks(NamedTuple):
-    """Square blocks of grid points in rows that are closed all around, each with the clearance of its best point."""
 
-    value: Array  # (rows columns,) [m]
-    columns: int
-    stride: int  # grid points on a side of a block
+class Pages(NamedTuple):
+    """Squares of the field by pages: those near solids first, then the empty pages, then the surroundings."""
+
+    first: IntArray  # (rows, columns) first square of each page, or the only one
+    place: IntArray  # (k, 2) row and column of the k pages near solids
+    near: int  # k
+    side: int  # squares along a side of a page
+    empty: int  # index of the first empty page's square
+    value: Array  # (n,) greatest clearance in each square [m]
 
 
 def narrow_places(field: Field, radius: float) -> tuple[int, NDArray[np.int64]]:
-    """Where a robot of some radius [m] may just pass: (row, column) of squares (k, 2), narrowest first.
+    """Return squares in which two rooms or two obstacles meet and a robot of a radius [m] may pass, narrowest first.
 
-    A square is so many grid points wide, which is returned first; its first point is that many times (row, column).
+    Returns: the side of a square in grid points, and (row, column) of the squares (k, 2). The first point of a square
+        is that many times (row, column).
     """
     stride = max(1, int(radius / (BLOCKS * field.spacing)))
-    if field.blocks is not None:
-        return stride, saddles_of_pages(field, stride, radius)
-    blocks = blocks_of(field, radius)
-    at = saddles(blocks, field.spacing, radius)
-    return stride, np.column_stack((at // blocks.columns, at % blocks.columns)) - 1
-
-
-def blocks_of(field: Field, radius: float) -> Blocks:
-    """The blocks of a field for a robot of some radius [m]."""
-    stride = max(1, int(radius / (BLOCKS * field.spacing)))
-    rows, columns = -(-field.nx // stride) + 2, -(-field.ny // stride) + 2
-    value = np.full(rows * columns, -radius)
-    _fill(field, stride, columns, value)
-    return Blocks(np.clip(value, -radius, REACH), columns, stride)
-
-
-def saddles(blocks: Blocks, spacing: float, radius: float) -> NDArray[np.int64]:
-    """Blocks (k,) in which two rooms or two obstacles meet and a robot of some radius [m] may pass, narrowest first."""
-    value = blocks.value
-    level = np.rint((value - value.min()) * (65535.0 / max(np.ptp(value), 1e-9))).astype(np.uint16)
-    rising = np.argsort(level, kind="stable")  # a radix sort
+    pages = _pages_of(field, stride, radius)
+    value, surroundings = pages.value, len(pages.value) - 1
+    near = np.flatnonzero(value[: pages.empty] < REACH)
+    level = np.rint((value[near] + radius) * (65535.0 / max(value.max() + radius, 1e-9))).astype(np.uint16)
+    rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
     found = np.zeros(len(value), dtype=np.bool_)
-    root = np.empty(len(value), dtype=np.int64)
-    _sweep(value, np.ascontiguousarray(rising[::-1]), _ring(blocks.columns, 8), ROOM * spacing, root, found)
-    _sweep(value, rising, _ring(blocks.columns, 4), SOLID * radius, root, found)
-    at = np.flatnonzero(found & (value > -spacing))  # a gap on whose axis no grid point lies may look closed
-    return at[np.argsort(value[at], kind="stable")]
+    root = np.full(len(value), -1, dtype=np.int32)
+    open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
+    _sweep(pages, open_space, STEPS, np.inf, root, np.zeros_like(found))
+    _sweep(pages, np.ascontiguousarray(rising[::-1]), STEPS, ROOM * field.spacing, root, found)
+    root[:] = -1
+    root[surroundings] = surroundings
+    _sweep(pages, rising, STEPS[:4], SOLID * radius, root, found)  # what is blocked must not meet at corners
+    at = np.flatnonzero(found & (value > -field.spacing))  # a gap on whose axis no grid point lies may look closed
+    at = at[np.argsort(value[at], kind="stable")]
+    page, square = np.divmod(at, pages.side**2)
+    places: NDArray[np.int64] = pages.place[page] * pages.side + np.column_stack(np.divmod(square, pages.side))
+    return stride, places
 
 
-def _ring(columns: int, count: int) -> NDArray[np.int64]:
-    """Steps to the 4 or 8 neighbours: free space meets at corners, then what is blocked must not."""
-    return np.array([1, -1, columns, -columns, columns + 1, columns - 1, 1 - columns, -columns - 1])[:count]
+def _pages_of(field: Field, stride: int, radius: float) -> Pages:
+    if field.blocks is None:
+        side, near = max(-(-field.nx // stride), -(-field.ny // stride)), np.ones((1, 1), dtype=np.bool_)
+    else:
+        side = ((field.stride - 1) << (LEVELS - 1)) // stride
+        near = (field.blocks[:: 1 << (LEVELS - 1), :: 1 << (LEVELS - 1)] >> LEVEL_BITS) != 0
+    place, lonely = np.argwhere(near), np.argwhere(~near)
+    first = np.empty(near.shape, dtype=np.int64)
+    empty = len(place) * side**2
+    first[near] = np.arange(len(place)) * side**2
+    first[~near] = empty + np.arange(len(lonely))
+    value = np.full(empty + len(lonely) + 1, REACH)
+    value[-1] = -radius
+    _fill(field, place, side, stride, radius, value)
+    return Pages(first, np.vstack((place, lonely)), len(place), side, empty, value)
 
 
 @kernel
-def _fill(field, stride, columns, value):  # type: ignore[no-untyped-def]
-    """Write the greatest clearance in every block, but for those all around."""
-    for i in range(field.nx):
-        x, row = field.x0 + i * field.spacing, (i // stride + 1) * columns + 1
-        side = min(x - field.left, field.right - x)
-        for j in range(field.ny):
-            y = field.y0 + j * field.spacing
-            c = min(min(side, min(y - field.low, field.high - y)), value_at(field, i, j))
-            at = row + j // stride
-            if c > value[at]:
-                value[at] = c
+def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped-def]
+    """Write the greatest clearance [m] of every square of the pages near solids."""
+    at = 0
+    for page in range(len(place)):
+        for a in range(side):
+            for b in range(side):
+                i, j = (place[page, 0] * side + a) * stride, (place[page, 1] * side + b) * stride
+                value[at] = _greatest(field, i, j, stride, radius)
+                at += 1
+
+
+@inlined
+def _greatest(field, i, j, stride, radius):  # type: ignore[no-untyped-def]
+    """Return the greatest clearance [m], from -radius to REACH, in the square that begins at a grid point (i, j)."""
+    h, best = field.spacing, -radius
+    x, y = field.x0 + (i + 0.5) * h, field.y0 + (j + 0.5) * h
+    wide = cell_of(field, x, y)[3] * h * (1 << FINE) <= 1.0  # then the greatest value is at a corner
+    step = stride if wide else 1
+    for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
+        for m in range(j, min(j + stride + (1 if wide else 0), field.ny), step):
+            best = max(best, min(border(field, field.x0 + k * h, field.y0 + m * h), value_at(field, k, m)))
+    return min(best, REACH)
 
 
 @inlined
@@ -89,24 +115,53 @@ def _find(root, p):  # type: ignore[no-untyped-def]
     return p
 
 
+@inlined
+def _beside(pages, page, i, j, a, b):  # type: ignore[no-untyped-def]
+    """Return square (a, b) of the page in row i and column j, or of the page next to it beyond its sides.
+
+    Empty pages only meet their like: -1 where one meets another.
+    """
+    side, (rows, columns) = pages.side, pages.first.shape
+    i, j = i + (-1 if a < 0 else (1 if a >= side else 0)), j + (-1 if b < 0 else (1 if b >= side else 0))
+    if not (0 <= i < rows and 0 <= j < columns):
+        return len(pages.value) - 1
+    q = pages.first[i, j]
+    if q >= pages.empty:
+        return q
+    return -1 if page >= pages.near else q + (a % side) * side + b % side
+
+
 @kernel
-def _sweep(value, order, ring, least, root, found):  # type: ignore[no-untyped-def]
-    """Add blocks in an order and mark where two parts meet that are both deeper than `least` [m] there."""
-    root[:] = -1
+def _sweep(pages, order, steps, least, root, found):  # type: ignore[no-untyped-def]
+    """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there.
+
+    A square next to an empty page is added later than that page and meets it.
+    """
+    value, place, side, area = pages.value, pages.place, pages.side, pages.side * pages.side
     for k in range(order.shape[0]):
         p = order[k]
         root[p] = p
-        for step in ring:
-            q = p + step
-            if q < 0 or q >= root.shape[0] or root[q] < 0:
-                continue
-            a, b = _find(root, p), _find(root, q)
-            if a == b:
-                continue
-            deep_a, deep_b = abs(value[a] - value[p]), abs(value[b] - value[p])
-            if min(deep_a, deep_b) > least:
-                found[p] = True
-            if deep_a < deep_b:
-                root[a] = b
+        lonely = p >= pages.empty
+        page = pages.near + p - pages.empty if lonely else p // area
+        square = 0 if lonely else p % area
+        i, j, a, b = place[page, 0], place[page, 1], square // side, square % side
+        for s in range(len(steps)):
+            di, dj = steps[s, 0], steps[s, 1]
+            if lonely:
+                di, dj = di * side, dj * side
+            if 0 <= a + di < side and 0 <= b + dj < side:
+                q = p + di * side + dj
             else:
-                root[b] = a
+                q = _beside(pages, page, i, j, a + di, b + dj)
+            if q < 0 or root[q] < 0:
+                continue
+            one, other = _find(root, p), _find(root, q)
+            if one == other:
+                continue
+            deep, deeper = abs(value[one] - value[p]), abs(value[other] - value[p])
+            if min(deep, deeper) > least:
+                found[p] = True
+            if deep < deeper:
+                root[one] = other
+            else:
+                root[other] = one

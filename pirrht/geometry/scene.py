@@ -16,7 +16,7 @@ from pirrht.geometry import solids
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.obstacle import Kind, Obstacle
 
-__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "World"]
+__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
 
 WALL = 0.5  # height of walls that are made of plain numbers [m], more for a robot whose centre is higher
 
@@ -63,7 +63,7 @@ class Waiver(NamedTuple):
     less: float  # by which the margin is smaller, except near the rim
 
 
-class World(NamedTuple):
+class Workspace(NamedTuple):
     """What stands where; distances, clearance fields and topological obstacles depend on it and the footprint alone."""
 
     lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
@@ -265,9 +265,9 @@ class Scene:
         )  # fmt: skip
 
     @property
-    def world(self) -> World:
+    def world(self) -> Workspace:
         """Bounds, 2 x (2,) [m], obstacles, and where margins are smaller."""
-        return World(self.lower, self.upper, self.obstacles, self.waivers)
+        return Workspace(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property
     def footprint(self) -> Footprint:

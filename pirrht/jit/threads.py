@@ -48,6 +48,15 @@ def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
     return [found[i] for i in range(total)]
 
 
+def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> None:
+    """Call a function (start, stop) for ranges that cover 0 to `count`, on several threads."""
+    if threads == 1:
+        work(0, count)
+        return
+    edges = [count * i // (2 * threads) for i in range(2 * threads + 1)]
+    mapped(lambda ends: work(*ends), zip(edges[:-1], edges[1:], strict=True), threads)
+
+
 def _leave(given: list[A], inside: Sequence[None]) -> None:
     """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours.
 

@@ -13,15 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel, part
-from pirrht.proposals.clearance_cost import expand_among, expand_price
-from pirrht.proposals.ddp import LEAST_CURVATURE
+from pirrht.jit.vectors import copy_row, copy_rows
+from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.forward_pass import passes_of
-from pirrht.proposals.step_map import NUDGE, step_of
-from pirrht.rollouts.general.kind import KernelSpec, is_gated
-
-SWEEPS = 12  # of Jacobi's method at most; it converges quadratically
+from pirrht.proposals.step_map import step_of
+from pirrht.proposals.tuning import TUNING
+from pirrht.rollouts.general.kind import KernelSpec
 
 
 @kernel
@@ -34,7 +32,7 @@ def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
     for i in range(m):
         for j in range(m):
             vectors[i, j] = 1.0 if i == j else 0.0
-    for _ in range(SWEEPS):
+    for _ in range(TUNING.jacobi_sweeps):
         off, size = 0.0, 0.0
         for i in range(m):
             size += A[i, i] * A[i, i]
@@ -159,7 +157,7 @@ def response(n: int) -> tuple[Any, Any]:
         diagonalise(stiff, vectors)
         course.volume[i] = 0.0
         for j in range(modes):
-            bow = max(stiff[j, j] + damping * passive, LEAST_CURVATURE * passive)
+            bow = max(stiff[j, j] + damping * passive, TUNING.least_curvature * passive)
             left = min(1.0, passive / bow)
             course.volume[i] += 0.5 * math.log(left)
             bows[j], stiff[j, j] = bow, math.sqrt(left)
@@ -213,7 +211,7 @@ def backward_of(kind: KernelSpec) -> Any:
     velocity, _, expand = step_of(kind)
     arrival, n, m = passes_of(kind)[0], kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
-    moving, point = kind.moving, is_gated(kind)
+    scratch_walls, _, expand_clearance = clearance_costs(kind.moving)
     add_after, through_step, add_before = composition(n)
     respond, leave = response(n)
 
@@ -230,7 +228,7 @@ def backward_of(kind: KernelSpec) -> Any:
                 W[1, 0] = W[0, 1]
             return
         z, f, up, down = x.copy(), np.zeros(n), np.empty(n), np.empty(n)
-        here, h = arrival(setup, task, x, f), NUDGE
+        here, h = arrival(setup, task, x, f), TUNING.nudge
         for i in range(n):
             z[i] = x[i] + h
             up[i] = arrival(setup, task, z, f)
@@ -254,36 +252,31 @@ def backward_of(kind: KernelSpec) -> Any:
             chain[k, k] = chain[2 + k, n + k] = 1.0
         if not bends:
             return
-        up, down = np.zeros(n), np.zeros(n)
+        up, down, nudge = np.zeros(n), np.zeros(n), TUNING.nudge
         for end in range(2):
             at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
             for i in range(n):
                 here = at[i]
-                at[i] = here + NUDGE
+                at[i] = here + nudge
                 velocity(setup, at, up)
-                at[i] = here - NUDGE
+                at[i] = here - nudge
                 velocity(setup, at, down)
                 at[i] = here
                 for k in range(2):
-                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / NUDGE
+                    chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / nudge
 
     @part
-    def priced(setup, task, states, i, times, points, price, bends, ends):  # type: ignore[no-untyped-def]
+    def priced(setup, task, states, i, times, points, price, work):  # type: ignore[no-untyped-def]
         """Expand the clearance cost of a step in the states before and after it; return whether there is any."""
-        dt, x, y = times[i + 1] - times[i], states[i, 0], states[i, 1]
+        f, other, walls, bends = work
+        x, y, bx, by = states[i, 0], states[i, 1], 0.0, 0.0
         dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
-        bx, by = 0.0, 0.0
         if bends:
-            f, other = ends
             velocity(setup, states[i], f)
             velocity(setup, states[i + 1], other)
             bx, by = f[0] - other[0], f[1] - other[1]
-        slope, bend = price.slope, price.bend
-        near = expand_price(setup.arena.field, task, x, y, dx, dy, bx, by, dt, points, point, slope, bend)
-        if moving:
-            near = expand_among(
-                setup.traffic, task, x, y, dx, dy, bx, by, times[i], dt, points, point, near, slope, bend
-            )
+        step = (x, y, dx, dy, bx, by, times[i], times[i + 1] - times[i])
+        near = expand_clearance(setup, task, step, points, walls, price.slope, price.bend)
         if near:
             _follow(setup, states[i], states[i + 1], bends, price.chain)
         return near
@@ -307,18 +300,19 @@ def backward_of(kind: KernelSpec) -> Any:
         """
         states, control, aims = course.states, course.control, course.aims
         modes = control.shape[1]
-        N = n + modes
+        N, bends = n + modes, not noisy_position and modes > m
         v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
         J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
-        lead, stiff, ends = np.zeros((n, N)), np.zeros((modes, modes)), (np.zeros(n), np.zeros(n))
+        lead, stiff = np.zeros((n, N)), np.zeros((modes, modes))
+        ends = np.zeros(n), np.zeros(n), scratch_walls(setup), bends
         work = stiff, stiff.copy(), stiff.copy(), np.zeros(modes)
         price = PRICE(np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n)), np.zeros((n, n)))
-        bends, expected = not noisy_position and modes > m, 0.0
+        expected = 0.0
         if task.hold == 0.0:
             _end(setup, task, states[length], v, W)
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
-            near = priced(setup, task, states, i, times, points, price, bends, ends)
+            near = priced(setup, task, states, i, times, points, price, ends)
             copy_row(v, costate)
             copy_rows(W, P)
             if task.hold > 0.0:
@@ -327,7 +321,7 @@ def backward_of(kind: KernelSpec) -> Any:
                     P[j, j] += 2.0 * task.hold * dt
             if near:
                 add_after(price, costate, P)
-            expand(setup, states[i], control[i], dt, costate, task.active, task.curved, J, S)
+            expand(setup, (states[i], control[i], dt, costate), task.active, task.curved, J, S)
             through_step(costate, P, J, S, lead, g, Q)
             if near:
                 add_before(price, J, g, Q)

@@ -8,146 +8,138 @@ obstacles count where they are when the step passes a point; each is a wall of i
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
+
+import numpy as np
 
 from pirrht.geometry.field import border, with_slope
-from pirrht.geometry.listed import listing
-from pirrht.geometry.traffic import outside_of, piece_of, wall_of_body
 from pirrht.jit.jit import inlined, kernel
-from pirrht.rollouts.among import met_on_way
+from pirrht.moving.broad_phase_cache import listing
+from pirrht.moving.distances import outside_of, piece_of, wall_of_body
+from pirrht.moving.exits import met_on_way
+
+STATIC = 6  # static walls at one place: two components and four sides of the border
 
 
 @inlined
-def barrier(c, margin, least, square):  # type: ignore[no-untyped-def]
-    """c^-2 if `square`, else c^(-2/3), less its tangent at the margin, and its first two derivatives.
+def barrier(c, task):  # type: ignore[no-untyped-def]
+    """c^p less its tangent at the margin, p being the exponent, and its first two derivatives.
 
-    It is zero beyond the margin and quadratic below `least`. Points feel walls as a Brownian motion does, by c^-2.
+    It is zero beyond the margin and quadratic below `Task.least`.
     """
-    if c >= margin:
-        return 0.0, 0.0, 0.0
-    at = max(c, least)
-    if square:
-        value, edge = 1.0 / (at * at), 1.0 / (margin * margin)
-        rise, bend, down = -2.0 * value / at, 6.0 * value * value, -2.0 * edge / margin
-    else:
-        value, edge = at ** (-2.0 / 3.0), margin ** (-2.0 / 3.0)
-        rise, bend, down = -2.0 / 3.0 * value / at, 10.0 / 9.0 * value / (at * at), -2.0 / 3.0 * edge / margin
+    margin, p = task.margin, task.exponent
+    at = max(c, task.least)
+    value, edge = at**p, margin**p
+    rise, bend, down = p * value / at, p * (p - 1.0) * value / (at * at), p * edge / margin
     below = c - at
     value = value + rise * below + 0.5 * bend * below * below - edge - down * (c - margin)
     return value, rise + bend * below - down, bend
 
 
 @kernel
-def price(field, margin, least, x, y, square):  # type: ignore[no-untyped-def]
-    """Sum the barrier against the two nearest components and the border at (x, y).
+def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
+    """Write clearance and direction away (x, y) of the walls nearer than `margin` [m] to `walls`; return their number.
 
-    Returns: value, gradient (x, y) and Gauss-Newton Hessian (xx, xy, yy).
+    They are the two nearest components and the sides of the border; all at most STATIC.
     """
-    value, px, py, xx, xy, yy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    count = 0
     if border(field, x, y) < margin:
         for side in range(4):
             c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-            gx, gy = (1.0, -1.0, 0.0, 0.0)[side], (0.0, 0.0, 1.0, -1.0)[side]
-            p, d, h = barrier(c, margin, least, square)
-            value, px, py, xx, yy = value + p, px + d * gx, py + d * gy, xx + h * gx * gx, yy + h * gy * gy
+            if c < margin:
+                walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
+                walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
+                count += 1
     for k in range(2):
-        c, gx, gy = with_slope(field, field.nearest if k == 0 else field.second, x, y)
+        c, nx, ny = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         if c >= margin:
             break
-        p, d, h = barrier(c, margin, least, square)
-        value, px, py = value + p, px + d * gx, py + d * gy
-        xx, xy, yy = xx + h * gx * gx, xy + h * gx * gy, yy + h * gy * gy
-    return value, px, py, xx, xy, yy
+        walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
+        count += 1
+    return count
 
 
 @kernel
-def price_of(field, task, x, y, dx, dy, bx, by, dt, points, square):  # type: ignore[no-untyped-def]
-    """Return the price [cost] of a step of dt [s] from (x, y) by (dx, dy) [m] that loses a velocity (bx, by) [m/s]."""
-    total = 0.0
-    for k in range(1, points + 1):
-        t = k / points
-        w = 0.5 * t * (1.0 - t) * dt
-        total += price(field, task.margin, task.least, x + t * dx + w * bx, y + t * dy + w * by, square)[0]
-    return task.price * total * dt / points
+def moving_walls(traffic, margin, x, y, time, walls, count):  # type: ignore[no-untyped-def]
+    """Add moving obstacles nearer than `margin` [m] at a time [s] to `count` walls; return the new number."""
+    for j in range(traffic.J):
+        ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time)
+        if outside_of(traffic, j, ox, oy, x, y) >= margin:
+            continue
+        c, nx, ny, _, _ = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+        if c >= margin:
+            continue
+        if nx == 0.0 and ny == 0.0:  # inside, away from its middle
+            size = math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) + 1e-9
+            nx, ny = (x - ox) / size, (y - oy) / size
+        walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
+        count += 1
+    return count
 
 
-@kernel
-def expand_price(field, task, x, y, dx, dy, bx, by, dt, points, square, g, H):  # type: ignore[no-untyped-def]
-    """Differentiate `price_of` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
+@cache
+def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
+    """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles."""
 
-    Returns: whether there are any; otherwise nothing is written.
-    """
-    found = False
-    for k in range(1, points + 1):
-        t = k / points
+    @kernel
+    def scratch(setup):  # type: ignore[no-untyped-def]
+        """Allocate room for the walls at one place."""
+        return np.empty((STATIC + (setup.traffic.J if moving else 0), 3))
+
+    @kernel
+    def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
+        """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
+        x, y, dx, dy, bx, by, begin, dt = step
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
-        value, px, py, xx, xy, yy = price(field, task.margin, task.least, at, to, square)
-        if value <= 0.0:
-            continue
-        if not found:
-            g[:], H[:, :], found = 0.0, 0.0, True
-        scale = task.price * dt / points
-        for i in range(3):
-            one = (1.0 - t, t, w)[i]
-            g[2 * i] += scale * one * px
-            g[2 * i + 1] += scale * one * py
-            for j in range(3):
-                both = scale * one * (1.0 - t, t, w)[j]
-                H[2 * i, 2 * j] += both * xx
-                H[2 * i, 2 * j + 1] += both * xy
-                H[2 * i + 1, 2 * j] += both * xy
-                H[2 * i + 1, 2 * j + 1] += both * yy
-    return found
+        count = static_walls(setup.arena.field, task.margin, at, to, walls)
+        if moving:
+            count = moving_walls(setup.traffic, task.margin, at, to, begin + t * dt, walls, count)
+        return count, w
 
+    @kernel
+    def cost(setup, task, step, points, walls):  # type: ignore[no-untyped-def]
+        """Return the clearance cost of a step [cost] at some points, its end the last.
 
-@kernel
-def price_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square):  # type: ignore[no-untyped-def]
-    """Return the price [cost] of moving obstacles for a step (`price_of`) that begins at a time [s]."""
-    total = 0.0
-    for k in range(1, points + 1):
-        t = k / points
-        w = 0.5 * t * (1.0 - t) * dt
-        px, py = x + t * dx + w * bx, y + t * dy + w * by
-        for j in range(traffic.J):
-            ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time + t * dt)
-            if outside_of(traffic, j, ox, oy, px, py) < task.margin:
-                c = wall_of_body(traffic, j, ox, oy, yaw, px, py)[0]
-                total += barrier(c, task.margin, task.least, square)[0]
-    return task.price * total * dt / points
+        A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
+        """
+        total = 0.0
+        for k in range(1, points + 1):
+            count, _ = walls_at(setup, task, step, k / points, walls)
+            for i in range(count):
+                total += barrier(walls[i, 0], task)[0]
+        return task.price * total * step[7] / points
 
+    @kernel
+    def expand(setup, task, step, points, walls, g, H):  # type: ignore[no-untyped-def]
+        """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 
-@kernel
-def expand_among(traffic, task, x, y, dx, dy, bx, by, time, dt, points, square, found, g, H):  # type: ignore[no-untyped-def]
-    """Differentiate `price_among`: add to g (6,) and H (6, 6) if `found`, else write them; return whether any are."""
-    for k in range(1, points + 1):
-        t = k / points
-        w = 0.5 * t * (1.0 - t) * dt
-        px, py = x + t * dx + w * bx, y + t * dy + w * by
-        scale = task.price * dt / points
-        for j in range(traffic.J):
-            ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time + t * dt)
-            if outside_of(traffic, j, ox, oy, px, py) >= task.margin:
-                continue
-            c, nx, ny, _, _ = wall_of_body(traffic, j, ox, oy, yaw, px, py)
-            if c >= task.margin:
-                continue
-            if not found:
-                g[:], H[:, :], found = 0.0, 0.0, True
-            if nx == 0.0 and ny == 0.0:  # inside, away from its middle
-                size = math.sqrt((px - ox) * (px - ox) + (py - oy) * (py - oy)) + 1e-9
-                nx, ny = (px - ox) / size, (py - oy) / size
-            _, rise, bend = barrier(c, task.margin, task.least, square)
-            for e in range(3):
-                one = scale * (1.0 - t, t, w)[e]
-                g[2 * e] += one * rise * nx
-                g[2 * e + 1] += one * rise * ny
+        Returns: whether there are any walls; otherwise nothing is written.
+        """
+        found = False
+        for k in range(1, points + 1):
+            t = k / points
+            count, w = walls_at(setup, task, step, t, walls)
+            share, scale = (1.0 - t, t, w), task.price * step[7] / points
+            for e in range(count):
+                if not found:
+                    g[:], H[:, :], found = 0.0, 0.0, True
+                _, rise, bend = barrier(walls[e, 0], task)
+                nx, ny = walls[e, 1], walls[e, 2]
                 for i in range(3):
-                    both = one * bend * (1.0 - t, t, w)[i]
-                    H[2 * e, 2 * i] += both * nx * nx
-                    H[2 * e, 2 * i + 1] += both * nx * ny
-                    H[2 * e + 1, 2 * i] += both * nx * ny
-                    H[2 * e + 1, 2 * i + 1] += both * ny * ny
-    return found
+                    one = scale * share[i]
+                    g[2 * i] += one * rise * nx
+                    g[2 * i + 1] += one * rise * ny
+                    for j in range(3):
+                        both = one * bend * share[j]
+                        H[2 * i, 2 * j] += both * nx * nx
+                        H[2 * i, 2 * j + 1] += both * nx * ny
+                        H[2 * i + 1, 2 * j] += both * nx * ny
+                        H[2 * i + 1, 2 * j + 1] += both * ny * ny
+        return found
+
+    return scratch, cost, expand
 
 
 @kernel

@@ -10,9 +10,10 @@ import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.jit.jit import kernel
-from pirrht.proposals.clearance_cost import price_among, price_of
+from pirrht.jit.vectors import copy_row
+from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.step_map import step_of
-from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_gated
+from pirrht.rollouts.general.kind import KernelSpec, diffusion_of
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.heading import wrapped
 
@@ -25,7 +26,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
     rows, by_inputs = kind.rows, kind.input_form
     through_inputs = by_inputs and kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
-    moving, point = kind.moving, is_gated(kind)
+    scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
 
     @kernel
@@ -84,32 +85,24 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
         the clearance of each step is priced at so many points.
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
-        states, applied = tried.states, tried.control
-        f, B, x, bow = np.zeros(n), np.zeros((2, rows, m)), np.empty(n), np.zeros(2)
+        states, applied, aims = tried.states, tried.control, course.aims
+        f, B, x, bow, walls = np.zeros(n), np.zeros((2, rows, m)), np.empty(n), np.zeros(2), scratch_walls(setup)
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
         bends = not noisy_position and applied.shape[1] > m
         advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
-        for i in range(times.shape[0] - 1):
-            if held and i >= length:
-                return i, cost, priced
-            dt = times[i + 1] - times[i]
-            for j in range(n):
-                x[j] = states[i, j]
-            ahead = False
+        for i in range(length if held else times.shape[0] - 1):
+            dt, u, ahead = times[i + 1] - times[i], applied[i], False
+            copy_row(states[i], x)
             if not noisy_position:
                 velocity(setup, x, f)
-            if not noisy_position and not held:
-                ahead = _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
+                ahead = not held and _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
-                u = applied[i]
                 _control(setup, task, course, length, i, step, x, B, u)
-                if bends:
-                    bow[0], bow[1] = f[0], f[1]
+                bow[0], bow[1] = f[0], f[1]
                 running = advance(setup, x, u, dt, B, f, states[i + 1])
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
                 if bends:
                     velocity(setup, states[i + 1], f)
-                    bow[0], bow[1] = bow[0] - f[0], bow[1] - f[1]
                 ahead = not held and _enters(setup, x[0], x[1], dx, dy)
             if ahead:
                 rest = arrival(setup, task, x, f)
@@ -117,18 +110,19 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
                 return i, cost + rest, priced + rest
             for j in range(u.shape[0]):
                 running += 0.5 * task.temperature * u[j] * u[j] * dt
+            bx, by = (bow[0] - f[0], bow[1] - f[1]) if bends else (0.0, 0.0)
             cost, priced = cost + running, priced + running
-            priced += price_of(setup.arena.field, task, x[0], x[1], dx, dy, bow[0], bow[1], dt, points, point)
-            if moving:
-                now, bow_x, bow_y = times[i], bow[0], bow[1]
-                priced += price_among(setup.traffic, task, x[0], x[1], dx, dy, bow_x, bow_y, now, dt, points, point)
+            priced += clearance_cost(setup, task, (x[0], x[1], dx, dy, bx, by, times[i], dt), points, walls)
             if held:
-                off_x, off_y = states[i + 1, 0] - course.aims[i + 1, 0], states[i + 1, 1] - course.aims[i + 1, 1]
-                priced += task.hold * (off_x * off_x + off_y * off_y) * dt
-            if not priced < 1e12:
+                priced += (
+                    task.hold
+                    * ((states[i + 1, 0] - aims[i + 1, 0]) ** 2 + (states[i + 1, 1] - aims[i + 1, 1]) ** 2)
+                    * dt
+                )
+            if not priced < 1e12:  # diverged
                 return -1, np.inf, np.inf
         if held:
-            return times.shape[0] - 1, cost, priced
+            return length, cost, priced
         return -1, np.inf, np.inf
 
     return arrival, forward

@@ -21,17 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.proposals.walls import NEAREST, WallDrift
+from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.wall_drift import WallDrift
 
-MOMENTS, SHARES = np.polynomial.legendre.leggauss(8)
+MOMENTS, SHARES = np.polynomial.legendre.leggauss(TUNING.moments)
 MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
-HALVINGS = 24  # bisections of a speed
-NOTHING = 1e-9  # of 1/c, below which the bias of a mean is zero
-ALONG = 1e-4  # of g c, below which a point goes along a wall
-FAR = 300.0  # of g c, above which a wall is out of reach
-SOON = 1e-3  # over which the speed of a wall is measured [s]
-SAME = 0.99  # cosine of the directions of one wall then and now
-UNSURE = 0.3  # standard error of the bias, as a share of it, since walls are neither flat nor alone
 
 
 def shortfall(c: float, s: float, variance: float, span: float) -> float:
@@ -43,12 +37,12 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
         variance: of the noise, b^2 [m^2/s].
     """
     g, total = max(s, 0.0) / variance, 0.0
-    if g * c > FAR:
+    if g * c > TUNING.out_of_reach:
         return 0.0
     for moment, share in zip(MOMENTS, SHARES, strict=True):
         t = span * moment
         spread = math.sqrt(2.0 * variance * t)
-        if g * c < ALONG:
+        if g * c < TUNING.along:
             total += share * math.erfc(c / spread) / c
         else:
             near, far = math.erfc((c - s * t) / spread), math.erfc((c + s * t) / spread)
@@ -61,13 +55,13 @@ def speed_of(mean: float, c: float, variance: float, span: float) -> float:
 
     def off(s: float) -> float:
         g = s / variance
-        now = 1.0 / c if g * c < ALONG else g / math.tanh(g * c)
+        now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
         return now - shortfall(c, s, variance, span) - mean
 
     low, high = 0.0, max(mean, 0.0) * variance
     if off(low) >= 0.0:
         return 0.0
-    for _ in range(HALVINGS):  # the mean is no less than s / variance
+    for _ in range(TUNING.bisections):  # the mean is no less than s / variance
         middle = 0.5 * (low + high)
         low, high = (low, middle) if off(middle) >= 0.0 else (middle, high)
     return 0.5 * (low + high)
@@ -103,10 +97,11 @@ class NearWallsOfMeans(NearWalls):
     @classmethod
     def of(cls, push: WallDrift, x: Array, span: float, counted: float) -> NearWallsOfMeans:
         """Evaluate the two walls that are nearest to x (2,) at the moment of a plan."""
-        d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, SOON)
+        d, now, then = push.problem.dynamics, push.walls(x), push.walls(x, TUNING.wall_step)
         B, pushed = d.B_c(x), push(x)
         return cls(
-            push=pushed, held_back=push(x, closest=NEAREST) - pushed, gain=push.gain(x), moved=d.G_c(x), noise=B @ B.T,
+            push=pushed, held_back=push(x, closest=TUNING.least_gap) - pushed, gain=push.gain(x), moved=d.G_c(x),
+            noise=B @ B.T,
             walls=tuple(wall for wall in (_wall(now, then, k) for k in (0, 3)) if wall is not None),
             span=span, counted=counted,
         )  # fmt: skip
@@ -116,14 +111,14 @@ class NearWallsOfMeans(NearWalls):
         slope, velocity = np.zeros(2), self.moved @ mean
         for c, away, receding in self.walls:
             variance = float(away @ self.noise @ away)
-            if shortfall(c, 0.0, variance, self.span) < NOTHING / c:
+            if shortfall(c, 0.0, variance, self.span) < TUNING.unbiased / c:
                 continue
             speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
             slope += away * shortfall(c, speed, variance, self.span)
         missing = (1.0 - self.counted) * (self.gain @ slope)
         free: Array = mean + missing - (1.0 - self.counted) * self.push
         unresolved = self.counted * (_unresolved(self.push, mean, mean - led) + np.abs(self.held_back))
-        return free, UNSURE * np.abs(missing) + unresolved
+        return free, TUNING.unsure * np.abs(missing) + unresolved
 
 
 def _unresolved(push: Array, mean: Array, found: Array) -> Array:
@@ -138,5 +133,7 @@ def _wall(now: tuple[float, ...], then: tuple[float, ...], k: int) -> tuple[floa
     c, away = float(now[k]), np.array([now[k + 1], now[k + 2]], dtype=float)
     if not (math.isfinite(c) and c > 0.0 and away.any()):
         return None
-    later = [float(then[j]) for j in (0, 3) if away @ np.array([then[j + 1], then[j + 2]], dtype=float) > SAME]
-    return c, away, min(((d - c) / SOON for d in later), key=abs, default=0.0)
+    later = [
+        float(then[j]) for j in (0, 3) if away @ np.array([then[j + 1], then[j + 2]], dtype=float) > TUNING.same_wall
+    ]
+    return c, away, min(((d - c) / TUNING.wall_step for d in later), key=abs, default=0.0)

@@ -12,11 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel, part
+from pirrht.jit.vectors import copy_row, copy_rows
+from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
-
-NUDGE = 1e-4  # of a state, for differences [m], [rad], [m/s] ..
 
 
 @cache
@@ -35,20 +34,9 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
 
-    @part
-    def inside(setup, x, a, dt, B, z):  # type: ignore[no-untyped-def]
-        """Write the state at which the drift of a step from x (n,) is taken to z (n,), under noise B (rows, m)."""
-        for j in range(n):
-            z[j] = x[j]
-        if setup.bridge and not noisy_position:
-            for j in range(rows):
-                for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
-                    z[fixed + j] += dt * B[j, k] * mean
-
     @kernel
-    def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
-        """Write the state after a step of dt [s] from x (n,) under modes a to out (n,).
+    def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
+        """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,).
 
         B (2, rows, m) and f (n,) are scratch; B[0] keeps B of x, or where G is that of the middle, of the middle.
         Returns: cost of the states in it, q dt.
@@ -59,7 +47,12 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
         else:
             copy_rows(setup.diffusion, B)
         f[:] = 0.0
-        inside(setup, x, a, dt, B, out)
+        copy_row(x, out)
+        if setup.bridge and not noisy_position:
+            for j in range(rows):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
+                    out[fixed + j] += dt * B[j, k] * mean
         drift(out, setup.parameters, f)
         if midway:
             for j in range(n):
@@ -72,163 +65,122 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
             if noisy_position or not setup.bridge:
                 drift(out, setup.parameters, f)
         for j in range(n):
-            out[j] = x[j] + dt * f[j]
+            out[j] = dt * f[j]
         for j in range(rows):
             for k in range(m):
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @kernel
-    def expand(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Differentiate `advance` in (x, a), N = n + modes, where B is constant: by differences of drift and q alone.
-
-        Args, from `costate` on: (n,) weights of the next state's components; bits of the states that drift or q depend
-        on; whether second derivatives are required; J (n+1, N) and S (N, N), filled with the first derivatives of the
-        next state and of q dt, and the second ones of the weighted sum and q dt.
-        """
-        modes = a.shape[0]
-        N, B, p = n + modes, setup.diffusion, setup.parameters
-        z, mid, f, up, down = np.empty(n), np.empty(n), np.zeros(n), np.zeros(n), np.zeros(n)
-        D, which = np.zeros((n, N)), np.empty(n, np.int64)
-        inside(setup, x, a, dt, B, mid)
-        copy_row(mid, z)
-        drift(mid, p, f)
-        here, rate = 0.0, q(x, p) if varying_rate else 0.0
+    def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
+        """Write the state after a step to out (n,); arguments and result are those of `displacement`."""
+        cost = displacement(setup, x, a, dt, B, f, out)
         for j in range(n):
-            here += costate[j] * f[j]
-        J[:, :], S[:, :] = 0.0, 0.0
-        count = 0
-        for i in range(n):
-            J[i, i] = 1.0
-            D[i, i] = 1.0
-            if (active >> i) & 1:
-                which[count] = i
-                count += 1
-        halfway = setup.bridge and not noisy_position
-        for j in range(rows):
-            for k in range(m):
-                J[fixed + j, n + k] = dt * B[j, k]
-                if halfway:
-                    D[fixed + j, n + k] = 0.5 * dt * B[j, k]
-                    if modes > m:
-                        D[fixed + j, n + m + k] = -SWAY * dt * B[j, k]
-        sums, rates = np.zeros((n, 2)), np.zeros((n, 2))
-        for c in range(count):
-            i = which[c]
-            z[i] = mid[i] + NUDGE
-            drift(z, p, up)
-            z[i] = mid[i] - NUDGE
-            drift(z, p, down)
-            z[i] = mid[i]
-            for j in range(n):
-                slope = 0.5 * dt * (up[j] - down[j]) / NUDGE
-                if slope != 0.0:
-                    for k in range(N):
-                        J[j, k] += slope * D[i, k]
-                sums[i, 0] += costate[j] * up[j]
-                sums[i, 1] += costate[j] * down[j]
-            if varying_rate:
-                keep = x[i]
-                x[i] = keep + NUDGE
-                rates[i, 0] = q(x, p)
-                x[i] = keep - NUDGE
-                rates[i, 1] = q(x, p)
-                x[i] = keep
-                J[n, i] = 0.5 * dt * (rates[i, 0] - rates[i, 1]) / NUDGE
-        if not curved:
-            return
-        scale = dt / (NUDGE * NUDGE)
-        for c in range(count):
-            i = which[c]
-            for e in range(c + 1):
-                k = which[e]
-                if e == c:
-                    bend = sums[i, 0] - 2.0 * here + sums[i, 1]
-                    own = rates[i, 0] - 2.0 * rate + rates[i, 1]
-                else:
-                    bend = 2.0 * here - sums[i, 0] - sums[i, 1] - sums[k, 0] - sums[k, 1]
-                    own = 2.0 * rate - rates[i, 0] - rates[i, 1] - rates[k, 0] - rates[k, 1]
-                    for sign in (1.0, -1.0):
-                        z[i], z[k] = mid[i] + sign * NUDGE, mid[k] + sign * NUDGE
-                        drift(z, p, up)
-                        z[i], z[k] = mid[i], mid[k]
-                        for j in range(n):
-                            bend += costate[j] * up[j]
-                        if varying_rate:
-                            at_i, at_k = x[i], x[k]
-                            x[i], x[k] = at_i + sign * NUDGE, at_k + sign * NUDGE
-                            own += q(x, p)
-                            x[i], x[k] = at_i, at_k
-                    bend, own = 0.5 * bend, 0.5 * own
-                bend, own = scale * bend, scale * own
-                if varying_rate:
-                    S[i, k] += own
-                    if i != k:
-                        S[k, i] += own
-                for r in range(N):
-                    left, right = bend * D[i, r], bend * D[k, r]
-                    if left != 0.0 or right != 0.0:
-                        for s in range(N):
-                            S[r, s] += left * D[k, s]
-                            if i != k:
-                                S[r, s] += right * D[i, s]
+            out[j] += x[j]
+        return cost
 
-    @kernel
-    def expand_any(setup, x, a, dt, costate, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Differentiate `advance` in (x, a) for any B; arguments of `expand`."""
-        modes = a.shape[0]
-        N = n + modes
-        z, c, nudge = np.empty(n), np.empty(modes), np.empty(N)
-        B, f, ahead, behind = np.zeros((2, rows, m)), np.empty(n), np.empty(n), np.empty(n)
-        up, down = np.empty(N), np.empty(N)
-        rate = advance(setup, x, a, dt, B, f, ahead)
-        here, size = rate, 0.0
-        for j in range(n):
-            here += costate[j] * ahead[j]
-        for j in range(rows):
-            for k in range(m):
-                size = max(size, abs(B[0, j, k]))
-        for i in range(N):
-            nudge[i] = NUDGE if i < n else NUDGE / (dt * size)
+    @part
+    def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
+        """Return the weighted displacement and q dt, with variables i and k of (x, a) shifted."""
+        (x, a, dt, costate), (z, c, B, f) = at, work
         copy_row(x, z)
         copy_row(a, c)
-        for i in range(N):
-            h = nudge[i]
-            if i < n:
-                z[i] = x[i] + h
-                more = advance(setup, z, a, dt, B, f, ahead)
-                z[i] = x[i] - h
-                less = advance(setup, z, a, dt, B, f, behind)
-                z[i] = x[i]
+        for e in range(2):
+            j, h = (i, k)[e], (shift, other)[e]
+            if j < n:
+                z[j] += h
             else:
-                c[i - n] = a[i - n] + h
-                more = advance(setup, x, c, dt, B, f, ahead)
-                c[i - n] = a[i - n] - h
-                less = advance(setup, x, c, dt, B, f, behind)
-                c[i - n] = a[i - n]
-            up[i], down[i], J[n, i] = more, less, 0.5 * (more - less) / h
+                c[j - n] += h
+        rate, total = displacement(setup, z, c, dt, B, f, out), 0.0
+        for j in range(n):
+            total += costate[j] * out[j]
+        return total, rate
+
+    @kernel
+    def differentiate(setup, at, which, nudge, curved, work, J, F, R):  # type: ignore[no-untyped-def]
+        """Write first derivatives to J and second ones, of the weighted displacement to F and of q dt to R."""
+        count, up, down = which.shape[0], np.empty(nudge.shape), np.empty(nudge.shape)
+        up_rate, down_rate, ahead, behind = np.empty(nudge.shape), np.empty(nudge.shape), np.empty(n), np.empty(n)
+        here, rate = probe(setup, at, 0, 0.0, 0, 0.0, work, ahead)
+        for c in range(count):
+            i = which[c]
+            h = nudge[i]
+            up[i], up_rate[i] = probe(setup, at, i, h, 0, 0.0, work, ahead)
+            down[i], down_rate[i] = probe(setup, at, i, -h, 0, 0.0, work, behind)
             for j in range(n):
                 J[j, i] = 0.5 * (ahead[j] - behind[j]) / h
-                up[i] += costate[j] * ahead[j]
-                down[i] += costate[j] * behind[j]
-            S[i, i] = (up[i] - 2.0 * here + down[i]) / (h * h) if curved else 0.0
-        for i in range(N):
-            for k in range(i):
-                S[i, k] = 0.0
-                if curved:
-                    total = 2.0 * here - up[i] - up[k] - down[i] - down[k]
-                    for sign in (1.0, -1.0):
-                        copy_row(x, z)
-                        copy_row(a, c)
-                        for e in (i, k):
-                            if e < n:
-                                z[e] += sign * nudge[e]
-                            else:
-                                c[e - n] += sign * nudge[e]
-                        total += advance(setup, z, c, dt, B, f, ahead)
-                        for j in range(n):
-                            total += costate[j] * ahead[j]
-                    S[i, k] = 0.5 * total / (nudge[i] * nudge[k])
-                S[k, i] = S[i, k]
+            J[n, i] = 0.5 * (up_rate[i] - down_rate[i]) / h
+            if not curved:
+                continue
+            F[i, i] = (up[i] - 2.0 * here + down[i]) / (h * h)
+            R[i, i] = (up_rate[i] - 2.0 * rate + down_rate[i]) / (h * h)
+            for e in range(c):
+                k = which[e]
+                total, cost = 2.0 * here - up[i] - up[k] - down[i] - down[k], 2.0 * rate
+                cost -= up_rate[i] + up_rate[k] + down_rate[i] + down_rate[k]
+                for sign in (1.0, -1.0):
+                    more, other = probe(setup, at, i, sign * h, k, sign * nudge[k], work, ahead)
+                    total, cost = total + more, cost + other
+                F[i, k], R[i, k] = 0.5 * total / (h * nudge[k]), 0.5 * cost / (h * nudge[k])
+                F[k, i], R[k, i] = F[i, k], R[i, k]
 
-    return velocity, advance, expand_any if varying or midway else expand
+    @kernel
+    def chain(setup, dt, which, J, F, S):  # type: ignore[no-untyped-def]
+        """Complete derivatives in the states where B is constant: modes move the state at which the drift is taken."""
+        N, B = J.shape[1], setup.diffusion
+        D = np.zeros((n, N))
+        for i in range(n):
+            D[i, i] = 1.0
+        for j in range(rows if setup.bridge and not noisy_position else 0):
+            for k in range(N - n):
+                D[fixed + j, n + k] = (0.5 if k < m else -SWAY) * dt * B[j, k % m]
+        for j in range(n):
+            for k in range(n, N):
+                J[j, k] = dt * B[j - fixed, k - n] if j >= fixed and k - n < m else 0.0
+                for i in which:
+                    J[j, k] += J[j, i] * D[i, k]
+        for i in which:
+            for k in which:
+                if F[i, k] != 0.0:
+                    for r in range(N):
+                        for s in range(N):
+                            S[r, s] += D[i, r] * F[i, k] * D[k, s]
+
+    @kernel
+    def expand(setup, at, active, curved, J, S):  # type: ignore[no-untyped-def]
+        """Differentiate `advance` in (x, a), N = n + modes: by differences in all of them, or where B is constant in x.
+
+        Args:
+            at: x (n,), a (modes,), dt [s], and weights (n,) of the next state's components.
+            active: bits of the states that drift or q depend on.
+            curved: whether second derivatives are required.
+            J: (n+1, N), filled with the first derivatives of the next state and of q dt.
+            S: (N, N), filled with the second derivatives of the weighted sum and q dt.
+        """
+        x, a, dt, _ = at
+        N, which, count, size = n + a.shape[0], np.empty(J.shape[1], np.int64), 0, 0.0
+        work = np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n)
+        F, nudge = np.zeros((N, N)), np.full(N, TUNING.nudge)
+        J[:, :], S[:, :] = 0.0, 0.0
+        for i in range(N if varying or midway else n):
+            if i >= n or varying or midway or (active >> i) & 1:
+                which[count] = i
+                count += 1
+        if varying or midway:
+            displacement(setup, x, a, dt, work[2], work[3], work[0])  # for B
+            for j in range(rows):
+                for k in range(m):
+                    size = max(size, abs(work[2][0, j, k]))
+            nudge[n:] = TUNING.nudge / (dt * size)
+        which = which[:count]
+        differentiate(setup, at, which, nudge, curved, work, J, F, S)
+        if varying or midway:
+            for i in range(N):
+                for k in range(N):
+                    S[i, k] += F[i, k]
+        else:
+            chain(setup, dt, which, J, F, S)
+        for j in range(n):
+            J[j, j] += 1.0
+
+    return velocity, advance, expand

@@ -1,158 +1,48 @@
-"""Choose the compiled rollouts of a problem, and what they need to know of it and its scene.
-
-In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments y = a dt + dw, a step is x
-+ f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem). A path
-is a function of the seed and its number alone, so that what was not kept is simulated once more.
-"""
+"""Backend: the interface between the estimator and what simulates its sample paths."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from typing import Any
-
-import numpy as np
+from typing import Protocol
 
 from pirrht.arrays import Array, IntArray
-from pirrht.freespace import FreeSpace
-from pirrht.jit.jit import as_jitable, kernel
-from pirrht.problem import Problem, unit_rate
-from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.law import car_home, straight_home
-from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.point.block import control, is_point, sample, trace
-from pirrht.rollouts.records import Chosen, Kernels, MovingSetup, Setup, empty_paths
-from pirrht.systems.dynamics import no_homing
-from pirrht.systems.unicycle import unicycle_drift
-
-KEPT: Any = Kept
-NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
-NO_GROUPS = np.empty(0, np.int64), np.empty(0)
-NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
-NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
+from pirrht.rollouts.tables import Chosen, Origin, Paths, ProposalTables, Setup
 
 
-@cache
-def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
-    """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
-    no_paths = empty_paths(0, 0, m)
+class Backend(Protocol):
+    """Simulates the sample paths of a batch (paper, Algorithm 4, lines 5 to 13).
 
-    @kernel
-    def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
-        """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
+    It owns threads, blocks of samples and copies on devices; arguments and results are plain arrays. Sample s belongs
+    to reference h with `tables.first[h] <= s < tables.first[h + 1]` and follows row h of the tables. Every path is a
+    function of the origin and its number s alone, whatever the number of threads, so that none has to be kept.
 
-        Those fill the arguments of `control` and `trace`, unless empty.
+    `rollouts.cpu.Cpu` runs compiled kernels on the cores of one machine. Another backend implements the three methods.
+
+    Examples:
+        >>> import numpy as np
+        >>> from pirrht.outcome import Outcome
+        >>> from pirrht.rollouts.tables import empty_paths
+        >>> class AllArrive:  # at once and at no cost, so that psi is 1
+        ...     def sample(self, setup, tables, origin):
+        ...         paths = empty_paths(int(tables.first[-1]), *tables.control.shape[::2])
+        ...         paths.outcome[:] = Outcome.GOAL
+        ...         return paths
+        ...     def trace(self, setup, tables, origin, number):
+        ...         return np.tile(origin.x, (len(number), len(tables.times), 1)), np.ones(len(number), np.int64)
+        ...     def controls(self, setup, tables, origin, chosen, groups):
+        ...         T, m = tables.control.shape[1:]
+        ...         return np.zeros((groups, T, m)), np.zeros((groups, T))
+    """
+
+    def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
+        """Simulate all S samples of the tables."""
+
+    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
+        """Simulate samples of some numbers (c,) again; return their states (c, T+1, n) and steps taken (c,)."""
+
+    def controls(
+        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
+    ) -> tuple[Array, Array]:
+        """Simulate chosen samples again; return sums by group of weight times control, and of weight under way.
+
+        Returns: (groups, T, m) [control] and (groups, T).
         """
-        number, group, weight = chosen
-        again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
-        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
-        applied, base = np.zeros((alive.shape[1] if again else window, m)), np.empty(m)
-        led_by, h = np.empty((0 if again else window, m)), 0
-        for c in range(number.shape[0] if again else stop - start):
-            s = number[c] if again else start + c
-            while s >= leads.first[h + 1]:
-                h += 1
-            while s < leads.first[h]:
-                h -= 1
-            log_ratio = ratio if again else paths.log_ratio[s]
-            keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
-            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
-            if again:
-                if drawn:
-                    steps[c] = taken
-                for i in range(taken if alive.shape[0] > 0 else 0):
-                    alive[group[c], i] += weight[c]
-                    for j in range(m):
-                        total[group[c], i, j] += weight[c] * applied[i, j]
-                continue
-            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
-            paths.lasting[s] = lasting
-            for j in range(m):
-                paths.led[s, j] = base[j]
-            for i in range(min(taken, window)):
-                dt = times[i + 1] - times[i]
-                under_way = last if i == taken - 1 else dt
-                paths.span[s] += under_way
-                for j in range(m):
-                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
-
-    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
-        """Fill `paths` for the samples from `start` to `stop`."""
-        if stop > start:
-            simulate(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
-
-    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
-        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        simulate(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
-
-    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
-        """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
-
-    return Kernels(sample, control, trace)
-
-
-ALONE = 2400  # samples of a point, many abreast
-
-
-def kernels_for(problem: Problem) -> Kernels:
-    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
-    if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
-        return Kernels(sample, control, trace, alone=ALONE)
-    return loops(*any_path(kind_of(problem)), problem.dynamics.m)
-
-
-def kind_of(problem: Problem) -> KernelSpec:
-    """Describe a problem for which kernels are compiled."""
-    d = problem.dynamics
-    noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
-    return KernelSpec(
-        drift=as_jitable(d.drift),
-        control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
-        diffusion_block=None if d.constant else as_jitable(_function(noise)),
-        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
-        input_form=d.input_form, midway=d.stratonovich, astray=d.n == d.m == 2 and not d.even,
-        moving=bool(problem.scene.movers),
-    )  # fmt: skip
-
-
-def _homing(problem: Problem) -> Callable[..., None]:
-    """Choose the control of samples that outlive their law; among moving obstacles also for points and cars."""
-    d = problem.dynamics
-    if problem.scene.movers and d.homing is no_homing:
-        if d.n == d.m == 2 and not d.input_form:
-            return straight_home
-        if d.drift is unicycle_drift and d.m == 1:
-            return car_home
-    return d.homing
-
-
-def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
-    return _filling(block.astype(float).tobytes(), len(block)) if isinstance(block, np.ndarray) else block
-
-
-@cache  # kernels are built once per matrix
-def _filling(data: bytes, m: int) -> Callable[..., None]:
-    matrix = np.frombuffer(data).reshape(m, m)
-
-    def fill(x, p, out):  # type: ignore[no-untyped-def]
-        out[:, :] = matrix
-
-    return fill
-
-
-def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup | MovingSetup:
-    """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
-    d = problem.dynamics
-    x = np.zeros(d.n)
-    constant, told = d.constant, d.constant or d.input_form
-    setup = Setup(
-        arena=space.arena, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
-        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
-        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
-        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
-        rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature,
-    )  # fmt: skip
-    return MovingSetup.of(setup, space.traffic) if problem.scene.movers else setup

@@ -10,55 +10,24 @@ import math
 
 import numpy as np
 
+from pirrht.bridge import FAR, LEAST, SIDEWAYS, first_crossing, survival
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
-from pirrht.jit.float32 import ONE, ZERO
+from pirrht.jit.float32 import ONE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import normals, uniform
 
 INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
-FAR = 12.0  # exponents beyond this are taken as certain survival
 RIM = 0.3  # of the goal's radius: nearer to its rim than that steps get no finer, since psi is smooth there
 ALONE = 1e-9  # relative to the square of the trace: a covariance of less determinant spreads along a line
-SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall beside it at least, since lines turn
-LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
-
-
-@kernel
-def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
-    """Draw the share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
-
-    In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
-    Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
-    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m],
-        and the random sequence. Returns: next state of the sequence, share.
-    """
-    shape = (c0 / deviation) ** 2
-    state, z, _ = normals(state)
-    state, u = uniform(state)
-    slope = abs(c1) / c0  # one over the mean of s
-    half = 0.5 * z * z / shape
-    s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
-    if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
-        s = 1.0 / (slope * slope * s)
-    return state, s / (1.0 + s)
-
-
-@inlined
-def _survival(c0, c1, variance):  # type: ignore[no-untyped-def]
-    """Probability that a bridge between two positive distances misses the wall."""
-    if c1 <= 0.0:
-        return 0.0
-    exponent = 2.0 * c0 * c1 / variance
-    return 1.0 if exponent > FAR else 1.0 - math.exp(-exponent)
 
 
 @kernel
 def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-def]
-    alive = _survival(x - field.left, nx - field.left, vx)
-    alive *= _survival(field.right - x, field.right - nx, vx)
-    alive *= _survival(y - field.low, ny - field.low, vy)
-    return alive * _survival(field.high - y, field.high - ny, vy)
+    alive = survival(x - field.left, nx - field.left, vx)
+    alive *= survival(field.right - x, field.right - nx, vx)
+    alive *= survival(y - field.low, ny - field.low, vy)
+    return alive * survival(field.high - y, field.high - ny, vy)
 
 
 @kernel
@@ -72,41 +41,6 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def two_walls(field, x, y):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
-    nearest, second = with_slope(field, field.nearest, x, y), with_slope(field, field.second, x, y)
-    return walls_of(field, x, y, nearest, second)
-
-
-@inlined
-def _with_edge(e, ex, ey, c, nx, ny, d, mx, my):  # type: ignore[no-untyped-def]
-    """Return the two nearest of three walls, the last two of which are in order."""
-    first, later = e < c, e < d
-    d, mx, my = (
-        c if first else (e if later else d),
-        nx if first else (ex if later else mx),
-        ny if first else (ey if later else my),
-    )
-    return e if first else c, ex if first else nx, ey if first else ny, d, mx, my
-
-
-@inlined
-def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
-    """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
-    c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
-    d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
-    d = d if mx * mx + my * my < JUMP else AWAY
-    one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
-    nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
-    left, right = np.float32(x - field.left), np.float32(field.right - x)
-    low, high = np.float32(y - field.low), np.float32(field.high - y)
-    beside, below = min(left, right), min(low, high)
-    side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
-    c, nx, ny, d, mx, my = _with_edge(beside, side, ZERO, c, nx, ny, d, mx, my)
-    return _with_edge(below, ZERO, level, c, nx, ny, d, mx, my)
-
-
-@inlined
 def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
     """Gradient (x, y) [1/m] of log(c / (c + reach)) + log(d / (d + reach)) for two walls as `two_walls` gives them.
 
@@ -114,10 +48,6 @@ def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
     """
     one, other = reach / (c * (c + reach)), reach / (d * (d + reach))
     return one * nx + other * mx, one * ny + other * my
-
-
-TINY = np.float32(1e-12)
-JUMP, AWAY = np.float32(2.0), np.float32(1e6)  # steeper than a distance can be: another wall is second from there on
 
 
 @kernel
@@ -139,8 +69,8 @@ def _obstacle_survival(field, x, y, nx, ny, c0, c1, variance):  # type: ignore[n
         _, gx, gy = with_slope(field, field.nearest, x, y)
         _, hx, hy = with_slope(field, field.nearest, nx, ny)
         if gx * hx + gy * hy < 0.5 * math.sqrt((gx * gx + gy * gy) * (hx * hx + hy * hy)):
-            return _survival(c0, d1, variance) * _survival(d0, c1, variance)
-    return _survival(c0, c1, variance) * _survival(d0, d1, variance)
+            return survival(c0, d1, variance) * survival(d0, c1, variance)
+    return survival(c0, c1, variance) * survival(d0, d1, variance)
 
 
 @inlined
@@ -226,7 +156,7 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=Fa
         if not weighed:
             state, u = uniform(state)
         # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
-        certain = 1.0 - 2.0 * (1.0 - _survival(c0, c1, variance))
+        certain = 1.0 - 2.0 * (1.0 - survival(c0, c1, variance))
         if near_wall and alive > 0.0 and (near_border or u >= certain):
             alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
         if weighed and alive > 0.0:
@@ -243,7 +173,7 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=Fa
             ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
             variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
         state, u = uniform(state)
-        if u >= _survival(g0, g1, variance):
+        if u >= survival(g0, g1, variance):
             state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
     if goal_time > 1.5 and wall_time > 1.5:
         return state, INSIDE, 1.0, lasting

@@ -15,8 +15,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.geometry.traffic import disc_of, piece_of, traffic_clearance
 from pirrht.jit.jit import inlined, jitable, kernel
+from pirrht.moving.distances import disc_of, piece_of, traffic_clearance
 
 SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
 BESIDE = 0.3  # share of the others that lie beside a body ...

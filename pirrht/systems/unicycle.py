@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,6 +11,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive
+from pirrht.systems.heading import TURN_GAIN, beyond_disc
+
+STEEPEST = 6.0  # turn rate of homing at most, in turn rates whose noise costs as much as time
 
 
 @jitable
@@ -18,6 +22,14 @@ def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
     out[0] = p[0] * np.cos(x[2])
     out[1] = p[0] * np.sin(x[2])
     out[2] = 0.0
+
+
+@jitable
+def turn_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
+    """Turn from x (3,) until the goal's disc lies ahead: `Dynamics.homing` of a car at constant speed."""
+    bound = STEEPEST * math.sqrt(rate) * B[0, 0]
+    turn = TURN_GAIN * beyond_disc(aim[0] - x[0], aim[1] - x[1], x[2], radius)
+    out[0] = max(-bound, min(bound, turn)) / B[0, 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +50,7 @@ class Unicycle(Dynamics):
     m = 1
     states = ("x", "y", "heading")
     drift = staticmethod(unicycle_drift)
+    homing = staticmethod(turn_home)
 
     def __post_init__(self) -> None:
         _check_noise(self.b)

@@ -1,132 +1,165 @@
-"""Tell homology classes of planar paths by H-signatures and the integers behind them (paper, section IV-A).
-
-From a point x every path to the goal point has H = H(straight line from x) + k with whole turns k. The tuple k is the
-class; two paths from x are homologous exactly when their tuples are equal, without a tolerance. The integer k_l counts
-how often a path crosses the cut, the ray that leaves marker l away from the goal.
-"""
+"""Classes of planar paths about static and moving obstacles: rays that they cross, and angles (paper, section IV-A)."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pirrht import shown
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Footprint
 from pirrht.jit.jit import kernel
-from pirrht.topology.cuts import Cuts, straight_turns
+from pirrht.topology.crossings import Cuts, spread, straight_turns
+from pirrht.topology.moving_crossings import NO_RAYS, RayTable, crossings_of_leg
+from pirrht.topology.signature import Signature, hash_weights, integers
+from pirrht.topology.tracks import NO_TRACKS, MarkerTrajectories, trajectories_of, turns_of_step
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Homology:
-    """Markers of the topological obstacles and the goal point that all signatures refer to.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Homology(Signature):
+    """Signature of paths about S static and J moving markers, M = S + J in this order; often J = 0.
 
-    Names of classes give the turns about the first `named` markers always (None: about all), about later ones up to the
-    last that has any: classes keep their names while obstacles are added.
+    About a static marker, the base of a point is the straight line to the goal point. Its integer counts how often a
+    path crosses the ray that leaves the marker away from the goal point.
+
+    About a moving marker, H is the turn of x(t) - o(t). The base goes straight to the goal point at the best speed, as
+    if nothing was in the way. Paths are closed by waiting there until the later of two arrivals.
+
+    Points are (n,), x and y first [m]. Where J > 0 they are x, y [m] and t [s].
     """
 
-    markers: Array  # (M, 2) one point inside each topological obstacle [m]
+    markers: Array  # (S, 2) one point inside each static topological obstacle [m]
     goal: Array  # (2,) goal representative point [m]
-    named: int | None = None
-    cuts: Cuts = field(init=False, repr=False)  # the markers sorted, for kernels that must not ask all of them
+    named: int | None = None  # names of classes give so many turns at least: they last while obstacles are added
+    names: tuple[str, ...] = ()  # (J,) of the moving obstacles that moving markers belong to
+    tracks: MarkerTrajectories = NO_TRACKS  # of the moving markers
+    speed: float = 1.0  # of bases about moving markers, sqrt(2 q / r) [m/s]
+    cuts: Cuts = field(init=False)  # the static markers sorted, for kernels that must not query all of them
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, self.hash_weights))
+        object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, hash_weights(len(self.markers))))
 
     def __repr__(self) -> str:
         return f"Homology({self.M} markers, goal {shown.vector(self.goal)})"
 
     @property
     def M(self) -> int:
-        """Number of topological obstacles."""
-        return int(self.markers.shape[0])
-
-    def asked(self, x: Array, time: float) -> Array:
-        """Return the state (n,) itself, whatever the time; `TimedHomology` takes a place and a time."""
-        return x
-
-    def straight(self, points: Array) -> Array:
-        """H of the straight lines from points (k, 2) [m] to the goal point, (k, M) [turns], without the leading 1."""
-        out = np.empty((len(points), self.M))
-        _straight(np.ascontiguousarray(points, dtype=float), self.markers, self.goal, out)
-        return out
-
-    def turns(self, polyline: Array) -> Array:
-        """H of a polyline (l, 2) [m], (M,) [turns], without the leading 1."""
-        out = np.zeros(self.M)
-        _turns(np.ascontiguousarray(polyline[:, :2], dtype=float), self.markers, out)
-        return out
-
-    def winding(self, polyline: Array) -> tuple[int, ...]:
-        """Class, M [turns], of a path (l, 2) [m], completed by the straight line from its end to the goal point."""
-        ends = self.straight(polyline[[0, -1], :2])
-        whole = self.turns(polyline) + ends[1] - ends[0]
-        return integers(whole)
-
-    def signature(self, start: Array, winding: Sequence[int]) -> Array:
-        """The paper's H = 1 + H(sigma) of a class (M,) seen from start (2,) [m], (M,) [turns]."""
-        value: Array = 1.0 + self.straight(start[None, :2])[0] + np.asarray(winding, dtype=float)
-        return value
-
-    def name(self, winding: Sequence[int]) -> str:
-        """The public name of a class (M,)."""
-        return class_id(winding, self.named)
+        """Number of all markers."""
+        return len(self.markers) + self.J
 
     @property
-    def hash_weights(self) -> IntArray:
-        """Odd integers r (M,) such that a class has the additive key sum k_l r_l (mod 2^64)."""
-        return hash_weights(self.M)
+    def J(self) -> int:
+        """Number of moving markers."""
+        return len(self.names)
 
-    def key(self, winding: Sequence[int]) -> int:
-        """The additive key of a class (M,), as kernels carry it (a wrapped 64-bit integer)."""
-        weights = self.hash_weights
-        with np.errstate(over="ignore"):
-            return int(np.sum(np.asarray(winding, dtype=np.int64) * weights, dtype=np.int64))
+    @property
+    def static(self) -> Homology:
+        """Signature about the static markers only (J = 0)."""
+        return replace(self, names=(), tracks=NO_TRACKS) if self.J else self
 
+    def among(self, movers: Sequence[Mover], footprint: Footprint) -> Homology:
+        """Signature about the same static markers and other moving obstacles."""
+        names, tracks = trajectories_of(movers, footprint, self.goal)
+        return replace(self, names=names, tracks=tracks)
 
-@cache
-def hash_weights(M: int) -> IntArray:
-    """Draw odd integers (M,), one for each of so many markers."""
-    draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
-    return draws * 2 + 1
+    def at(self, x: Array, time: float) -> Array:
+        """Point of a state x (n,) at a time [s]: the state, or place and time (3,) [m, m, s] where J > 0."""
+        return np.array([x[0], x[1], time]) if self.J else x
 
+    def base(self, x: Array) -> Array:
+        """H of the base from x (n,), (M,) [turns], without the leading 1; 0 about moving markers at an open time."""
+        out = np.empty(self.M)
+        write_base(self.markers, self.tracks, self.goal, self.speed, np.ascontiguousarray(x, dtype=float), out)
+        return out
 
-def integers(whole: Array | IntArray) -> tuple[int, ...]:
-    """Round numbers (M,) [turns], whole but for rounding, to a class of M plain integers."""
-    winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
-    return winding
+    def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
+        """(marker, turn) pairs that a straight segment from a (n,) to b (n,) adds to the class of b."""
+        whole = self.along(np.array([a, b]))
+        return [(int(k), int(whole[k])) for k in np.flatnonzero(whole)]
 
+    def along(self, path: Array) -> IntArray:
+        """Sum of the crossings of a path's segments, path (k, n), (M,) [turns]."""
+        pairs = max(1, len(path) - 1) * self.M
+        marker, turn = np.empty(pairs, np.int32), np.empty(pairs, np.int16)
+        count = _crossings(self.cuts, self.tracks, self.speed, self._timed(path), marker, turn)
+        return spread(marker[:count], turn[:count], self.M)
 
-def class_id(winding: Sequence[int], named: int | None = None) -> str:
-    """Name a class (M,) publicly: its integers joined by commas; "-" where there is nothing to wind around.
+    def turns(self, path: Array) -> Array:
+        """H of a path (k, n) whose times do not fall, (M,) [turns], without the leading 1."""
+        out = np.zeros(self.M)
+        _turns(self._timed(path), self.markers, self.tracks, out)
+        return out
 
-    Zeros at the end are left out after `named` integers; None: never.
-    """
-    last = len(winding)
-    while named is not None and last > named and winding[last - 1] == 0:
-        last -= 1
-    return _name(tuple(winding[:last]))
+    def winding(self, path: Array) -> tuple[int, ...]:
+        """Class, M [turns], of a path (k, n), completed straight to the goal point, where it then waits."""
+        path = self._timed(path)
+        return integers(self.closed(self.turns(path), path[0], path[-1]))
 
+    def closed(self, turns: Array, first: Array, last: Array) -> Array:
+        """H of a path from `first` to `last` (n,), completed to the goal point, over the base's, (M,) [turns]."""
+        S, whole = len(self.markers), turns.copy()
+        whole[:S] += self.base(last)[:S] - self.base(first)[:S]
+        if self.J:
+            arrival = self.arrival(first)
+            waits = np.array([[*self.goal, min(last[2], arrival)], [*self.goal, max(last[2], arrival)]])
+            to_goal = self.turns(np.array([last, [*self.goal, last[2]]]))
+            wait = math.copysign(1.0, arrival - last[2]) * self.turns(waits)
+            whole[S:] += (to_goal + wait - self.base(first))[S:]
+        return whole
 
-@lru_cache(maxsize=1024)  # every plan asks for the same few again
-def _name(winding: tuple[int, ...]) -> str:
-    return ",".join(map(str, winding)) or "-"
+    def arrival(self, x: Array) -> float:
+        """Time at which the base that leaves x (3,) [m, m, s] arrives [s]."""
+        return float(x[2] + np.hypot(*(self.goal - x[:2])) / self.speed)
+
+    def rays(self, x: Array, times: Array) -> RayTable:
+        """Moving markers' rays for paths from x (n,) over steps that end at times (T + 1,) [s]."""
+        if not self.J:
+            return NO_RAYS
+        weight, arrival = self.hash_weights[len(self.markers) :], self.arrival(self.at(x, float(times[0])))
+        return RayTable.of(self.tracks, weight, self.goal, x, times, arrival)
+
+    def _timed(self, path: Array) -> Array:
+        """Rows (k, 3) of a path (k, n); times are 0 where nothing moves."""
+        rows = np.zeros((len(path), 3))
+        rows[:, : 3 if self.J else 2] = path[:, : 3 if self.J else 2]
+        return rows
 
 
 @kernel
-def _straight(points, markers, goal, out):  # type: ignore[no-untyped-def]
-    for i in range(points.shape[0]):
-        for k in range(markers.shape[0]):
-            out[i, k] = straight_turns(points[i, 0], points[i, 1], markers[k, 0], markers[k, 1], goal[0], goal[1])
+def write_base(markers, tracks, goal, speed, x, out):  # type: ignore[no-untyped-def]
+    """Write H of the base from x, 2 or 3 [m, m, s], to `out` (M,) [turns]: about `markers` (S, 2) [m], then tracks."""
+    gx, gy, static = goal[0], goal[1], markers.shape[0]
+    for k in range(static):
+        out[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], gx, gy)
+    for j in range(tracks.J):
+        out[static + j] = 0.0
+        if x[2] < math.inf:
+            arrival = x[2] + math.hypot(gx - x[0], gy - x[1]) / speed
+            out[static + j] = turns_of_step(tracks, j, x[0], x[1], x[2], gx, gy, arrival)
 
 
 @kernel
-def _turns(points, markers, out):  # type: ignore[no-untyped-def]
-    for i in range(points.shape[0] - 1):
-        for k in range(markers.shape[0]):
-            ax, ay = points[i, 0] - markers[k, 0], points[i, 1] - markers[k, 1]
-            bx, by = points[i + 1, 0] - markers[k, 0], points[i + 1, 1] - markers[k, 1]
-            out[k] += turns_of_chord(ax, ay, bx, by)
+def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
+    static = markers.shape[0]
+    for i in range(path.shape[0] - 1):
+        a, b = path[i], path[i + 1]
+        for k in range(static):
+            mx, my = markers[k, 0], markers[k, 1]
+            out[k] += turns_of_chord(a[0] - mx, a[1] - my, b[0] - mx, b[1] - my)
+        for j in range(tracks.J):
+            out[static + j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
+
+
+@kernel
+def _crossings(cuts, tracks, speed, path, marker, turn):  # type: ignore[no-untyped-def]
+    count = 0
+    for i in range(path.shape[0] - 1):
+        a, b = path[i], path[i + 1]
+        leg = (a[0], a[1], a[2]), (b[0], b[1], b[2])
+        count = crossings_of_leg(cuts, tracks, speed, leg[0], leg[1], False, marker, turn, count)
+    return count

@@ -16,8 +16,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.topology.tuning import TUNING
 
-STEPS = 100  # parts taken off before two inflated shapes count as apart
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
@@ -160,7 +160,7 @@ class _Planar:
         """
         low, high = np.maximum(self.low[i], self.low[j]), np.minimum(self.high[i], self.high[j])
         polygon = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
-        for _ in range(STEPS):
+        for _ in range(TUNING.cut_rounds):
             x, y, area = _centroid(polygon)
             excess = {k: self.distance(k, np.array([x, y])) - self.radius for k in (i, j)}
             if max(excess.values()) <= 0:

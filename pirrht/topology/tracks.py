@@ -1,27 +1,32 @@
-"""Follow markers of moving obstacles, and turn steps in space and time about them, in kernels.
+"""Follow the markers of moving obstacles; measure turns of steps in space and time about them, in kernels.
 
-A turn is the angle of a path as a marker sees it, summed up piece by piece; of closed steps it is whole, and as often
-as they cross one ray.
+A turn is the angle of a path as a marker sees it, summed up piece by piece. For closed paths it is a whole number: how
+often they cross one ray.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.spans import BOX, boxes_of
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.motion import SHAPES, Motion, Mover
+from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.spans import BOX, boxes_of
+from pirrht.topology.obstacles import components
+from pirrht.topology.tuning import TUNING
 
-LONG = 2.0  # span of time of the boxes that markers are in [s]
 
-
-class Lanes(NamedTuple):
+class TrajectoryTable(NamedTuple):
     """Trajectories of J markers, as numbers and addresses that kernels can take cheaply.
 
     They move straight between places at times, and stand still before the first and after the last.
@@ -35,12 +40,12 @@ class Lanes(NamedTuple):
     period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
     waited: int  # address of int64 (k,): how often who waits at the goal point until then has crossed the ray
     lap: int  # address of int64 (J,): the same in a lap, the jump to its beginning included
-    boxes: int  # address of float64 (l, BOX): where each is within LONG seconds of its clock, that begins with it
+    boxes: int  # address of float64 (l, BOX): where each is within `box_span` of its clock, that begins with it
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
 
 
-class MarkerTrajectories(Lanes):
-    """Lanes together with the arrays that the addresses point to."""
+class MarkerTrajectories(TrajectoryTable):
+    """A `TrajectoryTable` together with the arrays that the addresses point to."""
 
     arrays: tuple[Array | IntArray, ...]
 
@@ -50,7 +55,9 @@ class MarkerTrajectories(Lanes):
         every = np.vstack([np.zeros((0, 3)), *ways])
         columns = (np.ascontiguousarray(column) for column in every.T)
         begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
-        boxes = [boxes_of(way, repeat=again > 0.0, span=LONG) for way, again in zip(begun, periods, strict=True)]
+        boxes = [
+            boxes_of(way, repeat=again > 0.0, span=TUNING.box_span) for way, again in zip(begun, periods, strict=True)
+        ]
         firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (ways, boxes))
         first, first_box = firsts
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
@@ -78,7 +85,7 @@ def _count_crossings(places, out):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def lane_of(tracks, j):  # type: ignore[no-untyped-def]
+def rows_of(tracks, j):  # type: ignore[no-untyped-def]
     """Begin and end of the places of marker j, and its period [s] (0: none)."""
     return load_int64(tracks.first, j), load_int64(tracks.first, j + 1), load_float64(tracks.period, j)
 
@@ -86,7 +93,7 @@ def lane_of(tracks, j):  # type: ignore[no-untyped-def]
 @kernel
 def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
-    begin, end, period = lane_of(tracks, j)
+    begin, end, period = rows_of(tracks, j)
     shift = shift_of(tracks, begin, period, s)
     k = next_place(tracks, begin, end, s - shift)
     mx, my = _place(tracks, begin, end, k, s - shift)
@@ -117,7 +124,7 @@ def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type:
     It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first and at (lx, ly) last.
     Only for steps that are closed together the number has a meaning.
     """
-    begin, end, period = lane_of(tracks, j)
+    begin, end, period = rows_of(tracks, j)
     shift = shift_of(tracks, begin, period, s)
     k, count = next_place(tracks, begin, end, s - shift), 0
     if period > 0.0:  # it may jump just now
@@ -144,7 +151,7 @@ def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type:
 @kernel
 def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
     """Count crossings while waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
-    begin, end, period = lane_of(tracks, j)
+    begin, end, period = rows_of(tracks, j)
     laps = _laps(tracks, begin, period, t)
     k = next_place(tracks, begin, end, t - laps * period)
     if k == begin:
@@ -207,7 +214,7 @@ def _laps(tracks, begin, period, t):  # type: ignore[no-untyped-def]
 @kernel
 def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
     """Place marker j at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
-    begin, end, period = lane_of(tracks, j)
+    begin, end, period = rows_of(tracks, j)
     t -= _laps(tracks, begin, period, t) * period
     return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
 
@@ -227,3 +234,58 @@ def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
         for k in range(path.shape[0] - 1):
             a, b = path[k], path[k + 1]
             out[j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
+
+
+NO_TRACKS = MarkerTrajectories.of([], [], np.zeros(2))
+
+
+def trajectories_of(
+    movers: Sequence[Mover], footprint: Footprint, goal: Array
+) -> tuple[tuple[str, ...], MarkerTrajectories]:
+    """Mark moving obstacles for a robot and a goal point (2,) [m]: their names (J,), and the markers' trajectories."""
+    rows = [(mover, point) for mover in movers for point in markers_of(mover, footprint)]
+    if not rows:
+        return (), NO_TRACKS
+    paths = [_path(mover.motion, point, TUNING.chord_error * footprint.radius) for mover, point in rows]
+    periods = [mover.motion.rows[-1, 0] if mover.motion.repeat else 0.0 for mover, _ in rows]
+    return tuple(mover.name for mover, _ in rows), MarkerTrajectories.of(paths, periods, goal)
+
+
+def markers_of(mover: Mover, footprint: Footprint) -> Array:
+    """Points inside the topological obstacles of a body, in its own frame, (m, 2) [m]; one for solids that touch.
+
+    They lie a little off the middle: bodies often come to stand with that on the straight line to the goal.
+    """
+    return _inside(mover.solids, footprint) + np.array(TUNING.marker_offset) * footprint.radius
+
+
+@lru_cache(maxsize=SHAPES)  # bodies keep their solids when their motion is predicted again
+def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
+    """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
+    plane = np.full(2, TUNING.lone_plane)
+    parts = components(Collision(Workspace(-plane, plane, solids), footprint))
+    return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
+
+
+def _path(motion: Motion, point: Array, off: float) -> Array:
+    """Times [s] and places [m] of a point (2,) [m] of a body, (k, 3); chords are off by at most `off` [m]."""
+    arm = float(np.hypot(*point))
+    most = 2.0 * math.acos(max(1.0 - off / arm, 0.0)) if arm > off else math.inf
+    yaws = motion.rows[:, 3]
+    turned = np.abs(yaws[1:] - yaws[:-1]).max(initial=0.0)
+    if arm == 0.0 or turned <= most:
+        return _seen(motion.rows[:, 0] - motion.lead, motion.rows[:, 1:].T, point)
+    times = [motion.rows[:1, 0]]
+    for a, b in zip(motion.rows[:-1], motion.rows[1:], strict=True):
+        pieces = max(1, math.ceil(abs(b[3] - a[3]) / most))
+        times.append(np.linspace(a[0], b[0], pieces + 1)[1:])
+    t = np.concatenate(times)
+    poses = np.array([np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3)])
+    return _seen(t - motion.lead, poses, point)
+
+
+def _seen(times: Array, poses: Array, point: Array) -> Array:
+    """Times (k,) [s] and places of a point (2,) [m] of a body at poses (3, k), (k, 3)."""
+    x, y, yaw = poses
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack([times, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])

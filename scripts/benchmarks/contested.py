@@ -14,7 +14,7 @@ from benchmarks.first_plan import first_plan
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.plan import DECIDED
+from pirrht.control.methods import TUNING
 from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 
@@ -47,7 +47,7 @@ def contested(
     found: list[dict[str, Any]] = []
     for x, t in _candidates(scenario, places, seed, last):
         made = _plans(controller, x, t, LOOKS)
-        if not made or max(mean_of([plan["shares"] for plan in made]).values()) >= DECIDED:
+        if not made or max(mean_of([plan["shares"] for plan in made]).values()) >= TUNING.decided:
             continue
         made += _plans(controller, x, t, plans - LOOKS)
         state = {"x": x.tolist(), "t": t, "shares": truth.shares(x, PATHS, t=t)}

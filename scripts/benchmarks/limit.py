@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pirrht.geometry.arena import Arena
+from pirrht.geometry.world import World
 from pirrht.jit.threads import mapped
 from pirrht.rollouts.point.exits import judge, single, survey
 from pirrht.rollouts.point.stages import (
@@ -59,7 +59,7 @@ def normals(samples: int, threads: int) -> int:
     return _on(threads, samples, 1, lambda blocks, scratch: _normals(blocks, scratch))
 
 
-def steps(arena: Arena, cuts: object, classes: int, samples: int, threads: int) -> int:
+def steps(arena: World, cuts: object, classes: int, samples: int, threads: int) -> int:
     """Simulate `samples` paths of 60 steps that nothing ends; number of steps."""
     return _on(threads, samples, classes, lambda blocks, scratch: _steps(arena, cuts, classes, 0.01, blocks, scratch))
 

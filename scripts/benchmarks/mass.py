@@ -25,7 +25,8 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.scenario import Scenario, prepare
 
 STATES, SAMPLES, PLANS = 20, 1_000_000, 10

@@ -16,14 +16,16 @@ from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from tqdm import tqdm
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -52,7 +54,7 @@ def sampler(b: float, **sampling: Any) -> PathIntegral:
         goal=Goal(center=np.array([1.0 + WIDE, 0.0]), radius=WIDE), start=np.array([0.5, 0.0, 0.0]), robot_radius=1.0,
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=b), scene=scene, R=R * np.eye(2))
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(**sampling))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(**sampling))
 
 
 def sampled(integral: PathIntegral, p: float, v: float, count: int, seed: int, guide: bool = True) -> Estimate:

@@ -22,11 +22,11 @@ from benchmarks.moving_scene import moving_scenario
 from benchmarks.timing import interleaved, row, ticks
 
 from pirrht.control.controller import Controller
+from pirrht.estimation.packing import Packer
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.tables import Tables
-from pirrht.geometry.traffic import Traffic
-from pirrht.proposals.leads import Batch
-from pirrht.rollouts.records import MovingSetup
+from pirrht.moving.obstacles import Traffic
+from pirrht.proposals.proposal import Batch
+from pirrht.rollouts.tables import PredictedWorld, Snapshot
 from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario
@@ -74,9 +74,10 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
     batch, among = plan_batch(scenario)
-    assert isinstance(among.setup, MovingSetup)
     alone, nothing = copy(among), Traffic.of(replace(scenario.loaded.scene, movers=()))
-    alone.setup, alone.tables = among.setup._replace(traffic=nothing), Tables(among.leading, among.guidance)
+    alone.proposals = copy(among.proposals)
+    alone.proposals.world = PredictedWorld(Snapshot(among.setup._replace(traffic=nothing), among.homology))
+    alone.pack = Packer(alone.proposals)
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),
@@ -93,7 +94,7 @@ def plan_batch(scenario: Scenario) -> tuple[Batch, PathIntegral]:
     controller = scenario.controller(scenario.grown_tree())
     assert isinstance(controller, Controller)
     assert controller.tree is not None
-    references = controller.tree.references(controller.homology.asked(scenario.start, 0.0))
+    references = controller.tree.references(controller.tree.at(scenario.start, 0.0))
     return controller.batch(scenario.start, references), controller.path_integral
 
 

@@ -20,7 +20,7 @@ from scipy.stats.qmc import Halton
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
@@ -244,7 +244,7 @@ def shares(_: argparse.Namespace) -> Table:
         scenario = prepare("slit", given=given)
         exact = Desirability.of(scenario.problem, scenario.space, dt=dt).shares(scenario.start, samples=4000, seed=0)
         tree = scenario.grown_tree()
-        integral = PathIntegral(scenario.problem, scenario.space, replace(scenario.sampling, first=None))
+        integral = path_integral(scenario.problem, scenario.space, replace(scenario.sampling, first=None))
         controller = scenario.controller(tree)
         controller.path_integral = integral
         estimate = controller.plan(scenario.start).estimate

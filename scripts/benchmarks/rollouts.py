@@ -15,9 +15,11 @@ import numpy as np
 from benchmarks import limit, peers
 from benchmarks.timing import interleaved, row
 
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch, Proposal
+from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.rollouts.cpu import Cpu
 from sim.scenario import Scenario, prepare
 
 NUMBERS = (600, 6000, 60_000)  # rollouts of all classes together
@@ -58,13 +60,13 @@ class Setting:
     def estimate(self, kernel: str, samples: int, seed: int) -> Estimate:
         """Sample and weigh."""
         integral, x = self.kernels[kernel], self.paper.start
-        leads = integral.leading.leads(x, self.times, self.trajectories)
+        leads = integral.proposals.leads(x, self.times, self.trajectories, drops=False)
         proposals = tuple(Proposal(lead=lead, count=samples // self.H) for lead in leads)
         return integral.estimate(integral.rollout(Batch(state=x, times=self.times, proposals=proposals), seed))
 
 
 def _integral(scenario: Scenario) -> PathIntegral:
-    integral = PathIntegral(scenario.problem, scenario.space, scenario.sampling)
+    integral = path_integral(scenario.problem, scenario.space, scenario.sampling)
     integral.warm_up()
     return integral
 
@@ -153,11 +155,11 @@ def _same_on_threads(setting: Setting) -> bool:
     """Whether both kernels draw the same paths on one thread and on two."""
     same = True
     for name, integral in setting.kernels.items():
-        kept, found = integral.threads, []
+        kept, found = integral.backend, []
         for threads in (1, 2):
-            integral.threads = threads
+            integral.backend = Cpu.of(integral.problem, threads)
             found.append(setting.estimate(name, 6000, 0))
-        integral.threads = kept
+        integral.backend = kept
         one, two = (estimate.rollouts.paths for estimate in found)
         same &= all(np.array_equal(getattr(one, field), getattr(two, field)) for field in one._fields)
         same &= bool(np.array_equal(found[0].weight, found[1].weight))

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from figures import style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.ground import MOVER, outline
 from sim.drawing.colors import ClassColors
 from sim.drawing.sides import sides, worded
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import Tube, tubes
+from sim.plotting.ground import MOVER, outline
 from sim.scenario import Scenario
 
 SCENES = ("crossing", "closing_door")
@@ -122,12 +122,12 @@ def _braids(axes: Any, shown: Shown, solids: Sequence[Tube]) -> None:
 
 def _words(shown: Shown) -> dict[str, str]:
     """The classes as a person would name them."""
-    space, moving = shown.scenario.space, shown.tree.homology.moving
+    space, homology = shown.scenario.space, shown.tree.homology
     names = [" ".join(part.names) for part in space.obstacles]
-    passed = {r.id: sides(r, moving) for r in shown.references}
-    straight = space.homology.straight(shown.scenario.start[None, :2])[0]
+    passed = {r.id: sides(r, homology) for r in shown.references}
+    straight = homology.static.base(shown.scenario.start)
     windings = {r.id: r.winding for r in shown.references}
-    return worded(windings, straight, names, moving.names, None, passed)
+    return worded(windings, straight, names, homology.names, None, passed)
 
 
 def hidden(points: Array, solids: Sequence[Tube], until: float) -> NDArray[np.bool_]:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import FEW, Estimate
-from pirrht.planner.reference import Reference
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.tuning import TUNING
+from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
 from sim.drive import clock
@@ -45,11 +45,9 @@ def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | No
     return "\n".join(told)
 
 
-def class_table(
-    references: Sequence[Reference], room: int | None = None, homology: Homology | TimedHomology | None = None
-) -> str:
+def class_table(references: Sequence[Reference], room: int | None = None, homology: Homology | None = None) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes the bodies."""
-    if isinstance(homology, TimedHomology):
+    if homology is not None and homology.J:
         return table(
             ["class", "cost", "length [m]", "bodies"],
             [
@@ -103,8 +101,8 @@ def doubts(
     poor = sum(e.doubtful for e in known)
     if poor:
         lines.append(
-            f"effective sample size (ESS) below {FEW:g} in {poor} {of}; standard errors say nothing there, try more "
-            "--samples"
+            f"effective sample size (ESS) below {TUNING.few:g} in {poor} {of}; standard errors say nothing there, "
+            "try more --samples"
         )
     heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
     if heavy:
@@ -209,8 +207,8 @@ def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
         say("noise moves the robot between two controls: --margin M makes plans leave so much more room [m]")
     if drive.doubtful_plans:
         say(
-            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {FEW:g} effective samples, the "
-            f"weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
+            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
+            f"the weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if drive.real_time is not None:
         say(clock.summary(drive.real_time))

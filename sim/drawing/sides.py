@@ -12,9 +12,8 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.planner.reference import Reference
-from pirrht.topology.in_time import TimedHomology
-from pirrht.topology.moving import MovingHomology
+from pirrht.planner.references import Reference
+from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
 
 MOMENTS = 60  # of a path that are looked at
@@ -26,15 +25,15 @@ NAMED = 8  # bodies that all bear their names in a picture; those of more would 
 PASSED = 0.2  # turns about an obstacle from which a path counts as passing it
 
 
-def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
+def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
     """One of SIDES for each of J markers, by where the path is when nearest to it; "" for a path without times."""
     path = reference.trajectory.path
     knots = getattr(path, "knots", None)
     if knots is None or knots.shape[1] != 3:
-        return ("",) * moving.J
+        return ("",) * homology.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
     way = path.places(times)
-    places, late, early = (places_of(moving, times + shift) for shift in (0.0, BACK, -BACK))
+    places, late, early = (places_of(homology, times + shift) for shift in (0.0, BACK, -BACK))
     nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []
     for j, k in enumerate(nearest.tolist()):
@@ -47,22 +46,22 @@ def sides(reference: Reference, moving: MovingHomology) -> tuple[str, ...]:
     return tuple(found)
 
 
-def called(homology: TimedHomology) -> list[str]:
+def called(homology: Homology) -> list[str]:
     """Bodies by name, (J,); each part of one that paths may lead through with its number in names of classes."""
-    names, standing = homology.moving.names, homology.standing.M
+    names, standing = homology.names, len(homology.markers)
     return [f"{name} ({standing + j})" if names.count(name) > 1 else name for j, name in enumerate(names, 1)]
 
 
-def passed(reference: Reference, homology: TimedHomology) -> list[tuple[str, str]]:
+def passed(reference: Reference, homology: Homology) -> list[tuple[str, str]]:
     """Each body with its one of SIDES; of many those that the path turns about."""
-    rows = list(zip(called(homology), sides(reference, homology.moving), strict=True))
+    rows = list(zip(called(homology), sides(reference, homology), strict=True))
     if len(rows) > FEW:
-        turns = reference.winding[homology.standing.M :]
+        turns = reference.winding[len(homology.markers) :]
         rows = [row for row, turn in zip(rows, turns, strict=True) if turn]
     return [row for row in rows if row[1]]
 
 
-def passing(reference: Reference, homology: TimedHomology) -> list[str]:
+def passing(reference: Reference, homology: Homology) -> list[str]:
     """List `passed` in words, as "walker: behind" or "door: left of it"."""
     return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
 
@@ -73,10 +72,10 @@ def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
     return [f"{side} {', '.join(names)}" for side, names in told if names]
 
 
-def places_of(moving: MovingHomology, times: Array) -> Array:
+def places_of(homology: Homology, times: Array) -> Array:
     """Return the places of all markers at times (T,) [s], (J, T, 2) [m]."""
-    places = np.empty((moving.J, len(times), 2))
-    places_at(moving.tracks, times, places)
+    places = np.empty((homology.J, len(times), 2))
+    places_at(homology.tracks, times, places)
     return places
 
 

@@ -9,11 +9,11 @@ from functools import lru_cache
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.crowd import reach_of
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
-from pirrht.plotting.ground import fading, outline
+from pirrht.moving.collision import reach_of
 from sim.drawing.strokes import at_most
+from sim.plotting.ground import fading, outline
 
 CORNERS = 32  # of what is round: its outline then lies within half a percent of the radius
 ROUGH = 20  # corners of what is round, of an outline

@@ -15,7 +15,7 @@ from pirrht.control.policy import Policy
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 from sim.drawing.colors import title
 from sim.drive.clock import Timing, figures
 from sim.drive.odometer import Frame, Odometer

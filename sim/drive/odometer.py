@@ -20,13 +20,12 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.driven import Driven, driven
+from pirrht.topology.driven import Driven
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.drive.clock import Timing
 from sim.drive.plant import Advance
 
@@ -145,14 +144,14 @@ class Odometer:
         x: Array,
         max_time: float,
         *,
-        homology: Homology | TimedHomology | None = None,
+        homology: Homology | None = None,
         time: float = 0.0,
         busy: bool = False,
     ) -> None:
         self.step, self.time, self.cost = 0, time, 0.0
         homology = homology_of(problem, space) if homology is None else homology
         self.length = Length(problem, x)
-        self._driven, self._max_time = driven(homology, x, time), max_time
+        self._driven, self._max_time = Driven(homology, x, time), max_time
         scene = space.scene
         collision = Collision(scene.world, scene.footprint) if busy else space.collision
         self._clearance: Callable[[Array], Array] = collision.clearance
@@ -160,8 +159,7 @@ class Odometer:
 
     def enter(self, space: FreeSpace) -> None:
         """Continue among other static obstacles, to the same goal (`Controller.update`)."""
-        if isinstance(self._driven, Driven):
-            self._driven.enter(space.homology)
+        self._driven.enter(space.homology)
         self._clearance = space.collision.clearance
 
     def frame(

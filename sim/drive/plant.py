@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 

@@ -19,17 +19,17 @@ from pirrht.errors import OptionError
 from pirrht.files import replaced
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal
-from pirrht.planner.convergence import Convergence
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting import ground
-from pirrht.plotting.ground import MOVER
-from pirrht.topology.in_time import TimedHomology
+from pirrht.topology.homology import Homology
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
+from sim.plotting import ground
+from sim.plotting.ground import MOVER
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence
 
 INK = "#222222"
 TREE = "#9aa3ab"  # no colour of a class
@@ -50,9 +50,8 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     size = scene.upper - scene.lower
     high = 6.2 * float(size[1] / size[0]) + 0.8
     figure, axes = plt.subplots(figsize=(8.0, high))  # the legend beside it may be higher; what is saved holds both
-    homology = tree.homology if isinstance(tree.homology, TimedHomology) else None
-    told = [[] if homology is None else passed(reference, homology) for reference in references]
-    draw_scene(axes, scenario, {} if homology is None else _spoken(told, homology))
+    told = [passed(reference, tree.homology) for reference in references]
+    draw_scene(axes, scenario, _spoken(told, tree.homology))
     number_obstacles(axes, scenario)
     draw_tree(axes, tree)
     colors = ClassColors()
@@ -72,16 +71,15 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     _save(plt, figure, path, "--png")
 
 
-def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: TimedHomology) -> dict[str, list[Label]]:
+def _spoken(told: Sequence[Sequence[tuple[str, str]]], homology: Homology) -> dict[str, list[Label]]:
     """Labels of bodies that the legend speaks of, with their numbers in names of classes, and where they are at 0 s.
 
     Of a body whose parts are told one by one each has its own. `told` is `passed` of each reference.
     """
     spoken = {name for rows in told for name, _ in rows}
-    moving = homology.moving
-    rows = zip(moving.names, called(homology), places_of(moving, np.zeros(1))[:, 0], strict=True)
+    rows = zip(homology.names, called(homology), places_of(homology, np.zeros(1))[:, 0], strict=True)
     labels: dict[str, list[Label]] = {}
-    for number, (name, said, place) in enumerate(rows, homology.standing.M + 1):
+    for number, (name, said, place) in enumerate(rows, len(homology.markers) + 1):
         if said in spoken:
             labels.setdefault(name, []).append((f"{name} {number}" if said == name else said, place))
     return labels

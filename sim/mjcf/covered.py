@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from pirrht.geometry.crowd import MovingObstacles
 from pirrht.geometry.scene import Scene
+from pirrht.moving.collision import MovingObstacles
 
 MOMENTS = 1000  # before it rests at which one looks
 

@@ -153,7 +153,7 @@ def shortfall(scene: Scene) -> float:
     """Return how far moving obstacles reach into the footprint at the start [m]; negative if none does."""
     if not scene.movers:
         return -inf
-    from pirrht.geometry.crowd import MovingObstacles
+    from pirrht.moving.collision import MovingObstacles
 
     return -float(MovingObstacles(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
 
@@ -166,7 +166,7 @@ def check_start(scene: Scene, path: Path) -> None:
     """
     if not scene.movers:
         return
-    from pirrht.geometry.crowd import Body, MovingObstacles, jumps  # FCL is slow to import, and few scenes move
+    from pirrht.moving.collision import Body, MovingObstacles, jumps  # FCL is slow to import, and few scenes move
 
     place = scene.start[:2]
     where = f"the start ({place[0]:g}, {place[1]:g})"

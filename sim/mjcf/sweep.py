@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.collision import SHORTEST
+from pirrht.geometry.collision import SHORTEST, touches
 from sim.mjcf.mocap import Mocap
 from sim.mjcf.obstacles import Mask
 
@@ -54,25 +54,6 @@ class Sweep:
             )
             return min(distances, default=far)
 
-        return bool(len(self._pairs)) and _touches(free, lambda a, b: (b - a) * own + way(time(a), time(b)))
-
-
-def _touches(free: Callable[[float], float], way: Callable[[float, float], float]) -> bool:
-    """Whether two things that move touch on their way.
-
-    Args:
-        free: the free distance between them at a share of the way [m]; at most 0 in contact.
-        way: how far they may come nearer between two shares at most [m].
-    """
-    pieces = [(0.0, free(0.0), 1.0, free(1.0))]
-    while pieces:
-        a, free_a, b, free_b = pieces.pop()
-        if min(free_a, free_b) <= 0.0:
-            return True
-        length = way(a, b)
-        if free_a + free_b > length or length < SHORTEST:
-            continue
-        middle = 0.5 * (a + b)
-        between = free(middle)
-        pieces += [(middle, between, b, free_b), (a, free_a, middle, between)]
-    return False
+        return bool(len(self._pairs)) and touches(
+            free, lambda a, b: (b - a) * own + way(time(a), time(b)), undecided=False
+        )

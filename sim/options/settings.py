@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pirrht.control.methods import METHODS
+from pirrht.control.methods import BETWEEN, METHODS
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
 from sim.options.record import Bounds, Option
 
 PLANTS = ("mujoco", "sde")
 PREDICTIONS = ("known", "velocity")
-BETWEEN = ("classes", "hold")  # `pirrht.control.controller.BETWEEN`, which is slow to import
 SEED = 2**63 - 1
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene

@@ -11,13 +11,12 @@ from typing import Any
 from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Drive, Policy
+from pirrht.control.policy import Policy
+from pirrht.control.run_state import RunState
 from pirrht.errors import NoReference, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.play.world import World
 from sim.scenario import Driver
 
@@ -112,54 +111,32 @@ class Live(Policy):
         self.built, self.builder, self._tell = built, builder, tell
 
     @property
-    def problem(self) -> Problem:  # type: ignore[override]
-        """That of whoever decides."""
-        return self.built.driver.problem
-
-    @property
-    def space(self) -> FreeSpace:  # type: ignore[override]
-        """Theirs."""
-        return self.built.driver.space
-
-    @property
     def tree(self) -> HomologyTree | None:  # type: ignore[override]
         """Theirs."""
         return self.built.tree
 
     @property
-    def drive(self) -> Drive:  # type: ignore[override]
+    def run(self) -> RunState:  # type: ignore[override]
         """Memory of whoever decides."""
-        return self.built.driver.drive
+        return self.built.driver.run
 
     @property
-    def path_integral(self) -> Any:
+    def path_integral(self) -> Any:  # type: ignore[override]
         """Theirs."""
         return self.built.driver.path_integral
 
     @property
-    def homology(self) -> Homology | TimedHomology:  # type: ignore[override]
+    def homology(self) -> Homology:  # type: ignore[override]
         """Theirs."""
         return self.built.driver.homology
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the drive so far; a new one starts at x (n,), at a time of the bodies' clock [s]."""
+        """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         self.built.driver.begin(x, time)
-
-    def observe(self, states: Array, duration: float, until: float | None = None) -> None:
-        """Take note of the states (k, n) just driven through and the time it took [s]; see `Policy.observe`."""
-        self.built.driver.observe(states, duration, until)
-
-    def expect(self, states: Array, duration: float) -> None:
-        """Suppose that the robot will drive through the states (k, n) next; see `Policy.expect`."""
-        self.built.driver.expect(states, duration)
-
-    def driven_class(self) -> tuple[int, ...]:
-        """Class (M,) of the path driven since the world last changed [turns]."""
-        return self.built.driver.driven_class()
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,), in a new world if one is ready."""
-        ready = self.builder.ready(self.drive.time)
+        ready = self.builder.ready(self.run.time)
         if isinstance(ready, PirrhtError):
             self._tell(f"{ready}; the drive goes on as planned before")
         elif ready is not None and (plan := self._first(ready, x, left)) is not None:
@@ -180,7 +157,7 @@ class Live(Policy):
 
     def _first(self, ready: Built, x: Array, left: Callable[[], float] | None) -> Plan | None:
         """The first plan in a new world; None if it has no way to the goal from here."""
-        now = self.drive.time
+        now = self.run.time
         ready.driver.begin(x, now)
         try:
             return ready.driver.plan(x, left)

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.estimation.estimate import FEW, Estimate
+from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.tuning import TUNING
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.crowd import NOWHERE, reach_of
 from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Footprint, World
+from pirrht.geometry.scene import Footprint, Workspace
+from pirrht.moving.collision import NOWHERE, reach_of
 from pirrht.outcome import Outcome
 from sim.drawing.colors import title
 from sim.drawing.sides import sides, worded
@@ -37,7 +38,7 @@ class Bystanders:
     """The shapes of bodies that move; how they move is told when they are asked about."""
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
-        self._shapes = [Collision(World(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
+        self._shapes = [Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
         self._reach = np.array([reach_of(mover) for mover in movers])
         self._radius = footprint.radius
 
@@ -145,15 +146,12 @@ def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str,
     They are told apart from those that matter: from all that there are would take too many words.
     """
     windings = {name: r.winding for name, r in zip(plan.ids, plan.references, strict=True)}
-    timed = path_integral.homology
-    movers = () if timed is None else timed.moving.names
-    passed = None
-    if timed is not None:
-        passed = {name: sides(r, timed.moving) for name, r in zip(plan.ids, plan.references, strict=True)}
+    homology = path_integral.homology
+    passed = {name: sides(r, homology) for name, r in zip(plan.ids, plan.references, strict=True)}
     weights = plan.estimate.class_weights if plan.estimate else {}
     matter = {name for k, name in enumerate(plan.ids) if k < CHEAPEST or weights.get(name, 0.0) >= HEAVY}
-    straight = path_integral.space.homology.straight(plan.state[None, :2])[0]
-    return worded(windings, straight, names, movers, matter, passed)
+    straight = homology.static.base(plan.state)
+    return worded(windings, straight, names, homology.names, matter, passed)
 
 
 def _slices(first: NDArray[np.int64], count: int) -> list[tuple[int, int]]:
@@ -219,7 +217,7 @@ def page(plan: Plan, reasons: Sequence[Reason], time: float) -> str:
     if not reasons:
         value = f"value {estimate.value:.2f} ± {estimate.value_error:.2f}"
         return f"**At {time:.2f} s**: {value}; this method has no classes."
-    weak = f" Only {estimate.ess:.1f} effective samples: a guess." if estimate.ess < FEW else ""
+    weak = f" Only {estimate.ess:.1f} effective samples: a guess." if estimate.ess < TUNING.few else ""
     head = f"**{sentence(reasons, plan.favourite)}**{weak}"
     return f"{head}\n\n{_table(reasons)}\n\n{_foot(plan, time)}"
 

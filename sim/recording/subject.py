@@ -63,8 +63,7 @@ class Subject:
     @cached_property
     def rise(self) -> float:
         """Height of a second in space and time [m]: at the best speed a way goes up as steeply as ahead."""
-        timed = self.path_integral.homology
-        return (self.space.moving if timed is None else timed.moving).speed
+        return float(self.path_integral.homology.speed)
 
     @cached_property
     def lift(self) -> tuple[int, ...]:
@@ -182,8 +181,8 @@ def _stem(name: str) -> str:
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
-    lengths = tree.lengths(tree.homology.asked(x, 0.0))
+    lengths = tree.lengths(tree.at(x, 0.0))
     windings = sorted(lengths, key=lambda winding: lengths[winding])
-    standing = tree.space.homology.M
+    standing = len(tree.space.homology.markers)
     apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < standing]
     return tuple(dict.fromkeys([*apart, *range(standing)]))[:most]

@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 from sim.drawing.colors import mix
 from sim.drawing.strokes import heights
 

@@ -20,7 +20,7 @@ from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.planner import file as tree_file
 from pirrht.planner.left_out import left_out
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drive import episode, realtime
 from sim.drive.executor import Executor
@@ -102,7 +102,7 @@ class Scenario(Task):
             SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
-            return tree.references(tree.homology.asked(self.start, 0.0), polished=self.settings.polish)
+            return tree.references(tree.at(self.start, 0.0), polished=self.settings.polish)
         except NoReference:
             why = covered(self.loaded.scene)
             if why is None and waits and self.moving:
@@ -248,4 +248,4 @@ class Scenario(Task):
 
 def _reaches(tree: HomologyTree, x: Array) -> bool:
     """Tell whether any class reaches the goal from x (n,)."""
-    return bool(tree.lengths(tree.homology.asked(x, 0.0)))
+    return bool(tree.lengths(tree.at(x, 0.0)))

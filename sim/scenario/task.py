@@ -14,7 +14,6 @@ from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
-from pirrht.topology.in_time import TimedHomology
 from sim.mjcf import Loaded
 from sim.settings import Settings, Size, check
 from sim.systems import System, refuse
@@ -52,7 +51,7 @@ class Task:
         return bool(self.loaded.scene.movers)
 
     @property
-    def homology(self) -> Homology | TimedHomology:
+    def homology(self) -> Homology:
         """Homology by which classes of runs are told apart."""
         return self.in_time.homology(self.space) if self.moving else self.space.homology
 
@@ -119,8 +118,7 @@ class Task:
     def classes_at_start(self) -> int:
         """Classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
         homology, limit = self.homology, self.settings.limit
-        here = np.append(self.start[:2], 0.0) if isinstance(homology, TimedHomology) else self.start[:2]
-        straight = homology.straight(here[None])[0]
+        straight = homology.base(homology.at(self.start, 0.0))
         most = self.settings.classes or Settings().classes
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))

@@ -8,8 +8,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Along, Batch, Proposal, ProposalControl, Tape
-from pirrht.proposals.tracking import Guide
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 
 
 def batch_of(
@@ -20,16 +21,16 @@ def batch_of(
     *,
     counts: Sequence[int] | None = None,
     corners: Sequence[Array] | None = None,
-    guides: Sequence[Guide | None] | None = None,
+    guides: Sequence[DDPGuide | None] | None = None,
     classes: Mapping[int, str] | None = None,
 ) -> Batch:
     """Samples from x (n,) around guides if there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
 
     def lead(h: int) -> ProposalControl:
         if guides is not None and (guide := guides[h]) is not None:
-            return Along(guide, integral.problem.dynamics)
-        if corners is not None and integral.leading.climbs and len(corners[h]):
-            return integral.leading.climbing(x, np.asarray(corners[h]))
+            return LinearFeedback(guide)
+        if corners is not None and integral.proposals.climbs and len(corners[h]):
+            return integral.proposals.climbing(x, np.asarray(corners[h]))
         return Tape(times, np.asarray(tapes[h], dtype=float))
 
     H = len(tapes)

@@ -8,17 +8,18 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.geometry.listed import held_of
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
-from pirrht.proposals.any_guide import DDPGuide, Track
-from pirrht.proposals.any_guides import DDPGuidance
+from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide, Track
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 
 DRAWN = 40_000
 ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheapest count for nothing

@@ -14,7 +14,8 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Obstacle, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, DesirabilityAscent, Proposal, Tape
+from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.systems.single_integrator import SingleIntegrator
 
 
@@ -43,7 +44,7 @@ class Solved:
         """Samples around the references, on their ways, or along tapes of speed 1 where those are held."""
         rows = list(zip(self.lines, counts, strict=False))
         times = integral.grid(2.0 * max(length(self.x, line) for line, _ in rows))
-        leading = integral.leading
+        leading = integral.proposals
         leads = [
             leading.climbing(self.x, line) if leading.climbs else Tape(times, tape(self.x, line, times))
             for line, _ in rows

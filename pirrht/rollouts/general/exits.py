@@ -6,13 +6,14 @@ import math
 from functools import cache
 from typing import Any
 
-from pirrht.geometry.traffic import traffic_clearance
+from pirrht.bridge import FAR
 from pirrht.jit.jit import part
 from pirrht.jit.streams import normals
-from pirrht.rollouts.among import at_moving_wall, look_around, met_on_bridge, met_on_way
+from pirrht.moving.broad_phase import list_around, list_everybody
+from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_way
 from pirrht.rollouts.first_exit import (
     COLLISION,
-    FAR,
     GOAL,
     INSIDE,
     at_crossing,
@@ -23,8 +24,7 @@ from pirrht.rollouts.first_exit import (
     rim_along,
 )
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.nearby import list_around, list_everybody
-from pirrht.rollouts.sweep import sweep_exit, sweep_onward
+from pirrht.rollouts.sweep import sweep_onward
 
 
 @cache
@@ -103,7 +103,7 @@ def exits(kind: KernelSpec) -> Any:
     It returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
     wall was met, distances (noisy positions) and clearance (others) at its end, and the count of moving obstacles near.
     """
-    noisy_position, moving, along_line, turning = kind.noisy_position, kind.moving, kind.along_line, kind.turning
+    noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
     bodies_of = bodies_for(kind)
     ended_in_plane, ended_on_line = ended_for(kind)
@@ -156,8 +156,6 @@ def exits(kind: KernelSpec) -> Any:
             )
         elif arrived:
             exit, share = GOAL, ahead
-        elif turning:
-            exit, share = sweep_exit(arena, x[0], x[1], moved[0], moved[1], turn)
         else:
             exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
         if moving and not noisy_position and setup.bridge and close > 0:

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 from pirrht.jit.jit import kernel
 from pirrht.systems.dynamics import no_drift, no_homing
-from pirrht.systems.unicycle import unicycle_drift
 
 SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle, in deviations of the noise
 
@@ -53,11 +52,6 @@ class KernelSpec(NamedTuple):
         return self.control_block is not None
 
     @property
-    def turning(self) -> bool:
-        """Tell whether it moves along arcs, as a car at constant speed."""
-        return self.drift is unicycle_drift and self.rows == self.m == 1 and not self.moving
-
-    @property
     def along_line(self) -> bool:
         """Tell whether its position moves to and fro along a line alone."""
         return self.rows > self.m and self.noisy_position and not self.drifting
@@ -65,7 +59,7 @@ class KernelSpec(NamedTuple):
     @property
     def bending(self) -> bool:
         """Tell whether its path bends within a step as the noise of the step has it."""
-        return takes_law(self) and self.drifting and not self.noisy_position
+        return self.drifting and not self.noisy_position
 
     @property
     def modes(self) -> int:
@@ -110,12 +104,5 @@ def is_steady(kind: KernelSpec) -> bool:
 
 
 def takes_law(kind: KernelSpec) -> bool:
-    """Tell whether a law of any size leads samples: not for a car or a point, except among moving obstacles."""
-    if kind.moving:
-        return True
-    return not is_car(kind) and not (kind.n == kind.m == 2 and not kind.astray)
-
-
-def is_car(kind: KernelSpec) -> bool:
-    """Tell whether a car's own law leads samples."""
-    return kind.turning and not kind.gaining
+    """Tell whether a linear law leads samples: of any system but a point among static obstacles, which climbs psi."""
+    return kind.moving or not (kind.n == kind.m == 2 and not kind.astray)

@@ -14,19 +14,11 @@ import numpy as np
 
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
-from pirrht.jit.vectors import bounded, mixed, product, summed
-from pirrht.rollouts.general.kind import KernelSpec, is_car, is_gated, takes_law
-from pirrht.rollouts.records import FINER
+from pirrht.jit.vectors import affine, axpy, clip, matvec
+from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
+from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
-from pirrht.systems.heading import TURN_GAIN, beyond_disc, wrapped
-
-STEEP = 6.0  # |u| of a guide stays below this
-
-
-@inlined
-def homing(x, y, theta, gx, gy, radius, bound):  # type: ignore[no-untyped-def]
-    """Turn rate that brings the goal's disc ahead of (x, y) [m], at most `bound`; none where it lies ahead [rad/s]."""
-    return max(-bound, min(bound, TURN_GAIN * beyond_disc(gx - x, gy - y, theta, radius)))
+from pirrht.systems.heading import wrapped
 
 
 @jitable
@@ -38,13 +30,6 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     size = math.sqrt(a * a + b * b) + 1e-12
     scale = math.sqrt(2.0 * rate) / size
     out[0], out[1] = scale * a, scale * b
-
-
-@jitable
-def car_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Turn a car at x (3,) towards the goal: its `Dynamics.homing` among moving obstacles."""
-    bound = STEEP * math.sqrt(rate) * B[0, 0]
-    out[0] = homing(x[0], x[1], x[2], aim[0], aim[1], radius, bound) / B[0, 0]
 
 
 GATES = 2  # of a row of a law
@@ -139,10 +124,10 @@ def nearest_of(n: int, angles: int) -> Any:
 @cache
 def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
     """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
-    said_by_few, said_by_many = summed(n, m), summed(n, most)
-    bind_few, bind_many = bounded(m), bounded(most)
-    times_few, times_many = product(m, m), product(most, most)
-    mix_few, mix_many = mixed(m), mixed(most)
+    said_by_few, said_by_many = affine(n, m), affine(n, most)
+    bind_few, bind_many = clip(m), clip(most)
+    times_few, times_many = matvec(m, m), matvec(most, most)
+    mix_few, mix_many = axpy(m), axpy(most)
 
     @part
     def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
@@ -185,24 +170,11 @@ LOST = 30.0  # nats by which a path is less likely under another reference, whic
 
 @cache
 def aims(kind: KernelSpec) -> Any:
-    """Build the kernel that writes `a` of every reference, and with a law `wide` or `aside`."""
+    """Build the kernel that writes `a` of every reference, and with a law `wide`."""
     n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
-    car, leadable, gated, gaining = is_car(kind), takes_law(kind), is_gated(kind), kind.gaining
-    losing = leadable or car  # points are simulated in blocks, whose lanes all do the same
+    leadable, gated, gaining = takes_law(kind), is_gated(kind), kind.gaining
     fixed, angles, homing_of = n - rows, kind.angles, kind.homing
     nearest, (said, bind, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
-
-    @part
-    def car_law(leads, scratch, g, i, steep):  # type: ignore[no-untyped-def]
-        """Write the control of a car's own law."""
-        law, x = leads.law, scratch.x
-        ex, ey = x[0] - law[g, i, 4], x[1] - law[g, i, 5]
-        drive = law[g, i, 0] + law[g, i, 1] * ex + law[g, i, 2] * ey
-        et = wrapped(x[2] - law[g, i, 6])
-        drive += law[g, i, 3] * et
-        scratch.a[g, 0] = max(-steep, min(steep, drive))
-        drive = law[g, i, 9] + law[g, i, 10] * ex + law[g, i, 11] * ey + law[g, i, 12] * et
-        scratch.aside[g] = max(-steep, min(steep, drive))
 
     @part
     def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
@@ -262,21 +234,14 @@ def aims(kind: KernelSpec) -> Any:
         x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
         led, count, ratio = leads.led, leads.ways.count, keep.ratio
         weigh = ratio.shape[0] > 0
-        near_walls, steep = noisy_position and leads.reach > 0.0, STEEP * setup.gain[0, 0]
-        homeward, headed = np.inf, False  # computed once, if a reference asks for it
+        near_walls = noisy_position and leads.reach > 0.0
+        headed = False  # computed once, if a reference asks for it
         for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):
-            lost[g] = lost[g] or (losing and weigh and ratio[g] < ratio[h] - LOST)
+            lost[g] = lost[g] or (leadable and weigh and ratio[g] < ratio[h] - LOST)
             if lost[g]:  # never of h
                 continue
             if noisy_position and count[g] > 0:
                 along_way(leads, scratch, g, goal, walls)
-            elif car and led[g] > i:
-                car_law(leads, scratch, g, i, steep)
-            elif car and led[g] > 0:
-                if homeward == np.inf:
-                    bound = scratch.D[0, 0] * scratch.B[0, 0]
-                    homeward = homing(x[0], x[1], x[2], goal[0], goal[1], radius, bound) / scratch.B[0, 0]
-                a[g, 0] = homeward
             elif leadable and led[g] > 0:
                 s = step_of(leads, scratch, g, i, share, modes)
                 if s < led[g]:

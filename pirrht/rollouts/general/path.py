@@ -2,11 +2,11 @@
 
 Steps are Euler-Maruyama's. Where no noise acts on the position, the drift is that of the middle of the step's noise: a
 car moves along the heading it has half-way. A Stratonovich equation takes B and drift of the middle too; the increments
-y stay. One control per step would make v too high, so fitted steps draw the heading at their end and its mean over the
-step together: the mean is off the middle by -B sway / sqrt(12), `sway` being led noise of the same variance. Any other
-system whose noise does not act on its position does so as well; for a mass that is exact.
+y stay. One control per step would make v too high, so fitted steps draw the state at their end and its mean over the
+step together: the mean is off the middle by -B sway / sqrt(12), `sway` being led noise of the same variance. For a mass
+that is exact.
 
-Systems other than cars and points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
+Systems other than points follow a law (`records.law_width`): the noise of a step, m numbers or with sways 2 m,
 has the mean (a + K (x - x_ref)) dt and the covariance L L' dt. Where noise acts on the position, steps end at
 crossings, up to which only passive noise has a likelihood ratio: there L is not used. Without moving obstacles the
 nearest state's step counts, since noise moves a mass early or late; with them (`moving`) the step that is due.
@@ -26,49 +26,41 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import at
 from pirrht.jit.addresses import load_float64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.linear import solve
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.among import look_anew
+from pirrht.jit.vectors import copy_row, copy_rows, solve
+from pirrht.moving.broad_phase import begin_list
+from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.exits import exits
-from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_car, is_gated, is_steady, takes_law
+from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, is_gated, is_steady, takes_law
 from pirrht.rollouts.general.law import aims, columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST, scratch_for
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
-from pirrht.rollouts.nearby import begin_list
-from pirrht.topology.cuts import key_of_step
-from pirrht.topology.marks import key_among, open_sides
+from pirrht.topology.crossings import key_of_step
+from pirrht.topology.moving_crossings import key_among, open_sides
 
 
 @cache
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
-    n, m, noisy_position, car, leadable = kind.n, kind.m, kind.noisy_position, is_car(kind), takes_law(kind)
+    n, m, noisy_position, leadable = kind.n, kind.m, kind.noisy_position, takes_law(kind)
 
     _, _, times, mix = rows_of(n, m, kind.modes)
 
     @part
-    def add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes):  # type: ignore[no-untyped-def]
+    def add_log_ratios(keep, leads, scratch, h, i, dt, until, modes):  # type: ignore[no-untyped-def]
         ratio = keep.ratio
         law, led, y, drawn, a = leads.law, leads.led, scratch.y, scratch.drawn, scratch.a
-        wide, aside, white = scratch.wide, scratch.aside, scratch.white
+        wide, white = scratch.wide, scratch.white
         wide_at = wide.ctypes.data
         _, _, _, inverse, end = columns_of(n, modes)
         rows_at, pitch = law.ctypes.data, 8 * law.shape[2]
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
-            if car and led[g] > i:
-                if until > 0.0:
-                    off = (y[0] - a[g, 0] * dt) / law[g, i, 7]
-                    ratio[g] += 0.5 * (y[0] * y[0] - off * off) / dt - law[g, i, 8]
-                    off = sway - aside[g] * dt - law[g, i, 13] * (y[0] - a[g, 0] * dt)
-                    ratio[g] += 0.5 * (sway * sway - (off / law[g, i, 14]) ** 2) / dt
-            elif leadable and not noisy_position and scratch.stage[g] < led[g]:
+            if leadable and not noisy_position and scratch.stage[g] < led[g]:
                 if until > 0.0:
                     gained, row = 0.0, rows_at + pitch * (law.shape[1] * g + scratch.stage[g])
                     noise, size = scratch.fresh.ctypes.data + 8 * (modes + modes % 2) * (i % ABREAST), dt
@@ -220,7 +212,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
             probability that no wall was met on the way, where that is weighed.
         """
-        arena, p, times, counted = at(setup.arena, 0.0), setup.parameters, leads.times, leads.counted
+        arena, p, times, counted = setup.arena, setup.parameters, leads.times, leads.counted
         goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved
         T, weigh = leads.control.shape[1], keep.ratio.shape[0] > 0
         bent = bending and setup.bridge and leads.least < np.inf
@@ -233,7 +225,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         before, room, rates, now, close = distances(arena, x[0], x[1]), 0.0, covariance(scratch.B), 0.0, 0
         body_key = np.int64(leads.marks.opening if moving else 0)
         for i in range(T):
-            whole, done, arena = times[i + 1] - times[i], 0.0, at(setup.arena, times[i + 1])
+            whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             clear(keep, i)
             while left > 0.0 and exit == INSIDE:
@@ -249,8 +241,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 if owed > 0.0:
                     settle(keep.led_by, setup.inverse, scratch, h, counted, owed, last)
                     owed = 0.0
-                state, sway = draw(leads, scratch, state, sign, h, i, dt, modes)
-                way = move(setup, leads, scratch, arena, dt, sway, rates, bent)
+                state = draw(leads, scratch, state, sign, h, i, dt, modes)
+                way = move(setup, leads, scratch, arena, dt, rates, bent)
                 drifted, rates = bent and not way[0], way[3]
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
@@ -264,7 +256,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                         leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side, scratch.spot
                     )
                 if weigh:
-                    add_log_ratios(keep, leads, scratch, h, i, dt, until, sway, modes)
+                    add_log_ratios(keep, leads, scratch, h, i, dt, until, modes)
                 where = (i, whole, i == 0 and done == 0.0)
                 record(keep, setup.inverse, scratch, h, counted, where, until, near_walls, exit == INSIDE)
                 if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.rollouts.among import NEAR
+from pirrht.moving.broad_phase import HELD
+from pirrht.moving.exits import NEAR
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.nearby import HELD
-from pirrht.topology.marks import SPOT
+from pirrht.topology.moving_crossings import SPOT
 
 ABREAST = 8  # steps whose noise is drawn at once
 
@@ -29,7 +29,6 @@ class Scratch(NamedTuple):
     D: Array  # (m, m) B^-1 G
     B: Array  # (rows, m)
     a: Array  # (H, m) B^-1 G u of every reference
-    aside: Array  # (H,) control of a car's sway
     pushed: Array  # (m,) what walls push on top
     stage: NDArray[np.int64]  # (H,) the node of its way, or the step of its law
     lost: NDArray[np.bool_]  # (H,) whether it is out of question
@@ -64,7 +63,7 @@ def scratch_for(kind: KernelSpec) -> Any:
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m),
             np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)),
-            np.empty((H, m)), np.zeros(H), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty((H, m)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)),
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),

@@ -8,15 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.field import two_walls
 from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import part
 from pirrht.jit.streams import fill_normals, normals
-from pirrht.rollouts.among import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, two_walls, wall_slope
-from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, is_car, takes_law
+from pirrht.jit.vectors import copy_row
+from pirrht.moving.broad_phase import REACHES, list_around, next_jump
+from pirrht.moving.exits import facing_among, look_around, with_moving
+from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, wall_slope
+from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, takes_law
 from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.nearby import REACHES, list_around, next_jump
 from pirrht.rollouts.sweep import sweep_exit, turn_of
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
@@ -85,9 +87,9 @@ def walls_for(kind: KernelSpec) -> Any:
 
 @cache
 def noise_for(kind: KernelSpec) -> Any:
-    """Build the kernel that draws the noise `y` of a step, and `drawn` with all modes; (stream's state, sway)."""
+    """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
-    car, leadable, turning = is_car(kind), takes_law(kind), kind.turning
+    leadable = takes_law(kind)
     abreast = leadable and not noisy_position
     _, _, times, mix = rows_of(n, m, kind.modes)
 
@@ -118,24 +120,16 @@ def noise_for(kind: KernelSpec) -> Any:
 
     @part
     def draw(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
-        law, y, a, root = leads.law, scratch.y, scratch.a, math.sqrt(dt)
-        sway, other = 0.0, 0.0
         if leadable:
-            state = under_law(leads, scratch, state, sign, h, i, dt, modes)
-        for j in range(0 if leadable else m):
+            return under_law(leads, scratch, state, sign, h, i, dt, modes)
+        y, a, root, other = scratch.y, scratch.a, math.sqrt(dt), 0.0
+        for j in range(m):
             if j % 2 == 0:
                 state, z, other = normals(state)
             else:
                 z = other
-            z *= sign
-            if car and leads.led[h] > i:
-                z *= law[h, i, 7]
-            y[j] = z * root + a[h, j] * dt
-        if turning and leads.least < np.inf:
-            sway = sign * other * root
-            if car and leads.led[h] > i:
-                sway = law[h, i, 14] * sway + scratch.aside[h] * dt + law[h, i, 13] * (y[0] - a[h, 0] * dt)
-        return state, sway
+            y[j] = sign * z * root + a[h, j] * dt
+        return state
 
     return draw
 
@@ -166,7 +160,7 @@ def motion(kind: KernelSpec) -> Any:
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
     drift, drifting, midway, noisy_position = kind.drift, kind.drifting, kind.midway, kind.noisy_position
-    varying, turning = kind.varying, kind.turning
+    varying = kind.varying
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance = covariance_of(kind)
 
@@ -179,28 +173,34 @@ def motion(kind: KernelSpec) -> Any:
                 moved[fixed + j] += share * B[j, k] * y[k]
 
     @part
-    def half_way(setup, leads, scratch, dt, sway, bent):  # type: ignore[no-untyped-def]
-        """Take the drift at the middle of the step's noise, off it by its sway, where no noise acts on the position."""
-        x, moved, f, B = scratch.x, scratch.moved, scratch.f, scratch.B
-        swaying = turning and leads.least < math.inf
+    def half_way(setup, scratch, dt, bent):  # type: ignore[no-untyped-def]
+        """Take the drift where no noise acts on the position: at the middle of the step's noise, or its mean over it.
+
+        The mean is by two points about the mean state, apart by the deviation of the state within the step.
+        """
+        x, moved, f, B, y, p = scratch.x, scratch.moved, scratch.f, scratch.B, scratch.y, setup.parameters
         for j in range(n):
             moved[j] = x[j]
         shaken(scratch, 0.5)
-        if swaying:
-            moved[2] -= B[0, 0] * sway * SWAY
-        for j in range(rows if bent else 0):
+        if not bent:
+            drift(moved, p, f)
+            return
+        ahead = scratch.beside
+        for k in range(m):
+            scratch.column[k, 0] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
+        copy_row(moved, ahead)
+        for j in range(rows):
             for k in range(m):
-                moved[fixed + j] -= SWAY * B[j, k] * scratch.drawn[m + k]
-        drift(moved, setup.parameters, f)
-        turn = 0.0
-        if swaying:  # the chord of an arc is shorter than the arc
-            turn = B[0, 0] * scratch.y[0]
-            for j in range(2):
-                f[j] *= 1.0 - (turn * turn + B[0, 0] * B[0, 0] * dt) / 24.0
-        return turn
+                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k, 0]
+                moved[fixed + j] -= mean + spread
+                ahead[fixed + j] -= mean - spread
+        drift(moved, p, f)
+        drift(ahead, p, moved)
+        for j in range(n):
+            f[j] = 0.5 * (f[j] + moved[j])
 
     @part
-    def move(setup, leads, scratch, arena, dt, sway, rates, bent):  # type: ignore[no-untyped-def]
+    def move(setup, leads, scratch, arena, dt, rates, bent):  # type: ignore[no-untyped-def]
         (xx, xy, yy), x, moved, f, y, p = rates, scratch.x, scratch.moved, scratch.f, scratch.y, setup.parameters
         goal, radius = arena.goal, arena.radius
         arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
@@ -213,7 +213,7 @@ def motion(kind: KernelSpec) -> Any:
                 for j in range(m):
                     y[j] = 0.0
             elif drifting:
-                turn = half_way(setup, leads, scratch, dt, sway, bent)
+                half_way(setup, scratch, dt, bent)
         if midway and not arrived:
             for j in range(n):
                 moved[j] = x[j] + 0.5 * f[j] * dt

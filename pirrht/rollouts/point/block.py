@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arena import at
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
@@ -25,7 +24,7 @@ from pirrht.rollouts.point.stages import (  # isort: skip
     SAMPLE, SIGN, SPENT, STAGE, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, U, V, X, Y, add_log_ratios, advance, cross, draw,
     move, pace, row_of, scratch_of, settle, tape_control, way_control,
 )  # fmt: skip
-from pirrht.rollouts.records import Chosen, Origin, empty_paths
+from pirrht.rollouts.tables import Chosen, Origin, empty_paths
 from pirrht.systems.dynamics import Dynamics, no_drift
 
 RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit
@@ -175,7 +174,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
-    cuts, B, around = setup.cuts, setup.diffusion, single(at(setup.arena, 0.0))
+    cuts, B, around = setup.cuts, setup.diffusion, single(setup.arena)
     inverse, times, drift, weighed = setup.inverse, leads.times, leads.drift.ctypes.data, leads.weighed
     active, count, window, goal = leads.active, leads.ways.count, leads.window, around.goal
     place, slope, decay = leads.ways.place.ctypes.data, leads.ways.slope.ctypes.data, leads.ways.decay
@@ -192,7 +191,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
         f[C0 + k] = f[C1 + k]
-    arena = at(setup.arena, 0.0)
+    arena = setup.arena
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
         pace(times, least, scale, rim, f, short, full)

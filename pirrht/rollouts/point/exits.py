@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.arena import Arena
-from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell
+from pirrht.bridge import FAR
+from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
+from pirrht.geometry.world import World
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, bits_of, logarithm
-from pirrht.rollouts.first_exit import COLLISION, FAR, GOAL, INSIDE, wall_slope, walls_of
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, wall_slope
 
 from pirrht.rollouts.point.stages import (  # isort: skip
     C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, PER, PUSH0, PUSH1, ROOT, WALL, L, U, V, X,
@@ -22,7 +23,7 @@ from pirrht.rollouts.point.stages import (  # isort: skip
 
 SLOW = 3  # flag of lanes whose step needs a closer look
 FRAME: Any = Grid
-PLACE: Any = Arena
+PLACE: Any = World
 SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
 FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
 
@@ -37,7 +38,7 @@ def single(arena):  # type: ignore[no-untyped-def]
         field.nearest, field.second, field.label,
         np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
     )  # fmt: skip
-    return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius))
+    return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius), arena.moving)
 
 
 @inlined

@@ -17,7 +17,8 @@ from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, halves, normals_of
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
-from pirrht.topology.cuts import FEW, key_of_step, turn_at_cut
+from pirrht.topology.crossings import key_of_step, turn_at_cut
+from pirrht.topology.tuning import TUNING
 
 LANES = 512  # of a block; all rows together stay within the nearest cache
 WIDE = 16  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
@@ -146,7 +147,7 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
 def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
     n = min(n, LANES)
-    if cuts.M > FEW:
+    if TUNING.few_markers < cuts.M:
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, Scene, SceneError
-from pirrht.geometry.arena import Arena
 from pirrht.geometry.field import clearance
+from pirrht.geometry.world import World
 from pirrht.jit.jit import kernel
 
 POSTS = tuple(
@@ -61,15 +61,16 @@ def test_a_task_that_cannot_be_is_refused(start: tuple[float, ...]) -> None:
 
 
 @kernel
-def room_at(arena, x, y):  # type: ignore[no-untyped-def]
+def room_at(world, x, y):  # type: ignore[no-untyped-def]
     """Clearance, and distance to the goal's disc."""
-    return clearance(arena.field, x, y), np.hypot(x - arena.goal[0], y - arena.goal[1]) - arena.radius
+    return clearance(world.field, x, y), np.hypot(x - world.goal[0], y - world.goal[1]) - world.radius
 
 
-def test_kernels_take_an_arena_and_a_standing_world_is_the_same_at_all_times() -> None:
+def test_kernels_take_a_world_which_without_moving_obstacles_is_the_same_at_all_times() -> None:
     space = FreeSpace.of(SCENE)
-    assert isinstance(space.arena, Arena)
-    assert space.arena.at(0.0) == space.arena.at(7.0) == space.arena
-    found, away = room_at(space.arena, 0.4, 0.5)
+    assert isinstance(space.world, World)
+    assert space.world.moving.J == 0
+    assert space.world.clearance(0.4, 0.5, 0.0) == space.world.clearance(0.4, 0.5, 7.0)
+    found, away = room_at(space.world, 0.4, 0.5)
     assert found == clearance(space.field, 0.4, 0.5)
     assert away == pytest.approx(np.hypot(3.2, 2.5) - 0.2)

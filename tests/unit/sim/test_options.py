@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import fields
 from pathlib import Path
 
@@ -13,12 +14,12 @@ from mjcf_samples import FLOOR, SITES, mjcf
 from repository import ROOT
 
 import pirrht
-from pirrht.control import best_class, controller, mppi
+from pirrht.control.methods import ControlSettings
+from pirrht.control.mppi import Mppi
 from pirrht.errors import OptionError
 from sim import settings
 from sim.cli import docs, main, parser
 from sim.options.record import Option
-from sim.options.settings import BETWEEN
 from sim.options.table import BY_SETTING, IDENTIFYING, OPTIONS, check, options_of
 from sim.scenario import prepare
 from sim.settings import PRESETS, Settings
@@ -146,9 +147,8 @@ def test_every_setting_is_an_option_and_the_other_way_round():
 
 
 def test_what_is_slow_to_import_is_said_again_and_the_same():
-    assert controller.BETWEEN == BETWEEN
-    assert Settings().consistency == best_class.CONSISTENCY
-    assert Settings().horizon == mppi.HORIZON
+    assert Settings().consistency == ControlSettings().consistency
+    assert Settings().horizon == inspect.signature(Mppi).parameters["horizon"].default
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -148,7 +148,7 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
         for k in range(homology.M):
             height = strokes.remaining(homology, reference, line, k)
             assert height[0] == reference.signature[k]
-            assert height[-1] == pytest.approx(1.0 + homology.straight(line[-1:])[0, k], abs=1e-9)
+            assert height[-1] == pytest.approx(1.0 + homology.base(line[-1])[k], abs=1e-9)
             assert np.abs(np.diff(height)).max() < 0.25
 
 

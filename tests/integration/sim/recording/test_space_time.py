@@ -13,10 +13,10 @@ from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
-from pirrht.plotting.ground import MOMENTS, outline
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.mjcf import load
+from sim.plotting.ground import MOMENTS, outline
 from sim.recording.layout import layout
 from sim.recording.options import Look
 from sim.recording.reasons import Bystanders, reasons, words_of
@@ -210,7 +210,7 @@ def test_samples_that_hit_a_moving_body_are_told_to_have_hit_it():
 
 def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
     scene: Scene = load("pincer").scene
-    from pirrht.geometry.crowd import MovingObstacles
+    from pirrht.moving.collision import MovingObstacles
 
     others, crowd = Bystanders(scene.movers, scene.footprint), MovingObstacles(scene.movers, scene.footprint)
     rng = np.random.default_rng(0)

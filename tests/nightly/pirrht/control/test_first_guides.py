@@ -11,14 +11,15 @@ from discs import scene_of
 from thoroughly import first
 
 from pirrht.control.controller import Controller
+from pirrht.control.proposals import least_cost
 from pirrht.estimation.batches import sample
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import RIVAL, DDPGuidance
-from pirrht.proposals.tracking import FEW
-from pirrht.steering.rover import RoverSteering
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.tuning import TUNING
+from pirrht.steering.tracked import Tracked
 from pirrht.systems.rover import Rover
 from sim.scenario import prepare
 
@@ -74,15 +75,15 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
     for x in (STATES[robot], AWAY[robot], turned(STATES[robot]), turned(AWAY[robot])):
         state = np.array(x)
         controller.begin(state)
-        reference = controller._references(state)[0]
-        times = controller.path_integral.grid(controller.around.least_cost(state, [reference.trajectory]))
+        reference = controller.tree.references(state)[0]
+        times = controller.path_integral.grid(least_cost(controller.problem, state, [reference.trajectory]))
         key = controller.homology.key(reference.winding)
         usual = guidance.improve(state, times, key, reference.trajectory)
         first, rival = guidance.first(state, times, key, reference.trajectory)
         assert first is not None
         assert first.valid
         if rival is not None:
-            assert rival.priced < first.priced + RIVAL * controller.problem.temperature
+            assert rival.priced < first.priced + TUNING.alternative * controller.problem.temperature
         if usual is not None and usual.valid:
             assert first.priced <= usual.priced
             cheaper += first.priced < 0.95 * usual.priced
@@ -94,16 +95,17 @@ def test_samples_of_a_rover_go_where_earlier_ones_weighed():
     controller = planner("rover")
     x, N = np.array([1.0, 2.5, 0.0]), controller.path_integral.sampling.samples
     controller.begin(x)
-    equal = controller.batch(x, controller._references(x))
-    worth = [one.count for one in equal.proposals if one.count > FEW]
+    equal = controller.batch(x, controller.tree.references(x))
+    worth = [one.count for one in equal.proposals if one.count > TUNING.few]
     assert len(worth) > 1
     assert worth == [N] * len(worth)
     controller.begin(x)
     for _ in range(10):
         plan = controller.plan(x)
-    shared = controller.batch(x, controller._references(x))
+    shared = controller.batch(x, controller.tree.references(x))
     counts = {one.name: one.count for one in shared.proposals}
-    assert sum(count for count in counts.values() if count > FEW) == N * sum(count > FEW for count in counts.values())
+    many = [count for count in counts.values() if count > TUNING.few]
+    assert sum(many) == N * len(many)
     assert max(counts, key=counts.__getitem__) == plan.favourite
     assert counts[plan.favourite] > 1.5 * N
 
@@ -114,7 +116,7 @@ def test_equal_samples_stay_equal():
     controller.begin(x)
     for _ in range(3):
         counts = controller.plan(x).estimate.rollouts.leads.first
-    assert set(np.diff(counts)) <= {FEW, controller.path_integral.sampling.samples}
+    assert set(np.diff(counts)) <= {TUNING.few, controller.path_integral.sampling.samples}
 
 
 @cache
@@ -123,7 +125,7 @@ def alone_in_a_room(b: float) -> Controller:
     scene = scene_of([], start=(0.6, 1.5), goal=(2.4, 1.5), side=3.0)
     problem = Problem(dynamics=Rover(b=b), scene=scene, R=np.diag([2.0, 0.5]))
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, RoverSteering.of(problem), rng=np.random.default_rng(0))
+    tree = HomologyTree(space, Tracked.of(problem), rng=np.random.default_rng(0))
     tree.grow(200)
     return Controller(problem, space, tree, Sampling(samples=1000, threads=1), rng=np.random.default_rng(1))
 
@@ -136,7 +138,7 @@ def test_where_two_valleys_are_worth_the_same_v_is_lambda_ln_2_below_that_of_one
     """
     controller, x = alone_in_a_room(b), np.array([0.6, 1.5, np.pi / 2])
     controller.begin(x)
-    batch = controller.batch(x, controller._references(x))
+    batch = controller.batch(x, controller.tree.references(x))
     assert len(batch.proposals) == 2
     integral, values = controller.path_integral, []
     for seed, proposals in enumerate([batch.proposals, batch.proposals[:1], batch.proposals[1:]]):
@@ -155,11 +157,11 @@ def test_the_valley_that_noise_leaves_is_forgotten_and_the_other_leads():
     controller, x = alone_in_a_room(0.1), np.array([0.6, 1.5, np.pi / 2])
     controller.begin(x)
     controller.plan(x)
-    assert list(controller.around.guides.rivals) == [()]
-    first = controller.around.guides.last[()]
+    assert list(controller.run.memory.alternatives) == [()]
+    first = controller.run.memory.guides[()]
     ahead = 1.0 if first.modes[0, 1] < 0.0 else -1.0  # whether it is the one that drives ahead
-    controller.drive.since_plan = 0.2
-    controller.drive.asked = None  # as if it had turned in the time
+    controller.run.since_plan = 0.2
+    controller.run.queried = None  # as if it had turned in the time
     controller.plan(np.array([0.6, 1.5, np.pi / 2 + 0.7 * ahead]))  # towards where the other one turns
-    assert controller.around.guides.rivals == {}
-    assert controller.around.guides.last[()].modes[0, 1] * first.modes[0, 1] < 0.0
+    assert controller.run.memory.alternatives == {}
+    assert controller.run.memory.guides[()].modes[0, 1] * first.modes[0, 1] < 0.0

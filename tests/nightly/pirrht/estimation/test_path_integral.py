@@ -19,7 +19,7 @@ from closed_forms import (
     within,
 )
 
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 
 REFERENCES = [(), RIGHT, LEFT, (1, -1)]
@@ -35,7 +35,7 @@ def test_desirability_matches_cosh_for_interval_exit_whatever_the_tapes(sides, w
     problem = strip(b, L)
     value, control = interval_exit(problem, b, L, x)
     sampling = Sampling(dt=0.05, first=0.0125, samples=20000 // max(1, len(sides)), guide="open-loop", weights=weights)
-    integral = PathIntegral(problem, strip_space(L), sampling)
+    integral = path_integral(problem, strip_space(L), sampling)
     found = [at_strip(integral, x, sides, seed) for seed in range(SEEDS)]
     values = np.array([e.value for e in found])
     assert within(values, value)
@@ -44,7 +44,7 @@ def test_desirability_matches_cosh_for_interval_exit_whatever_the_tapes(sides, w
 
 
 def test_every_reference_gives_the_same_value():
-    integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=6000, guide="open-loop"))
+    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=6000, guide="open-loop"))
     values = {
         sides: np.array([at_strip(integral, 0.2, sides, seed).value for seed in range(SEEDS)]) for sides in REFERENCES
     }
@@ -60,7 +60,7 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
     problem, space = annulus(b, radius)
     value, speed = disc_entry(problem, b, radius, r)
     x = r * np.array([np.cos(0.5), np.sin(0.5)])
-    integral = PathIntegral(problem, space, Sampling(dt=0.05, first=0.025, samples=1000, guide=guide, window=0.05))
+    integral = path_integral(problem, space, Sampling(dt=0.05, first=0.025, samples=1000, guide=guide, window=0.05))
     times = integral.grid(2.0 * (r - radius))
     tapes, _ = straight(x, [x * (radius / r)], times)
     batch = batch_of(integral, x, times, tapes, corners=[np.zeros((1, 2))])
@@ -80,7 +80,7 @@ def test_at_the_default_step_the_rim_of_a_disc_costs_nothing(radius, b):
     problem, space = annulus(b, radius)
     value, _ = disc_entry(problem, b, radius, r)
     x = r * np.array([np.cos(0.5), np.sin(0.5)])
-    integral = PathIntegral(problem, space, Sampling(samples=4000))
+    integral = path_integral(problem, space, Sampling(samples=4000))
     times = integral.grid(2.0 * r)
     batch = batch_of(integral, x, times, np.zeros((1, len(times) - 1, 2)), corners=[np.zeros((1, 2))])
     found = [integral.estimate(integral.rollout(batch, seed)).log_psi for seed in range(SEEDS)]
@@ -93,7 +93,7 @@ def test_at_the_default_step_the_rim_of_a_disc_costs_nothing(radius, b):
 def test_a_useless_reference_keeps_the_value():
     """A tape that heads along the corridor, where no exit is, takes half of the samples and no value."""
     problem = strip(0.5, 0.5)
-    integral = PathIntegral(problem, strip_space(0.5), Sampling(dt=0.05, samples=10000, guide="open-loop"))
+    integral = path_integral(problem, strip_space(0.5), Sampling(dt=0.05, samples=10000, guide="open-loop"))
     x, times = np.array([0.2, 0.0]), integral.grid(1.0)
     tapes, _ = straight(x, [np.array([0.5, 0.0]), np.array([0.2, 5.0])], times)
     batch = batch_of(integral, x, times, tapes)
@@ -108,7 +108,7 @@ def test_unequal_counts_keep_the_value():
     value, control = interval_exit(problem, 0.5, 0.5, 0.2)
     for weights in ("balance", "average"):
         sampling = Sampling(dt=0.05, first=0.0125, guide="open-loop", weights=weights)
-        integral = PathIntegral(problem, strip_space(0.5), sampling)
+        integral = path_integral(problem, strip_space(0.5), sampling)
         found = [at_strip(integral, 0.2, (1, -1), seed, counts=[15000, 3000]) for seed in range(SEEDS)]
         assert within([e.value for e in found], value), weights
         assert within([e.control for e in found], [control, 0.0]), weights

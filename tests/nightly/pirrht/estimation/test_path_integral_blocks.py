@@ -17,7 +17,7 @@ from thoroughly import first, thorough
 from unit.pirrht.estimation.test_path_integral_blocks import Uneven, two, uneven
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.problem import Problem
 
@@ -43,8 +43,8 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
 @pytest.mark.parametrize("guide", [thorough("feedback"), "open-loop"])
 def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
     sampling = Sampling(dt=0.05, samples=300, guide=guide)
-    fast = PathIntegral(strip(0.5, 0.5), strip_space(0.5), sampling)
-    slow = PathIntegral(uneven(0.5, Uneven(b=0.5), two), strip_space(0.5), sampling)
+    fast = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
+    slow = path_integral(uneven(0.5, Uneven(b=0.5), two), strip_space(0.5), sampling)
     assert fast.temperature == pytest.approx(slow.temperature)
     one, other = (at_strip(integral, 0.2, (1, -1), 7) for integral in (fast, slow))
     np.testing.assert_array_equal(one.rollouts.paths.steps, other.rollouts.paths.steps)
@@ -67,7 +67,7 @@ def test_state_dependent_rate_and_blocks_match_collocation(dynamics):
     control = problem.temperature / 2.0 * (1.0 + dynamics.widening * x * x) * slope  # lambda R^-1 G' psi' / psi
     # The rate counts as it is at the start of a step, an error of 3 % at dt = 0.02 that falls with dt: 0.75 % here.
     sampling = Sampling(dt=0.005, samples=3000, guide="open-loop")
-    integral = PathIntegral(problem, strip_space(L), sampling)
+    integral = path_integral(problem, strip_space(L), sampling)
     found = [at_strip(integral, x, (1, -1), seed) for seed in range(SEEDS // 2)]
     values = np.array([e.value for e in found])
     assert values.mean() == pytest.approx(value, rel=0.015)

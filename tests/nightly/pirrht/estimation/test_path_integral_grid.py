@@ -13,13 +13,14 @@ from thoroughly import thorough
 from unit.pirrht.estimation.test_path_integral_grid import FINE, error_of, is_the_grids, near_goal, shares
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import unit_rate
-from pirrht.rollouts.backend import loops
+from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.path import any_path
 
@@ -29,12 +30,12 @@ SEEDS = 24
 def one_by_one(integral: PathIntegral) -> PathIntegral:
     """The same, but simulated path by path."""
     path = any_path(KernelSpec(integral.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
-    integral.kernels = loops(*path, 2)
+    integral.backend = Cpu(loops(*path, 2), 1)
     return integral
 
 
 def estimates(known: Solved, counts: tuple[int, ...], seeds: int = SEEDS, **settings: object) -> list[Estimate]:
-    integral = PathIntegral(known.problem, known.space, Sampling(**settings))
+    integral = path_integral(known.problem, known.space, Sampling(**settings))
     batch = known.batch(integral, *counts)
     return [integral.estimate(integral.rollout(batch, seed)) for seed in range(seeds)]
 
@@ -62,7 +63,7 @@ def test_psi_around_a_post_is_that_of_the_grid(settings, counts):
 def test_a_guide_that_knows_nothing_of_the_walls_leaves_psi_where_it_is(make: Callable[..., Solved]):
     """Its way leads over the wrong corners, and back; a third of the samples do well, to bound the variance."""
     known = make(0.5)
-    integral = PathIntegral(known.problem, known.space, Sampling())
+    integral = path_integral(known.problem, known.space, Sampling())
     goal = known.space.scene.goal.center
     wrong = [np.array([[0.7, 2.4], [0.4, 1.0], goal]), np.array([[1.2, 1.0], [0.8, 2.0], goal])]
     batch = replace(known, lines=(*known.lines, *wrong)).batch(integral, *(700,) * (len(known.lines) + 2))
@@ -96,7 +97,7 @@ def test_split_steps_are_equal_in_law_to_small_ones(place, kernels):
     known = PLACES[place]()
     values = {}
     for name, settings in (("split", {}), ("small", FINE)):
-        integral = PathIntegral(known.problem, known.space, Sampling(threads=1, **settings))
+        integral = path_integral(known.problem, known.space, Sampling(threads=1, **settings))
         integral = one_by_one(integral) if kernels == "one by one" else integral
         batch = known.batch(integral, 600)
         found = [integral.estimate(integral.rollout(batch, seed + 100 * (name == "small"))) for seed in range(SEEDS)]
@@ -116,10 +117,10 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
     values, weighed = {}, []
     for phi in (0.999, 1.001):
         known = in_channel(0.5, 0.3, length=2.0, ahead=1.0)
-        integral = PathIntegral(known.problem, known.space, Sampling())
+        integral = path_integral(known.problem, known.space, Sampling())
         batch = known.batch(integral, 400)
         end = known.problem.least_rate * float(batch.times[-1])
-        integral = PathIntegral(replace(known.problem, phi=phi * end), known.space, Sampling())
+        integral = path_integral(replace(known.problem, phi=phi * end), known.space, Sampling())
         rollouts = [integral.rollout(batch, seed) for seed in range(96)]
         weighed.append(rollouts[0].leads.weighed)
         values[phi] = shares(known, [integral.estimate(one) for one in rollouts])

@@ -17,6 +17,7 @@ from unit.pirrht.estimation.test_sampling import (
 )
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -48,7 +49,7 @@ COUNTS = pytest.mark.parametrize("counts", [[400, 400], [400, 150]], ids=["equal
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, counts):
     sampling = Sampling(dt=0.05, first=0.0125, guide="open-loop", weights=weights)
-    integral = PathIntegral(*strip, sampling)
+    integral = path_integral(*strip, sampling)
     spread, error = spread_and_error([to_both_sides(integral, seed, counts=counts) for seed in range(300)])
     assert_cautious(error, spread)
 
@@ -56,7 +57,7 @@ def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, cou
 @COUNTS
 def test_the_reported_error_of_samples_that_climb_covers_the_spread_of_300_repeats(counts):
     known = around_post(0.5)
-    integral = PathIntegral(known.problem, known.space, Sampling(first=0.0125))
+    integral = path_integral(known.problem, known.space, Sampling(first=0.0125))
     batch = known.batch(integral, *counts)
     spread, error = spread_and_error([integral.estimate(integral.rollout(batch, seed)) for seed in range(300)])
     assert_cautious(error, spread)
@@ -85,7 +86,7 @@ def agree(one: Array, other: Array, *, errors: float = 3.0) -> bool:
 
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
-    integral = PathIntegral(*strip, Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1))
+    integral = path_integral(*strip, Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1))
     equal = desirability(integral, 1000, counts=[50, 50])
     for counts in ([85, 15], [15, 85]):
         assert agree(desirability(integral, 1000, counts=counts), equal), counts
@@ -97,7 +98,7 @@ def test_stopping_when_the_error_looks_small_biases_the_value_by_less_than_its_e
     k = np.sqrt(2.0 / (problem.temperature * NOISE**2))
     exact = -problem.temperature * np.log(np.cosh(k * X[0]) / np.cosh(k * HALF))
     settings = Sampling(dt=0.05, samples=25, guide="open-loop", target=0.3, threads=1)
-    found = [in_batches(PathIntegral(*strip, settings), seed) for seed in range(1000)]
+    found = [in_batches(path_integral(*strip, settings), seed) for seed in range(1000)]
     lengths = {len(estimate.parts) for estimate in found}
     assert len(lengths) > 1
     error = np.mean([estimate.value_error for estimate in found])

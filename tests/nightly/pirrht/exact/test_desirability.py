@@ -15,7 +15,7 @@ from unit.pirrht.exact.test_desirability import (
     through_slit,  # noqa: F401
 )
 
-from pirrht import FreeSpace, PathIntegral, Problem, Sampling, Unicycle
+from pirrht import FreeSpace, Problem, Sampling, Unicycle, path_integral
 from pirrht.exact.desirability import Desirability
 
 
@@ -62,7 +62,7 @@ def test_the_value_of_a_car_agrees_with_samples():
     problem = Problem(dynamics=Unicycle(b=0.3), scene=room, R=np.eye(1))
     space = FreeSpace.of(room)
     grid = Desirability.of(problem, space, spacing=0.04)
-    sampler = PathIntegral(problem, space, Sampling(dt=0.05, guide="open-loop", samples=100_000))
+    sampler = path_integral(problem, space, Sampling(dt=0.05, guide="open-loop", samples=100_000))
     for x in ([0.5, 0.5, 0.8], [2.2, 1.7, 0.0], [2.5, 3.2, -2.0]):
         times = sampler.grid(4.0)
         estimate = sampler.estimate(

@@ -15,7 +15,7 @@ from warehouses import warehouse
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.blocks import build_blocks
@@ -159,7 +159,7 @@ def test_paths_are_the_same_bit_for_bit_whether_a_grid_lies_in_columns_or_in_blo
     solved = around_post(0.3)
     weights = []
     for field in (solved.space.field, packed(solved.space.field, solved.space)):
-        integral = PathIntegral(solved.problem, replace(solved.space, field=field), Sampling(dt=0.1, samples=700))
+        integral = path_integral(solved.problem, replace(solved.space, field=field), Sampling(dt=0.1, samples=700))
         weights.append(integral.estimate(integral.rollout(solved.batch(integral, 700, 700), 5)).rollouts.log_weight)
     np.testing.assert_array_equal(*weights)
 

@@ -10,9 +10,9 @@ from moving import hall, moved
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
+from pirrht.planner.references import apart_of
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.valleys import apart_of
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -65,8 +65,8 @@ def test_both_valleys_are_sampled_where_noise_makes_them_alike():
     controller.begin(HERE[:2], float(HERE[2]))
     plan = controller.plan(HERE[:2])
     assert plan.estimate is not None
-    guides = controller.around.guides
-    [(whole, rival)] = guides.rivals.items()
-    own = guides.last[whole]
+    memory = controller.run.memory
+    [(whole, rival)] = memory.alternatives.items()
+    own = memory.guides[whole]
     assert own.unlike(rival) > 3.0
     assert own.priced == pytest.approx(rival.priced, abs=3.0 * problem.temperature)

@@ -12,17 +12,19 @@ import numpy as np
 import pytest
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import Course, DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
 from pirrht.proposals.backward_pass import diagonalise, recompose
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import Course, DDPGuide
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -41,7 +43,7 @@ def in_the_open(dynamics: Dynamics) -> PathIntegral:
         goal=Goal(center=np.array([3.0, 1.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
     )  # fmt: skip
     R = 0.02 * np.linalg.inv(dynamics.B_c(np.zeros(4)) @ dynamics.B_c(np.zeros(4)).T)
-    return PathIntegral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
+    return path_integral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
 
 
 @cache
@@ -63,7 +65,7 @@ def around(x: Array) -> tuple[PathIntegral, Array, Reference, DDPGuide]:
     """A sampler in `slit`, its grid, the cheapest reference from x (4,) and its guide."""
     problem, space, tree = slit()
     reference = tree.references(x)[0]
-    integral = PathIntegral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
+    integral = path_integral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
     times = integral.grid(running_cost(problem, x, reference.trajectory))
     key = space.homology.key(reference.winding)
     guide = guidance_of(integral).improve(x, times, key, reference.trajectory)
@@ -156,13 +158,13 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     z = np.array([0.3, -0.4, 0.8, 1.1, 2.0, -3.0, 1.0, 0.5])
     J, S = np.zeros((5, 8)), np.zeros((8, 8))
     guidance_of(integral).passes.expand(
-        integral.setup, z[:4], z[4:], STEP, costate, guidance_of(integral).active, True, J, S
+        integral.setup, (z[:4], z[4:], STEP, costate), guidance_of(integral).tasks[1.0].active, True, J, S
     )
     np.testing.assert_allclose(J[:4], jacobian(z), atol=1e-7)
     np.testing.assert_allclose(J[4], 0.0, atol=1e-9)
     exact = np.array([costate @ (jacobian(z + 1e-5 * e) - jacobian(z - 1e-5 * e)) / 2e-5 for e in np.eye(8)])
     np.testing.assert_allclose(S, exact, atol=1e-4)
-    assert guidance_of(integral).active == 0b1100
+    assert guidance_of(integral).tasks[1.0].active == 0b1100
     assert guidance_of(integral).tasks[1.0].curved
 
 

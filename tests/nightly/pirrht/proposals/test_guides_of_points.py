@@ -11,13 +11,15 @@ from discs import disc
 from wind import WIND, Balloon
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
@@ -34,7 +36,7 @@ def around_a_post(dynamics: Dynamics, **sampling: object) -> PathIntegral:
     )  # fmt: skip
     B = dynamics.B_c(START)
     problem = Problem(dynamics=dynamics, scene=scene, R=0.02 * np.linalg.inv(B @ B.T))
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1, **sampling))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1, **sampling))
 
 
 def straight(integral: PathIntegral) -> Trajectory:
@@ -67,7 +69,7 @@ def guide_of(integral: PathIntegral, times: Array) -> LinearFeedback:
 def test_psi_of_a_point_in_the_wind_does_not_depend_on_its_guide_which_knows_the_wind():
     """A tape over ground, the guide, and the guide put aside; within 3 errors. 40 000 samples each, seeds 1 to 3."""
     integral = around_a_post(Balloon())
-    assert not integral.leading.climbs
+    assert not integral.proposals.climbs
     times = integral.grid(4.0)
     lead = guide_of(integral, times)
     aside = LinearFeedback(replace(lead.guide, states=lead.guide.states + 0.02, gains=0.7 * lead.guide.gains))
@@ -110,7 +112,7 @@ def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
 
 
 def test_only_a_point_that_stands_still_and_is_shaken_alike_climbs():
-    assert around_a_post(SingleIntegrator(b=0.1)).leading.climbs
+    assert around_a_post(SingleIntegrator(b=0.1)).proposals.climbs
     assert around_a_post(SingleIntegrator(b=0.1)).guidance is None
 
 
@@ -121,7 +123,7 @@ def test_a_reference_that_ends_on_the_rim_makes_a_guide_of_a_car_with_two_inputs
     B = np.diag([0.1, 0.2])
     scene = around_a_post(SingleIntegrator(b=0.1)).problem.scene
     problem = Problem(dynamics=driven, scene=scene, R=0.02 * np.linalg.inv(B @ B.T))
-    integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1))
+    integral = path_integral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1))
     x = np.append(START, 0.0)
     way = Trajectory(controls=np.array([[1.0, 0.0]]), durations=np.array([1.7]), path=None, cost=3.4, length=1.7)
     assert isinstance(integral.guidance, DDPGuidance)

@@ -9,16 +9,17 @@ import pytest
 from discs import disc
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide, empty_course
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.clearance_cost import expand_price, price_of
-from pirrht.proposals.leads import LinearFeedback
-from pirrht.rollouts.records import FINER
+from pirrht.proposals.clearance_cost import clearance_costs
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide, empty_course
+from pirrht.rollouts.tables import FINER
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
@@ -34,7 +35,7 @@ def beside_a_pillar() -> tuple[PathIntegral, DDPGuidance]:
         goal=Goal(center=np.array([4.0, 2.0]), radius=0.3),
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
-    integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
+    integral = path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
     assert isinstance(integral.guidance, DDPGuidance)
     return integral, integral.guidance
 
@@ -56,19 +57,20 @@ def above_the_pillar() -> tuple[Array, DDPGuide]:
 def test_the_derivatives_of_a_steps_price_are_those_of_differences():
     """In both positions and the velocity lost, at 40 places by the pillar, seed 1; Hessians are never indefinite."""
     integral, guidance = beside_a_pillar()
-    field, task, rng = integral.setup.arena.field, guidance.tasks[100.0], np.random.default_rng(1)
+    task, rng, (scratch, cost, expand) = guidance.tasks[100.0], np.random.default_rng(1), clearance_costs(False)
+    walls = scratch(integral.setup)
     g, H, near = np.zeros(6), np.zeros((6, 6)), 0
 
     def price(z):
         (x, y), (nx, ny), (bx, by) = z.reshape(3, 2)
-        return price_of(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False)
+        return cost(integral.setup, task, (x, y, nx - x, ny - y, bx, by, 0.0, STEP), 3, walls)
 
     for _ in range(40):
         angle, gap = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.02, 0.1)
         tail = np.array([2.0, 1.9]) + (0.4 + gap) * np.array([np.cos(angle), np.sin(angle)])
         z = np.concatenate([tail, tail + rng.normal(scale=0.02, size=2), rng.normal(scale=0.5, size=2)])
         x, y, nx, ny, bx, by = z
-        if not expand_price(field, task, x, y, nx - x, ny - y, bx, by, STEP, 3, False, g, H):
+        if not expand(integral.setup, task, (x, y, nx - x, ny - y, bx, by, 0.0, STEP), 3, walls, g, H):
             continue
         h = 1e-7
         slope = np.array([(price(z + h * e) - price(z - h * e)) / (2.0 * h) for e in np.eye(6)])

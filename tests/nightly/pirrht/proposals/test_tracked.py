@@ -15,16 +15,18 @@ from thoroughly import first, thorough
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guide import DDPGuide
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import running_cost
@@ -54,7 +56,7 @@ def grown() -> tuple[Problem, FreeSpace, HomologyTree, PathIntegral]:
     space = FreeSpace.of(problem.scene)
     tree = HomologyTree(space, Tracked.of(problem), limit=0.6, rng=np.random.default_rng(0))
     tree.grow(300)
-    return problem, space, tree, PathIntegral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
+    return problem, space, tree, path_integral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
 
 
 def guided(x: Array, reference: Reference) -> tuple[Array, DDPGuide | None]:
@@ -217,7 +219,10 @@ def test_a_way_is_tracked_as_if_no_body_were_near_whatever_the_time():
             "hall", [moved("walker", [(0.0, 3.0, y, 0.0), (6.0, 3.0, y - 0.5, 0.0)], disc("disc", 0.0, 0.0, 0.4))]
         )
         problem = Problem(dynamics=SecondOrderCar(b=0.3), scene=room, R=np.eye(2), q=cruising, q_min=1.0)
-        integral, steering = PathIntegral(problem, FreeSpace.of(room), Sampling(dt=0.1, threads=1)), Tracked.of(problem)
+        integral, steering = (
+            path_integral(problem, FreeSpace.of(room), Sampling(dt=0.1, threads=1)),
+            Tracked.of(problem),
+        )
         assert isinstance(integral.guidance, DDPGuidance)
         way, times = steering.trajectory(steering.connect(start, end)), 0.1 * np.arange(60)
         made, length = integral.guidance.starts.tracked(np.array([1.0, 2.5, 0.0, 1.0]), way, times)

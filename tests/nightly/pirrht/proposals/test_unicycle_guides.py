@@ -7,8 +7,8 @@ import pytest
 from batches import batch_of
 from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting, tapes
 
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.tracking import Guide
+from pirrht.estimation.assembly import path_integral
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.trajectory import running_cost
 
 
@@ -17,7 +17,7 @@ def test_feedback_holds_noisy_paths_together():
     for guide_by in ("feedback", "open-loop"):
         integral, times, guides = setting(guide=guide_by)
         leaders = guides[:1] if guide_by == "feedback" else None
-        tape = guides[0].control[None, :, None]
+        tape = guides[0].tape[None]
         batch = batch_of(integral, np.zeros(3), times, tape, counts=[300], guides=leaders)
         rollouts = integral.rollout(batch, 1)
         states, steps = integral.replay.trace(rollouts, np.arange(300))
@@ -48,7 +48,7 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
     """Five continuations gain less than three lambda in all, and none of them leaves its class or touches anything."""
     scenario, tree = narrow()
     x = np.array(state)
-    integral = PathIntegral(scenario.problem, scenario.space, scenario.sampling)
+    integral = path_integral(scenario.problem, scenario.space, scenario.sampling)
     assert integral.guidance is not None
     references = tree.references(x)
     times = integral.grid(min(running_cost(scenario.problem, x, r.trajectory) for r in references))
@@ -60,7 +60,7 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
             continue
         assert cold.valid
         made += 1
-        last: Guide | None = cold
+        last: DDPGuide | None = cold
         for _ in range(5):
             last = integral.guidance.improve(x, times, key, reference.trajectory, last, 0.0)
             assert last is not None

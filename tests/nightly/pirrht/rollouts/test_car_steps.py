@@ -7,10 +7,11 @@ import pytest
 from unit.pirrht.rollouts.test_car_steps import STEP, case
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
-from pirrht.planner.reference import Reference
-from pirrht.proposals.leads import Along, Batch, Proposal
+from pirrht.planner.references import Reference
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import running_cost
 
 OPEN = np.array([0.0, 0.0, 2.6])
@@ -22,7 +23,7 @@ BESIDE_THE_POST = np.array([1.6, -0.1, 1.0])  # 6 cm of clearance, towards it
 def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -> tuple[float, float]:
     """v and its standard error."""
     problem, space, tree = case(0.03)
-    integral = PathIntegral(problem, space, Sampling(dt=dt, steps=steps, samples=samples))
+    integral = path_integral(problem, space, Sampling(dt=dt, steps=steps, samples=samples))
     references: list[Reference] = tree.references(x)
     times = integral.grid(max(running_cost(problem, x, r.trajectory) for r in references))
     assert integral.guidance is not None
@@ -30,7 +31,7 @@ def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -
     for reference in references:
         guide = integral.guidance.improve(x, times, space.homology.key(reference.winding), reference.trajectory)
         if guide is not None:
-            proposals.append(Proposal(lead=Along(guide, problem.dynamics), count=samples))
+            proposals.append(Proposal(lead=LinearFeedback(guide), count=samples))
     found = integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=tuple(proposals)), seed))
     return found.value, found.value_error
 

@@ -11,13 +11,15 @@ from by_inputs import PushedMass, driven
 from thoroughly import thorough
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, Tape
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.mjcf import load
@@ -31,7 +33,7 @@ TAPES = ((0.0, 0.0, 0.0), (1.0, 0.3, 0.4), (1.5, 0.5, 0.3))
 @cache
 def car(sampling: Sampling, stratonovich: bool) -> PathIntegral:
     problem = driven(stratonovich=stratonovich)
-    return PathIntegral(problem, FreeSpace.of(problem.scene), sampling)
+    return path_integral(problem, FreeSpace.of(problem.scene), sampling)
 
 
 def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, horizon: float = 20.0) -> Rollouts:
@@ -87,7 +89,7 @@ def in_slit(partition: bool) -> PathIntegral:
     """A mass in `slit`, in one form or the other."""
     dynamics = DoubleIntegrator(b=0.1) if partition else PushedMass()
     problem = Problem(dynamics=dynamics, scene=load("slit", robot="puck").scene, R=2 * np.eye(2))
-    return PathIntegral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
+    return path_integral(problem, FreeSpace.of(problem.scene), Sampling(dt=0.1, threads=1))
 
 
 @pytest.mark.thorough

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.systems.double_integrator import DoubleIntegrator, into_goal
 
 STEP, NOISE = 0.1, 0.3
@@ -23,7 +23,7 @@ def test_within_fitted_steps_a_masss_position_is_the_integral_of_its_velocity():
         goal=Goal(center=np.array([8.0, 8.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=NOISE), scene=scene, R=np.eye(2))
-    integral = PathIntegral(problem, FreeSpace.of(scene), Sampling(dt=STEP, draws="independent"))
+    integral = path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, draws="independent"))
     times, count = STEP * np.arange(3), 40_000
     proposal = Proposal(lead=Tape(times, np.zeros((2, 2))), count=count)
     x = np.array([0.0, 0.0, 0.5, -0.2])

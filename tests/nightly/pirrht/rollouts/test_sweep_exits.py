@@ -11,7 +11,7 @@ from pirrht.rollouts.sweep import sweep_exit
 
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
     space = room()
-    arena = space.arena
+    arena = space.world
     rng = np.random.default_rng(6)
     exits = []
     for _ in range(1500):
@@ -43,12 +43,12 @@ def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
             [np.sin(headings) - np.sin(theta), np.cos(theta) - np.cos(headings)], axis=-1
         )
         chord = tail + np.linspace(0.0, 1.0, 301)[:, None] * (arc[-1] - tail)
-        if min(np.hypot(*(line - space.scene.goal.center).T).min() for line in (arc, chord)) < space.arena.radius:
+        if min(np.hypot(*(line - space.scene.goal.center).T).min() for line in (arc, chord)) < space.world.radius:
             continue
         gap, straight = (space.collision.clearance(line).min() for line in (arc, chord))
         if abs(gap) < 0.005:
             continue
-        exit, _ = sweep_exit(space.arena, *tail, *arc[-1], turn)
+        exit, _ = sweep_exit(space.world, *tail, *arc[-1], turn)
         assert exit == (INSIDE if gap > 0.0 else COLLISION)
         told_apart += (gap > 0.0) != (straight > 0.0)
     assert told_apart > 10

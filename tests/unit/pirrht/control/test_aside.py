@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.estimation.allocation import DefensiveComponent
-from pirrht.proposals.leads import Proposal, Tape
+from pirrht.estimation.allocation import Allocation
+from pirrht.proposals.proposal import Proposal, Tape
 
 TIMES = np.arange(3.0)
 
@@ -21,7 +21,7 @@ def asked(*rows: tuple[str, int]) -> list[Proposal]:
 
 def test_classes_that_are_worth_more_than_a_few_samples_have_some_beside_their_guides_and_none_is_lost():
     ways = [tape(), tape(), tape()]
-    aside = DefensiveComponent()
+    aside = Allocation()
     aside.shares["b"] = 0.2
     found = aside.split(asked(("a", 700), ("b", 50), ("c", 30)), ways.__getitem__)
     assert [(one.name, one.count) for one in found] == [("a", 350), ("b", 40), ("c", 30), ("a", 350), ("b", 10)]
@@ -30,13 +30,13 @@ def test_classes_that_are_worth_more_than_a_few_samples_have_some_beside_their_g
 
 @pytest.mark.parametrize("count", [2, 8, 30])
 def test_equal_counts_are_split_however_few_samples_there_are(count):
-    found = DefensiveComponent().split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    found = Allocation().split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
     assert [one.count for one in found] == [count // 2] * 4
 
 
 @pytest.mark.parametrize(("count", "kept"), [(1, [1, 1]), (2, [1, 1, 1, 1])])
 def test_a_guide_keeps_a_sample_of_its_own(count, kept):
-    aside = DefensiveComponent()
+    aside = Allocation()
     aside.shares |= {"a": 0.85, "b": 0.85}
     found = aside.split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
     assert [one.count for one in found] == kept

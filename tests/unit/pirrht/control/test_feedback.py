@@ -5,10 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.control.feedback import STALE, ClassPool
+from pirrht.control.methods import TUNING
+from pirrht.control.mixture import pooled
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Tape
-from pirrht.proposals.walls import AMONG, trust, window
+from pirrht.proposals.proposal import Tape
+from pirrht.proposals.tuning import TUNING as PROPOSALS
+from pirrht.proposals.wall_drift import trust, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenario import prepare
@@ -69,7 +71,7 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
     """In free space psi = e^(k a.x) + e^(k b.x) solves the linear equation; u* is lambda R^-1 times its log slope."""
     stiff = 2.0 / problem.temperature
     a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
-    law = ClassPool(problem).law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
+    law = pooled(problem, None, estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
     for x in ([0.1, 0.0], [-0.05, 0.2], [0.3, -0.2]):
         psi = np.exp([stiff * a @ x, stiff * b @ x - 0.3])
         np.testing.assert_allclose(law(np.array(x), 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
@@ -85,8 +87,8 @@ def test_a_class_that_weighs_nothing_is_not_asked_until_the_robot_is_where_it_do
             return np.zeros(2)
 
     a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
-    law = ClassPool(problem).law(
-        estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": ReferenceQuery()}, nothing, 0.0
+    law = pooled(
+        problem, None, estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": ReferenceQuery()}, nothing, 0.0
     )
     asked.clear()
     np.testing.assert_allclose(law(np.array([0.1, 0.0]), 0.0), a, rtol=1e-9)
@@ -100,9 +102,10 @@ def test_a_class_that_weighs_nothing_is_not_asked_until_the_robot_is_where_it_do
 def test_a_plan_that_says_what_is_known_changes_nothing(problem):
     stiff = 2.0 / problem.temperature
     a, b, x = np.array([0.6, 0.8]), np.array([1.0, 0.0]), np.array([0.02, -0.03])
-    pool = ClassPool(problem)
-    pool.law(estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
-    again = pool.law(estimate(x, one=(stiff * a @ x, a), other=(stiff * b @ x - 0.3, b)), {}, nothing, 0.01)
+    first = pooled(problem, None, estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
+    again = pooled(
+        problem, first, estimate(x, one=(stiff * a @ x, a), other=(stiff * b @ x - 0.3, b)), {}, nothing, 0.01
+    )
     psi = np.exp([stiff * a @ x, stiff * b @ x - 0.3])
     np.testing.assert_allclose(again(x, 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
 
@@ -112,9 +115,9 @@ def test_plans_at_one_place_are_averaged(problem):
     rng = np.random.default_rng(4)
     laws = []
     for _ in range(400):
-        pool = ClassPool(problem)
+        law = None
         for _ in range(5):
-            law = pool.law(estimate([0, 0], one=(0.0, rng.normal(size=2))), {}, nothing, 0.01)
+            law = pooled(problem, law, estimate([0, 0], one=(0.0, rng.normal(size=2))), {}, nothing, 0.01)
         laws.append(law(np.zeros(2), 0.0))
     weights = np.exp(-np.arange(5) / 3.0)
     expected = np.sqrt(np.sum(weights**2)) / np.sum(weights)
@@ -122,31 +125,30 @@ def test_plans_at_one_place_are_averaged(problem):
 
 
 def test_a_class_that_no_sample_is_of_any_more_is_forgotten(problem):
-    pool = ClassPool(problem)
-    pool.law(estimate([0, 0], one=(0.0, [1.0, 0.0]), other=(3.0, [0.0, 9.0])), {}, nothing, 0.0)
+    law = None
+    law = pooled(problem, None, estimate([0, 0], one=(0.0, [1.0, 0.0]), other=(3.0, [0.0, 9.0])), {}, nothing, 0.0)
     x = np.zeros(2)
     for k in range(1, 12):
         x = x + np.array([0.0, 0.05])  # along the gradient that it claims: its desirability would grow without end
-        law = pool.law(estimate(x, one=(0.0, [1.0, 0.0])), {}, nothing, 0.01)
-        assert ("other" in law.classes) == (0.01 * k <= STALE + 1e-9)
+        law = pooled(problem, law, estimate(x, one=(0.0, [1.0, 0.0])), {}, nothing, 0.01)
+        assert ("other" in law.classes) == (0.01 * k <= TUNING.stale + 1e-9)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.0], atol=1e-12)
 
 
 def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
-    pool = ClassPool(problem)
     before, after = (Tape(np.array([0.0, 1.0]), np.array([u])) for u in ([1.0, 0.0], [0.0, 1.0]))
-    first = pool.law(estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": before}, nothing, 0.0)
+    first = pooled(problem, None, estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": before}, nothing, 0.0)
     faint = estimate([0, 0], one=(-50.0, [0.0, 0.0]))
-    second = pool.law(faint, {"one": after}, nothing, 0.0)
+    second = pooled(problem, first, faint, {"one": after}, nothing, 0.0)
     share = 1.0 / (1.0 + np.exp(2.0))  # earlier plans are bounded to e^2 times the last
     np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)
 
 
 def test_a_class_that_only_samples_around_others_are_of_keeps_its_earlier_guide(problem):
     """A second plan at the same place knows the same of a class, and has no reference of it."""
-    pool, x, u = ClassPool(problem), np.array([0.4, 0.2]), [1.0, 0.5]
-    before = pool.law(estimate(x, one=(0.0, u)), {"one": Steep()}, nothing, 0.0)
-    after = pool.law(estimate(x, one=(0.0, u)), {}, nothing, 0.0)
+    x, u = np.array([0.4, 0.2]), [1.0, 0.5]
+    before = pooled(problem, None, estimate(x, one=(0.0, u)), {"one": Steep()}, nothing, 0.0)
+    after = pooled(problem, before, estimate(x, one=(0.0, u)), {}, nothing, 0.0)
     for place in (x, x + np.array([0.01, -0.02])):
         np.testing.assert_allclose(after(place, 0.0), before(place, 0.0), rtol=1e-12)
 
@@ -155,16 +157,16 @@ def test_a_class_that_only_samples_around_others_are_of_keeps_its_earlier_guide(
 def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, trust):
     """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""
     guide, x, beside = Steep(), np.array([0.2, 0.1]), np.array([0.21, 0.1])
-    law = ClassPool(problem).law(estimate(x, trust=trust, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
+    law = pooled(problem, None, estimate(x, trust=trust, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
     change = law(beside, 0.0) - law(x, 0.0)
     np.testing.assert_allclose(change, trust * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
 
 
 def test_what_is_carried_along_stays_as_it_is_when_another_plan_trusts_its_guide_less(problem):
-    pool, x = ClassPool(problem), np.array([0.2, 0.1])
-    first = pool.law(estimate(x, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
-    second = pool.law(estimate(x, trust=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
+    x = np.array([0.2, 0.1])
+    first = pooled(problem, None, estimate(x, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
+    second = pooled(problem, first, estimate(x, trust=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
     np.testing.assert_allclose(second(x, 0.0), first(x, 0.0), rtol=1e-12)
 
 
@@ -174,7 +176,7 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
     assert shares[-2:] == [1.0, 1.0]
     assert shares == sorted(shares)
     times = np.arange(100) * 0.01
-    shortest = window(0.04, 0.0, times, 0.4, AMONG)
+    shortest = window(0.04, 0.0, times, 0.4, PROPOSALS.averaged_moving)
     assert shortest < window(0.04, 0.0, times, 0.4)
     for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
-        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, AMONG) == shortest
+        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest

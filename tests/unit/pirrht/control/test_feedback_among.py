@@ -10,10 +10,10 @@ from discs import block
 from moving import closing_door, hall, moved
 
 from pirrht.arrays import Array
-from pirrht.control.feedback import ClassLaw, ClassMixture
+from pirrht.control.mixture import ClassLaw, ClassMixture
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.walls import WallDrift
+from pirrht.proposals.wall_drift import WallDrift
 from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2

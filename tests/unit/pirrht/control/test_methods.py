@@ -69,8 +69,8 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
     estimate, names = around_all(slit, slit_tree)
     values = class_values(noisy(slit), estimate)
     best, second = np.argsort(values)[:2]
-    assert best_class(noisy(slit), estimate, names, None) == best
-    assert best_class(noisy(slit), estimate, names, names[best]) == best
+    assert best_class(noisy(slit), estimate, names, None, consistency=0.8) == best
+    assert best_class(noisy(slit), estimate, names, names[best], consistency=0.8) == best
     ratio = values[best] / values[second]
     assert best_class(noisy(slit), estimate, names, names[second], consistency=0.999 * ratio) == second
     assert best_class(noisy(slit), estimate, names, names[second], consistency=1.001 * ratio) == best

@@ -12,20 +12,23 @@ import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
+from pirrht.control.budget import TimeBudget
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
-from pirrht.control.prediction import ConstantVelocity, FavouritePath, straight_on
+from pirrht.control.prediction import ConstantVelocity, favourite_path, straight_on
+from pirrht.control.proposals import ProposalBuilder
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
-from pirrht.planner.reference import Reference
-from pirrht.planner.tree import HURRIED, HomologyTree
+from pirrht.planner.references import Reference
+from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch
+from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.driven import DrivenInTime
+from pirrht.topology.driven import Driven
 
 START = np.array([1.0, 2.5])
 
@@ -53,7 +56,7 @@ def controller(name: str = "crossing", b: float = 0.2, first: float | None = Non
 def sampled(one: Controller, monkeypatch: pytest.MonkeyPatch) -> list[Counter[str]]:
     """How many samples each plan from now on draws around each class."""
     found: list[Counter[str]] = []
-    batch = one.around.batch
+    batch = ProposalBuilder.batch
 
     def counted(*given: Any) -> Batch:
         made = batch(*given)
@@ -62,7 +65,7 @@ def sampled(one: Controller, monkeypatch: pytest.MonkeyPatch) -> list[Counter[st
             found[-1][proposal.name] += proposal.count
         return made
 
-    monkeypatch.setattr(one.around, "batch", counted)
+    monkeypatch.setattr(ProposalBuilder, "batch", counted)
     return found
 
 
@@ -146,20 +149,20 @@ def test_a_class_keeps_its_name_when_something_else_is_foretold():
         favourites.append(plan.favourite)
         x = x + 0.1 * plan.control
         one.observe(x[None], 0.1)
-    assert one.since > 1.0
+    assert one.run.since > 1.0
     assert favourites[9] in plan.ids
     assert len(set(favourites[8:])) == 1
 
 
 def test_the_driven_class_among_bodies_is_that_of_the_whole_path():
-    """Piece by piece, and with places that were only expected in between; as `TimedHomology.winding` of it all."""
+    """Piece by piece, and with places that were only expected in between; as `Homology.winding` of it all."""
     space = FreeSpace.of(SCENES["pincer"]())
     homology = InTime().homology(space)
     rng = np.random.default_rng(4)
     for _ in range(20):
         times = np.linspace(0.0, 3.0, 13)
         path = np.column_stack([np.linspace(1.0, 4.8, 13), 2.5 + np.cumsum(rng.normal(0.0, 0.35, 13)), times])
-        drive = DrivenInTime(homology, path[0], 0.0)
+        drive = Driven(homology, path[0], 0.0)
         for k in range(1, 13, 3):
             drive.expect(rng.uniform(1.0, 4.0, (2, 2)), float(times[k + 2]))
             drive.observe(path[k : k + 3, :2], float(times[k + 2]))
@@ -172,7 +175,7 @@ def test_a_tree_that_is_grown_anew_is_as_large_as_is_enough(few):
     _, space = among()
     tree = by_velocity(space).at(START, 0.0, lambda vertices: vertices >= few).tree
     assert tree is not None
-    assert min(few, 200) <= tree.size <= min(few + HURRIED, 200)
+    assert min(few, 200) <= tree.size <= min(few + TUNING.draws_in_time, 200)
     assert few == 0 or tree.references(np.array([*START, 0.0]))
 
 
@@ -198,7 +201,7 @@ def test_samples_of_a_class_that_was_not_looked_at_have_its_name_still(monkeypat
     """
     one = controller(b=0.3)
     names = set(one.plan(START).ids)
-    monkeypatch.setattr(type(one._pace), "most", lambda self, left: 1)
+    monkeypatch.setattr(TimeBudget, "most_classes", lambda self, recent: 1)
     found = [one.plan(START) for _ in range(10)]
     assert all(len(plan.ids) == 1 for plan in found)
     shares = [plan.estimate.class_weights for plan in found if plan.estimate is not None]
@@ -224,17 +227,14 @@ def test_of_a_favourite_in_one_piece_its_end_is_known_again():
     steering = InTime()
     path = steering.connect(np.array([[1.0, 2.5, 4.0]]), np.array([[5.2, 2.4, 5.5]]))
     found = Reference(winding=(1,), signature=np.ones(1), trajectory=steering.trajectory(path))
-    way = FavouritePath()
-    assert way.left(START, 3.0) is None
-    way.note(SimpleNamespace(ids=("1",), references=(found,), favourite="1", time=7.0))
-    rest = way.left(np.array([2.0, 2.48]), 7.4)
-    np.testing.assert_allclose(rest, [[2.0, 2.48, 7.4], [5.2, 2.4, 8.5]])
+    plan = SimpleNamespace(ids=("1",), references=(found,), favourite="1", time=7.0)
+    np.testing.assert_allclose(favourite_path(plan)[-1], [5.2, 2.4, 8.5])
+    assert favourite_path(SimpleNamespace(ids=(), references=(), favourite=None, time=7.0)) is None
 
 
 def test_the_end_of_a_way_along_curves_is_known_again_too():
     lines = StraightLine(pace=1.0, cost_rate=2.0)
     path = lines.connect(np.array([[1.0, 2.5]]), np.array([[4.0, 2.5]]))
     found = Reference(winding=(0,), signature=np.ones(1), trajectory=lines.trajectory(path))
-    way = FavouritePath()
-    way.note(SimpleNamespace(ids=("0",), references=(found,), favourite="0", time=1.0))
-    np.testing.assert_allclose(way.left(START, 1.5), [[1.0, 2.5, 1.5], [4.0, 2.5, 4.0]])
+    plan = SimpleNamespace(ids=("0",), references=(found,), favourite="0", time=1.0)
+    np.testing.assert_allclose(favourite_path(plan)[-1], [4.0, 2.5, 4.0])

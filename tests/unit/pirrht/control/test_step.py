@@ -23,10 +23,10 @@ def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree):
             other.observe(x[None], DT)
         np.testing.assert_array_equal(u, other.plan(x).control)
         x = x + DT * u
-    assert one.drive.time == pytest.approx(2 * DT)
+    assert one.run.time == pytest.approx(2 * DT)
     one.begin(slit.start)
     one.step(slit.start, DT)
-    assert one.drive.time == 0.0
+    assert one.run.time == 0.0
 
 
 def test_who_forgets_to_observe_is_warned(slit: Scenario):

@@ -25,7 +25,8 @@ from pirrht import (
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology, class_id
+from pirrht.topology.homology import Homology
+from pirrht.topology.signature import class_id
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
 CRATE = [3.3, 2.2, 3.9, 2.9]  # in the way of what comes through between the walls
@@ -260,33 +261,33 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     c = controller(room(*WALLS), "car", vertices=600)
     x = start(c)
     c.plan(x)
-    guides = dict(c.around.guides.last)
+    guides = dict(c.run.memory.guides)
     assert set(guides) >= {(0, 0)}
     c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))  # off every path
-    assert {whole[:2]: guide for whole, guide in c.around.guides.last.items()} == guides
-    assert c.around.guides.strong
+    assert {whole[:2]: guide for whole, guide in c.run.memory.guides.items()} == guides
+    assert c.run.memory.sampled
     c.update(room(*WALLS, CRATE))
-    assert (0, 0) not in {whole[:2] for whole in c.around.guides.last}
+    assert (0, 0) not in {whole[:2] for whole in c.run.memory.guides}
 
 
 def test_statistics_of_a_class_go_on_under_its_name():
     c = controller(room(*WALLS), "car", vertices=600)
     c.plan(start(c))
-    c.around.aside.shares = {"0,0": 0.3, "gone": 0.4}
-    assert c.pool is not None
-    known = c.pool._last.log_psi(start(c), 0.0)
+    c.run.memory.allocation.shares = {"0,0": 0.3, "gone": 0.4}
+    assert c.run.memory.mixture is not None
+    known = c.run.memory.mixture.log_psi(start(c), 0.0)
     c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
-    assert c.around.aside.shares == {"0,0": 0.3}
-    assert c.pool._last.log_psi(start(c), 0.0)["0,0"] == pytest.approx(known["0,0"])
+    assert c.run.memory.allocation.shares == {"0,0": 0.3}
+    assert c.run.memory.mixture.log_psi(start(c), 0.0)["0,0"] == pytest.approx(known["0,0"])
 
 
 def test_the_class_that_is_followed_alone_is_remembered_while_its_path_is_free():
     c = controller(room(*WALLS), method="best-class")
     assert c.plan(start(c)).followed == "0,0"
     c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
-    assert c._followed == "0,0"
+    assert c.run.memory.followed == "0,0"
     c.update(room(*WALLS, CRATE))
-    assert c._followed is None
+    assert c.run.memory.followed is None
 
 
 # -- safety ------------------------------------------------------------------------------------------------------

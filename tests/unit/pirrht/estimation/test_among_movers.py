@@ -14,6 +14,7 @@ from moving import SCENES, hall, moved
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
@@ -24,9 +25,10 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.any_guides import DDPGuidance
-from pirrht.proposals.leads import Batch, LinearFeedback, Proposal, ProposalControl, Tape
-from pirrht.rollouts.records import FINER
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
+from pirrht.rollouts.tables import FINER
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -34,7 +36,7 @@ from pirrht.systems.single_integrator import SingleIntegrator
 
 def sampler(scene: Scene, b: float = 0.3, phi: float = np.inf, **settings: object) -> PathIntegral:
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), phi=phi)
-    return PathIntegral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
+    return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1, **settings))
 
 
 def held(integral: PathIntegral, x: Array, control: Array, count: int, time: float = 0.0, T: int = 60) -> Rollouts:
@@ -75,11 +77,12 @@ def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_cl
     integral, batch = passing()
     assert len(batch.proposals) == 2
     found = [integral.estimate(integral.rollout(batch, 1))]
-    for change in ({"gates": None}, {"gains": 0.8}):
+    for change in ({"half_spaces": None}, {"gains": 0.8}):
         proposals = []
         for proposal in batch.proposals:
             guide = proposal.lead.guide
-            other = replace(guide, gates=None) if "gates" in change else replace(guide, gains=0.8 * guide.gains)
+            fewer = {"half_spaces": None} if "half_spaces" in change else {"gains": 0.8 * guide.gains}
+            other = replace(guide, **fewer)
             proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
@@ -121,7 +124,7 @@ def test_a_clock_that_starts_later_tells_the_same():
     x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
     now = held(integral, x, control, 200, time=0.7)
     assert integral.homology is not None
-    integral.foresee(integral.space.traffic.after(0.7), integral.homology)
+    integral.set_prediction(integral.space.traffic.after(0.7), integral.homology)
     then = held(integral, x, control, 200)
     assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere
     assert abs(np.mean(now.paths.work - then.paths.work)) < 0.05
@@ -162,9 +165,10 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         lead: ProposalControl = proposal.lead
         guide = lead.guide
         assert guide.valid
-        assert guide.gates is not None
+        assert guide.half_spaces is not None
         for i in (0, 3, 6):
-            pushed = guide.input_of(guide.states[i], 0.2 * guide.pushes[0][FINER * i])  # what `WallDrift` adds, b = 0.2
+            # The drift that `WallDrift` adds, b = 0.2.
+            pushed = guide.input_of(guide.states[i], 0.2 * guide.wall_drift[0][FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from batches import batch_of
 
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from sim.scenario import Scenario
 
@@ -17,7 +18,7 @@ PLANS = 60
 
 
 def of(slit: Scenario, **changes: object) -> PathIntegral:
-    return PathIntegral(slit.problem, slit.space, replace(slit.sampling, **changes))
+    return path_integral(slit.problem, slit.space, replace(slit.sampling, **changes))
 
 
 def test_a_pair_starts_with_opposite_steps_and_what_is_left_over_stands_alone(slit):

@@ -11,7 +11,7 @@ from closed_forms import (
     strip_space,
 )
 
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 
 # -- invariances -------------------------------------------------------------------------------------------------
@@ -19,7 +19,7 @@ from pirrht.estimation.sampling import Sampling
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
 def test_a_reference_may_be_split_into_two_of_half_the_samples(guide):
-    integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=600, guide=guide))
+    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=600, guide=guide))
     whole = at_strip(integral, 0.2, (1, -1), 3, counts=[600, 600])
     split = at_strip(integral, 0.2, (1, 1, -1), 3, counts=[200, 400, 600])
     np.testing.assert_allclose(split.rollouts.log_weight, whole.rollouts.log_weight, atol=1e-9)
@@ -34,6 +34,6 @@ def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
     for weights in ("balance", "biased"):
         for sides in ((), RIGHT):
             sampling = Sampling(dt=0.05, samples=4000, guide="open-loop", weights=weights)
-            said[weights, sides] = at_strip(PathIntegral(problem, space, sampling), 0.2, sides, 3)
+            said[weights, sides] = at_strip(path_integral(problem, space, sampling), 0.2, sides, 3)
     assert said["biased", ()].value == said["balance", ()].value
     assert said["biased", RIGHT].value < 0.9 * said["balance", RIGHT].value

@@ -15,7 +15,7 @@ from closed_forms import (
 from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.problem import Problem
-from pirrht.rollouts.backend import kernels_for
+from pirrht.rollouts.cpu import kernels_for
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle

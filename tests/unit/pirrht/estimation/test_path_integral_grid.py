@@ -15,11 +15,12 @@ from scipy.stats import kstest
 from solved import Solved, around_corner, around_post, in_channel
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.outcome import Outcome
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 
 WIDER = 0.01  # of psi that obstacles may take too much
 
@@ -60,7 +61,7 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
     known = near_goal(0.5)
     times, outcomes = [], []
     for settings in ({}, FINE):
-        integral = PathIntegral(replace(known.problem, phi=0.0), known.space, Sampling(guide="open-loop", **settings))
+        integral = path_integral(replace(known.problem, phi=0.0), known.space, Sampling(guide="open-loop", **settings))
         paths = integral.rollout(passive(integral, known.x, 20_000), 7).paths
         times.append(paths.work)
         outcomes.append(paths.outcome)
@@ -75,7 +76,7 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
 def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Callable[..., Solved], phi):
     """Walls are worth exp(-1) or exp(-4), so most of psi comes from them; passive paths, 8 seeds."""
     known = make(0.5, phi)
-    integral = PathIntegral(known.problem, known.space, Sampling(guide="open-loop"))
+    integral = path_integral(known.problem, known.space, Sampling(guide="open-loop"))
     rollouts = [integral.rollout(passive(integral, known.x, 8000), seed) for seed in range(8)]
     assert not rollouts[0].leads.weighed
     values = shares(known, [integral.estimate(one) for one in rollouts])

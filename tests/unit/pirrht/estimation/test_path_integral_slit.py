@@ -8,7 +8,7 @@ import pytest
 from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.outcome import Outcome
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
 

@@ -15,6 +15,7 @@ from closed_forms import (
 
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate, Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -30,7 +31,7 @@ from pirrht.systems.unicycle import Unicycle
 def test_the_first_increment_has_the_variance_of_its_step(dt):
     """Trap 1: it is sqrt(dt) Z_0, so the control carried is b Z_0 / sqrt(dt); 20000 samples, errors of 0.5 %."""
     sampling = Sampling(dt=dt, samples=20000, guide="open-loop")
-    integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), sampling)
+    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
     paths = at_strip(integral, 0.0, (), 0).rollouts.paths
     inside = paths.span == dt  # samples that leave in this step carry no noise from there on
     assert np.mean(inside) > 0.9
@@ -40,7 +41,7 @@ def test_the_first_increment_has_the_variance_of_its_step(dt):
 
 
 def drifting_right() -> tuple[PathIntegral, Rollouts, Estimate]:
-    integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, samples=200, exit="endpoint"))
+    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, samples=200, exit="endpoint"))
     estimate = at_strip(integral, 0.2, (1,), 5)
     return integral, estimate.rollouts, estimate
 
@@ -60,7 +61,7 @@ def test_the_tape_is_the_weighted_mean_of_what_samples_carried_before_their_exit
 
 def test_noise_after_the_exit_does_not_leak_into_the_tape():
     for exit_rule in ("bridge", "endpoint"):
-        integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, samples=200, exit=exit_rule))
+        integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, samples=200, exit=exit_rule))
         estimate = at_strip(integral, 0.2, (1,), 5)
         last = int(estimate.rollouts.paths.steps[estimate.weight > 1e-6].max())
         tape, alive = integral.replay.tape(estimate.parts)
@@ -71,7 +72,7 @@ def test_noise_after_the_exit_does_not_leak_into_the_tape():
 
 
 def test_paths_that_run_out_of_time_weigh_nothing():
-    integral = PathIntegral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=500))
+    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=500))
     times = np.arange(9) * 0.05
     rollouts = integral.rollout(batch_of(integral, np.array([0.2, 0.0]), times, np.zeros((1, 8, 2))), 1)
     late = rollouts.paths.outcome == Outcome.TIMEOUT
@@ -82,7 +83,7 @@ def test_paths_that_run_out_of_time_weigh_nothing():
 
 
 def test_no_surviving_sample_counts_how_they_ended(slit):
-    integral = PathIntegral(slit.problem, slit.space, Sampling(samples=100))
+    integral = path_integral(slit.problem, slit.space, Sampling(samples=100))
     still_tape = np.zeros((1, 3, 2))
     with pytest.raises(NoSurvivingSample) as caught:
         integral.estimate(integral.rollout(batch_of(integral, slit.start, np.arange(4) * 0.1, still_tape), 0))
@@ -112,7 +113,7 @@ def driven(states: list[Array], samples: int = 300, seed: int = 0) -> Estimate:
     """Around the Dubins curves through some states."""
     problem, space = car()
     steering = Dubins.of(problem)
-    integral = PathIntegral(problem, space, Sampling(samples=samples))
+    integral = path_integral(problem, space, Sampling(samples=samples))
     path = steering.trajectory(steering.connect(np.array(states[:-1]), np.array(states[1:])))
     times = integral.grid(path.cost)
     batch = batch_of(integral, np.zeros(3), times, path.tape(times)[None])

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.scenario import Scenario
 
 BESIDE_THE_WALL = np.array([2.3, 2.63])
@@ -17,7 +18,7 @@ BESIDE_THE_WALL = np.array([2.3, 2.63])
 
 def around_nothing(slit: Scenario, x: np.ndarray, **changes: object) -> tuple[PathIntegral, Rollouts]:
     """Passive samples on the grid that a sampler makes itself."""
-    integral = PathIntegral(slit.problem, slit.space, replace(slit.sampling, guide="open-loop", **changes))
+    integral = path_integral(slit.problem, slit.space, replace(slit.sampling, guide="open-loop", **changes))
     times = integral.steps(1.0)
     lead = Tape(times, np.zeros((len(times) - 1, 2)))
     batch = Batch(state=x, times=times, proposals=(Proposal(lead=lead, count=integral.sampling.samples),))
@@ -27,9 +28,9 @@ def around_nothing(slit: Scenario, x: np.ndarray, **changes: object) -> tuple[Pa
 @pytest.mark.parametrize("steps", ["fitted", "uniform"])
 def test_the_first_step_is_cut_finer_only_where_exits_are_judged_along_steps(slit, steps):
     cut = replace(slit.sampling, dt=0.1, first=0.01, steps=steps)
-    grid = PathIntegral(slit.problem, slit.space, cut).steps(0.5)
+    grid = path_integral(slit.problem, slit.space, cut).steps(0.5)
     np.testing.assert_allclose(grid, [*(0.01 * np.arange(10)), 0.1, 0.2, 0.3, 0.4, 0.5])
-    grid = PathIntegral(slit.problem, slit.space, replace(cut, exit="endpoint")).steps(0.5)
+    grid = path_integral(slit.problem, slit.space, replace(cut, exit="endpoint")).steps(0.5)
     np.testing.assert_allclose(grid, 0.1 * np.arange(6))
 
 

@@ -14,7 +14,7 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, interpolate, nearest_label
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, World
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 from pirrht.geometry.shapes import FORMS, Solids, distance_from, offset_from
 from pirrht.geometry.walls import APART, LEVEL, stands_apart
 
@@ -38,7 +38,7 @@ def solid(kind: Kind, rng: np.random.Generator, tilted: bool) -> Obstacle:
 
 
 def among(*obstacles: Obstacle) -> Collision:
-    return Collision(World(np.zeros(2), np.full(2, 4.0), obstacles), Footprint(HEIGHT, HEIGHT))
+    return Collision(Workspace(np.zeros(2), np.full(2, 4.0), obstacles), Footprint(HEIGHT, HEIGHT))
 
 
 def slopes(collision: Collision, m: int, points: Array) -> Array:

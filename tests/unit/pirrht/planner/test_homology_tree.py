@@ -13,13 +13,13 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
-from pirrht.topology.homology import class_id
+from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
@@ -119,7 +119,7 @@ def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
 @pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
 def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
     x = np.array(x)
-    homology, checker, goal = slit.space.homology, slit_tree.around.checker, slit.problem.scene.goal
+    homology, checker, goal = slit.space.homology, slit_tree.checker, slit.problem.scene.goal
     references = slit_tree.references(x)
     assert len({reference.id for reference in references}) == len(references) > 0
     for reference in references:
@@ -215,7 +215,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     saved = 0.0
     steering = tree.steering
     for reference in tree.references(x, polished=False):
-        short = polish(reference.path, steering, tree.space)
+        short = polish(reference.path, steering, tree.checker)
         assert short.length.sum() <= reference.path.length.sum() + 1e-9
         points = np.vstack(short.points(0.02))
         np.testing.assert_allclose(points[0], x[:2], atol=1e-9)
@@ -223,7 +223,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
         assert space.homology.winding(points) == reference.winding
         assert np.all(space.collision.clearance(dense(points)) > 0)
         saved = max(saved, 1.0 - short.length.sum() / reference.path.length.sum())
-        again = polish(short, steering, tree.space)
+        again = polish(short, steering, tree.checker)
         assert again.length.sum() <= short.length.sum() + 1e-9
     return saved
 
@@ -237,7 +237,7 @@ def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
 
 def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):
     straight: Curves = slit_tree.steering.connect(np.array([[1.0, 2.5]]), np.array([[5.2, 2.5]]))
-    short = polish(straight, slit_tree.steering, slit_tree.space)
+    short = polish(straight, slit_tree.steering, slit_tree.checker)
     assert short.length.sum() == pytest.approx(4.2)
 
 

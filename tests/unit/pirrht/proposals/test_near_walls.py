@@ -10,14 +10,14 @@ from discs import block
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2
@@ -136,8 +136,8 @@ def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     )  # fmt: skip
     problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
     space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
-    integral = PathIntegral(problem, space, Sampling(threads=1, first=0.01))
-    leading = integral.leading
+    integral = path_integral(problem, space, Sampling(threads=1, first=0.01))
+    leading = integral.proposals
     climb = leading.climbing(x, np.array([[4.3, 1.6]]))
     times = integral.steps(6.0)
     batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))

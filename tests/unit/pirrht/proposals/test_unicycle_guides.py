@@ -13,14 +13,16 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Along
-from pirrht.proposals.tracking import FEW, Guide
+from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.trajectory import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
@@ -54,13 +56,13 @@ def case(
 
 def setting(
     post: bool = True, b: float = 0.03, goal: float = 4.5, **options
-) -> tuple[PathIntegral, Array, list[Guide]]:
+) -> tuple[PathIntegral, Array, list[DDPGuide]]:
     """Sampler, grid, and the guide of each class."""
     problem, space, references = case(post, b, goal)
-    integral = PathIntegral(problem, space, Sampling(**options))
+    integral = path_integral(problem, space, Sampling(**options))
     x = problem.scene.start
     times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
-    guidance = PathIntegral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
+    guidance = path_integral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
     assert guidance is not None
     guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
     assert all(guide is not None for guide in guides)
@@ -71,7 +73,7 @@ def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -
     return np.array([trajectory.tape(times) for trajectory, _ in case(post, b, goal)[2]])
 
 
-def polyline(guide: Guide) -> Array:
+def polyline(guide: DDPGuide) -> Array:
     return guide.states[: guide.length + 1, :2]
 
 
@@ -119,7 +121,7 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
 
     def barrier(c: float) -> float:
         assert integral.guidance is not None
-        car = integral.guidance.car
+        car = integral.guidance.tasks[1.0]
         if c >= car.margin:
             return 0.0
         if c <= 0.0:
@@ -127,12 +129,13 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
         edge = car.margin ** (-2 / 3)
         return car.price * (c ** (-2 / 3) - edge + 2 / 3 * edge / car.margin * (c - car.margin))
 
-    best = cost(guide.control)
+    control = guide.tape[:, 0]
+    best = cost(control)
     assert best == pytest.approx(guide.priced, abs=2e-3)  # the field errs by up to a millimetre
-    t = np.linspace(0.0, 1.0, len(guide.control))
+    t = np.linspace(0.0, 1.0, len(control))
     for _ in range(10):
         bump = sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))
-        assert cost(guide.control + 0.02 * bump) > best
+        assert cost(control + 0.02 * bump) > best
 
 
 @pytest.mark.parametrize("steps", ["fitted", "uniform"])
@@ -142,7 +145,7 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     The noise of a guide is narrower than the passive one, so dP/dQ itself has tails; that of a weak law has not.
     """
     problem, space, references = case(False, 0.3, 2.0)
-    integral = PathIntegral(problem, space, Sampling(steps=steps))
+    integral = path_integral(problem, space, Sampling(steps=steps))
     times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
     guidance = integral.guidance
     assert guidance is not None
@@ -152,19 +155,19 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     curve = steering.trajectory(steering.connect(x[None], np.array([[2.0, 0.0, -0.4]])))
     guide = guidance.improve(x, far, space.homology.key(references[0][1]), curve)
     assert guide is not None
-    cut = replace(guide, times=times, states=guide.states[:9], control=guide.control[:8], gains=guide.gains[:8],
-                  spread=guide.spread[:8], sway=guide.sway[:8], sway_gains=guide.sway_gains[:8],
-                  sway_spread=guide.sway_spread[:8], length=8)  # fmt: skip
-    sways = steps == "fitted"
-    assert np.any(cut.sway != 0.0) == np.any(cut.sway_gains != 0.0) == np.any(cut.sway_spread < 1.0) == sways
-    wide = replace(cut, control=0.4 * cut.control, gains=0.3 * cut.gains, spread=np.full(8, 0.97),
-                   sway=3.0 * cut.sway, sway_spread=np.full(8, 0.97 if sways else 1.0))  # fmt: skip
-    other = replace(cut, control=cut.control + 0.2, spread=np.minimum(1.0, 1.1 * cut.spread),
-                    sway=cut.sway + 0.2 * sways, sway_gains=1.2 * cut.sway_gains)  # fmt: skip
+    cut = replace(guide, times=times, states=guide.states[:9], modes=guide.modes[:8], gains=guide.gains[:8],
+                  share=guide.share[:8], inverse=guide.inverse[:8], volume=guide.volume[:8], length=8)  # fmt: skip
+    modes = cut.modes.shape[1]
+    assert modes == (2 if steps == "fitted" else 1)
+    assert np.all(np.any(cut.modes != 0.0, axis=0))
+    share = np.tile(0.97 * np.eye(modes), (8, 1, 1))
+    wide = replace(cut, modes=0.4 * cut.modes, gains=0.3 * cut.gains, share=share, inverse=np.linalg.inv(share),
+                   volume=np.full(8, modes * np.log(0.97)))  # fmt: skip
+    other = replace(cut, modes=cut.modes + 0.5, gains=1.2 * cut.gains)
     laws = {"passive": None, "cut": cut, "wide": wide, "other": other}
     names = list(laws)
     assert np.any(cut.gains != 0.0)
-    assert cut.spread.min() < 0.95
+    assert cut.share.min() < 0.95
     for source, target in [("passive", "cut"), ("passive", "other"), ("wide", "passive"), ("cut", "other")]:
         counts = [40000 * (name == source) for name in names]
         batch = batch_of(integral, x, times, np.zeros((4, 8, 1)), counts=counts, guides=list(laws.values()))
@@ -228,7 +231,7 @@ def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
     integral, times, guides = setting()
     guidance = integral.guidance
     assert guidance is not None
-    guidance.cars[1.0] = guidance.car._replace(price=1e-3 * guidance.car.price)
+    guidance.tasks[1.0] = guidance.tasks[1.0]._replace(price=1e-3 * guidance.tasks[1.0].price)
     for guide, (trajectory, winding) in zip(guides, references, strict=True):
         last = guide
         for _ in range(5):
@@ -240,23 +243,22 @@ def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
 
 
 def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_compared_with():
-    integral, _, guides = setting()
+    guides = setting()[2]
     guide, x = guides[0], guides[0].states[0] + np.array([0.001, -0.002, 0.01])
-    lead = Along(guide, integral.problem.dynamics)
+    lead = LinearFeedback(guide)
     shares = np.linspace(0.005, 0.995, 100)
     off = x - guide.states[0]
     states = guide.states[0] + shares[:, None] * (guide.states[1] - guide.states[0]) + off
     mean = np.mean([lead(state, 0.1 * share) for state, share in zip(states, shares, strict=True)], axis=0)
     np.testing.assert_allclose(mean, lead.held(x), rtol=1e-9)
     assert abs(lead(x, 0.0) - lead.held(x)) > 0.02  # it rises or falls within the step
-    assert Along(setting(steps="uniform")[2][0], integral.problem.dynamics)(x, 0.0) == pytest.approx(
-        Along(setting(steps="uniform")[2][0], integral.problem.dynamics).held(x)
-    )
+    lead = LinearFeedback(setting(steps="uniform")[2][0])
+    assert lead(x, 0.0) == pytest.approx(lead.held(x))
 
 
 def test_hopeless_classes_get_few_samples():
     integral, _, guides = setting()
     assert integral.guidance is not None
     cheap, dear = guides[0], replace(guides[0], priced=2.0 * guides[0].priced)
-    assert integral.guidance.counts([cheap, dear, None], 300) == [300, FEW, FEW]
+    assert integral.guidance.counts([cheap, dear, None], 300) == [300, TUNING.few, TUNING.few]
     assert integral.guidance.counts([None, None], 300) == [300, 300]

@@ -12,17 +12,18 @@ import pytest
 from solved import Solved, around_corner, around_post, in_channel, slope
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.proposals.leads import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent
 
 Made = Callable[..., Solved]
 
 
 def way(known: Solved) -> tuple[PathIntegral, DesirabilityAscent]:
     """The way of the first reference from the start."""
-    integral = PathIntegral(known.problem, known.space, Sampling())
-    return integral, integral.leading.climbing(known.x, known.lines[0])
+    integral = path_integral(known.problem, known.space, Sampling())
+    return integral, integral.proposals.climbing(known.x, known.lines[0])
 
 
 def beside(known: Solved, seed: int, count: int = 300) -> Array:
@@ -64,7 +65,7 @@ def test_in_a_channel_psi_falls_at_the_rate_of_its_slowest_mode():
     """Between two starts, two meters apart, log psi differs by sqrt(k^2 + (pi / w)^2) times that; within 2.5 %."""
     for b, width in ((0.3, 0.4), (0.5, 0.5), (0.5, 1.0), (0.7, 0.5)):
         known = in_channel(b, width)
-        leading = PathIntegral(known.problem, known.space, Sampling()).leading
+        leading = path_integral(known.problem, known.space, Sampling()).proposals
         near, far = (leading.climbing(known.x + np.array([x, 0.0]), known.lines[0]).promise for x in (2.0, 0.0))
         assert near - far == pytest.approx(2.0 * np.hypot(1.0 / b**2, np.pi / width), rel=0.025)
 

@@ -10,14 +10,15 @@ from batches import batch_of
 from thoroughly import first
 
 from pirrht.arrays import Array
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import unit_rate
-from pirrht.rollouts.backend import loops
+from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.path import any_path
-from pirrht.rollouts.records import Paths
+from pirrht.rollouts.tables import Paths
 from sim.scenario import Scenario
 
 TIMES = np.concatenate([np.arange(10) * 0.01, np.arange(1, 40) * 0.1])
@@ -37,10 +38,10 @@ def drawn(source: PathIntegral, tree: HomologyTree, counts: list[int]) -> Rollou
 
 def both(scenario: Scenario, tree: HomologyTree, counts: list[int], phi: float, **rules: str) -> tuple[Paths, Paths]:
     problem = replace(scenario.problem, phi=phi)
-    source = PathIntegral(problem, scenario.space, replace(scenario.sampling, **rules))
+    source = path_integral(problem, scenario.space, replace(scenario.sampling, **rules))
     block = drawn(source, tree, counts).paths
     path = any_path(KernelSpec(scenario.problem.dynamics.drift, None, None, unit_rate, 2, 2, False, True))
-    source.kernels = loops(*path, 2)
+    source.backend = Cpu(loops(*path, 2), 1)
     return block, drawn(source, tree, counts).paths
 
 
@@ -66,7 +67,7 @@ def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, rules, 
 
 
 def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
-    source = PathIntegral(slit.problem, slit.space, replace(slit.sampling, threads=1))
+    source = path_integral(slit.problem, slit.space, replace(slit.sampling, threads=1))
     few, many = drawn(source, slit_tree, [5, 1, 1]).paths, drawn(source, slit_tree, [300, 1, 1]).paths
     for name in Paths._fields:
         np.testing.assert_array_equal(getattr(few, name)[:5], getattr(many, name)[:5], err_msg=name)
@@ -74,7 +75,7 @@ def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
 
 def test_threads_change_nothing(slit, slit_tree):
     one, two = (
-        drawn(PathIntegral(slit.problem, slit.space, replace(slit.sampling, threads=t)), slit_tree, [200, 200, 200])
+        drawn(path_integral(slit.problem, slit.space, replace(slit.sampling, threads=t)), slit_tree, [200, 200, 200])
         for t in (1, 2)
     )
     for name in Paths._fields:

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.leads import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.unicycle import Unicycle
 
@@ -46,7 +46,7 @@ def case(b: float) -> tuple[Problem, FreeSpace, HomologyTree]:
 def passive(b: float, steps: str, count: int) -> Array:
     """States (count, 3, 3) at 0, STEP and 2 STEP of paths from 0 that nothing leads."""
     problem, space, _ = case(b)
-    integral = PathIntegral(problem, space, Sampling(dt=STEP, steps=steps, draws="independent"))
+    integral = path_integral(problem, space, Sampling(dt=STEP, steps=steps, draws="independent"))
     times = STEP * np.arange(3)
     proposal = Proposal(lead=Tape(times, np.zeros((2, 1))), count=count)
     rollouts = integral.rollout(Batch(state=np.zeros(3), times=times, proposals=(proposal,)), 1)

@@ -100,7 +100,7 @@ def bridges(
 ) -> tuple[Array, Array, Array]:
     """Outcomes, shares and logarithms of survival of many isotropic steps with the same ends."""
     space = room()
-    arena = space.arena
+    arena = space.world
     before, after = (distances(arena, *map(float, p)) for p in (tail, head))
     cov = (variance, 0.0, variance)
     state, outcome, share, lasting = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count), np.empty(count)
@@ -187,7 +187,7 @@ def test_a_step_in_the_open_stays_inside():
 
 def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     space = room()
-    arena = space.arena
+    arena = space.world
     state = stream(np.uint64(6), 0)
     for i in range(500):
         state, u = uniform(np.uint64(state))
@@ -204,7 +204,7 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
 
 def test_the_endpoint_rule_reads_the_end_only():
     space = room()
-    arena = space.arena
+    arena = space.world
     assert endpoint_exit(arena, 3.0, 2.0) == (INSIDE, 1.0)
     assert endpoint_exit(arena, 2.0, 2.0) == (COLLISION, 1.0)
     assert endpoint_exit(arena, -0.1, 2.0) == (COLLISION, 1.0)
@@ -213,7 +213,7 @@ def test_the_endpoint_rule_reads_the_end_only():
 
 def test_noise_along_a_wall_carries_nothing_towards_it():
     """The wall of `room` is at x = 1.9 to a centre: noise along y leaves over 5 times the room of noise along x."""
-    field, x = room().arena.field, 1.7
+    field, x = room().world.field, 1.7
     c = float(interpolate(field, field.nearest, x, 1.0))
     towards, along = facing(field, x, 1.0, (0.04, 0.0, 0.0)), facing(field, x, 1.0, (0.0, 0.0, 0.04))
     assert towards == pytest.approx(c, rel=0.03)

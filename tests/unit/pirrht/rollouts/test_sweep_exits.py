@@ -13,7 +13,7 @@ from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
 def test_a_sweep_never_passes_through_a_thin_wall():
     """2000 random segments across a wall of 2 cm, up to 4 m long, all of them longer than it is thick."""
     space = room()
-    arena = space.arena
+    arena = space.world
     rng = np.random.default_rng(5)
     for _ in range(2000):
         tail, head = rng.uniform([0.01, 0.01], [1.9, 3.99]), rng.uniform([2.1, 0.01], [3.99, 3.99])
@@ -27,13 +27,13 @@ def test_a_sweep_never_passes_through_a_thin_wall():
         if exit == COLLISION:
             assert space.collision.clearance(where[None])[0] < 0.02
         else:
-            assert np.hypot(*(where - np.array(space.arena.goal))) == pytest.approx(space.arena.radius)
+            assert np.hypot(*(where - np.array(space.world.goal))) == pytest.approx(space.world.radius)
 
 
 def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
     """400 walks of steps up to 0.3 m that turn by up to 0.5 rad; they differ by 5 mm at a wall, or along it."""
     space = room()
-    arena, rng, compared = space.arena, np.random.default_rng(8), []
+    arena, rng, compared = space.world, np.random.default_rng(8), []
     for _ in range(400):
         at, theta, known = np.array([1.0, 2.0]), rng.uniform(-np.pi, np.pi), 0.0
         for _ in range(60):
@@ -59,7 +59,7 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
 def test_the_sweep_judges_with_the_clearance_of_fcl():
     """The wall as FCL has it is where the sweep meets it."""
     space = room()
-    arena = space.arena
+    arena = space.world
     exit, share = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
     assert exit == COLLISION
     assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)

@@ -14,8 +14,8 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene, World
-from pirrht.geometry.sweeps import certify_leg
+from pirrht.geometry.scene import Scene, Workspace
+from pirrht.moving.certify import certify_leg
 from pirrht.problem import Problem
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
@@ -48,7 +48,7 @@ def fcl_free(scene: Scene, path: np.ndarray) -> bool:
     for s in np.linspace(0.0, 1.0, max(2, math.ceil((path[5] - path[2]) / 2e-3))):
         x, y, t = path[:3] + s * (path[3:] - path[:3])
         solids = tuple(solid for mover in scene.movers for solid in mover.at(t))
-        moving = Collision(World(np.full(2, -np.inf), np.full(2, np.inf), solids), scene.footprint)
+        moving = Collision(Workspace(np.full(2, -np.inf), np.full(2, np.inf), solids), scene.footprint)
         place = np.array([[x, y]])
         if standing.clearance(place)[0] <= 0.0 or moving.distance(place)[0] <= scene.robot_radius:
             return False

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pirrht.arrays import Array
-from pirrht.topology.homology import Homology, class_id
+from pirrht.topology.homology import Homology
+from pirrht.topology.signature import class_id
 
 MARKERS = np.array([[2.0, 1.0], [3.0, -0.5], [1.0, -1.5]])
 GOAL = np.array([5.0, 0.0])
@@ -78,7 +79,7 @@ def test_the_signature_of_a_class_is_that_of_its_paths_plus_one(homology, seed):
 
 def test_the_straight_line_is_class_zero_and_turns_less_than_half(homology):
     points = np.random.default_rng(1).uniform(-3, 8, (500, 2))
-    straight = homology.straight(points)
+    straight = np.array([homology.base(point) for point in points])
     assert np.all(np.abs(straight) <= 0.5)
     for point, expected in zip(points, straight, strict=True):
         line = np.vstack([point, GOAL])
@@ -115,7 +116,7 @@ def test_a_start_on_the_line_through_marker_and_goal_counts_as_on_one_side(dista
     """On the cut the angle is half a turn of either sign; which one must agree with how crossings are counted."""
     homology = Homology(markers=np.array([[2.0, 0.0]]), goal=np.array([5.0, 0.0]))
     x = np.array([2.0 - distance, 0.0])
-    assert homology.straight(x[None])[0, 0] == -0.5
+    assert homology.base(x)[0] == -0.5
     around = {name: np.array([x, [2.0, side], [5.0, 0.0]]) for name, side in (("left", 1.0), ("right", -1.0))}
     left, right = (homology.winding(around[name])[0] for name in ("left", "right"))
     assert (left, right) == (0, 1)

@@ -11,14 +11,15 @@ from moving import SCENES, moved
 
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint
-from pirrht.topology.moving import MovingHomology, markers_of
+from pirrht.topology.homology import Homology
+from pirrht.topology.tracks import markers_of
 
 FOOT = Footprint(0.1, 0.1)
 GOAL = np.array([5.5, 2.5])
 
 
-def homology(*movers: Mover, speed: float = 1.0) -> MovingHomology:
-    return MovingHomology.of(movers, FOOT, GOAL, speed)
+def homology(*movers: Mover) -> Homology:
+    return Homology(markers=np.zeros((0, 2)), goal=GOAL).among(movers, FOOT)
 
 
 def wanderer(seed: int, repeat: bool = False) -> Mover:
@@ -80,7 +81,7 @@ def test_paths_with_equal_ends_differ_by_whole_turns_whenever_they_arrive(seed):
     late[0] = early[0]
     early[-1, :2] = late[-1, :2] = GOAL
     until = max(early[-1, 2], late[-1, 2])
-    whole = [ways.turns(path) + ways.wait(path[-1, 2], until) for path in (early, late)]
+    whole = [ways.turns(np.vstack([path, [*GOAL, until]])) for path in (early, late)]
     difference = whole[0] - whole[1]
     assert difference == pytest.approx(np.rint(difference), abs=1e-9)
     assert np.array_equal(np.subtract(ways.winding(early), ways.winding(late)), np.rint(difference))

@@ -10,10 +10,10 @@ from discs import block, disc
 from moving import moved, oblique
 
 from pirrht.arrays import Array
-from pirrht.geometry.crowd import reach_of
 from pirrht.geometry.motion import Mover
-from pirrht.plotting.ground import MOMENTS, outline
+from pirrht.moving.collision import reach_of
 from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
+from sim.plotting.ground import MOMENTS, outline
 
 PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]

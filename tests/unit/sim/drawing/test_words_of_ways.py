@@ -32,7 +32,7 @@ def test_sides_are_those_of_the_curve_itself():
     start = drive.scene.start[:2]
     references = drive.tree.references(start)
     windings = {r.id: r.winding for r in references}
-    words = worded(windings, drive.space.homology.straight(start[None])[0], WALLS)
+    words = worded(windings, drive.space.homology.base(start), WALLS)
     for reference in references:
         y = np.interp(3.4, *reference.trajectory.points.T)  # over the middle of the walls, towards +x
         expected = {y > 2.8: "left of upper wall", y < 2.2: "right of lower wall"}.get(
@@ -151,7 +151,7 @@ def test_ways_among_bodies_are_named_by_whether_they_pass_before_or_behind():
     scenario = prepare("crossing", given={"vertices": 200})
     tree = scenario.grown_tree()
     references = {one.id: one for one in scenario.references(tree)}
-    moving = scenario.homology.moving
+    moving = scenario.homology
     passed = {name: sides(one, moving) for name, one in references.items() if name in ("0", "1")}
     assert sorted(passed.values()) == [("before",), ("behind",)]
     for name, one in references.items():
@@ -180,7 +180,7 @@ def test_bodies_that_rest_are_passed_left_or_right():
     """The discs of `pincer` have met when the robot comes by below or above them."""
     scenario = prepare("pincer", given={"vertices": 300})
     references = {one.id: one for one in scenario.references(scenario.grown_tree())}
-    passed = {name: sides(references[name], scenario.homology.moving) for name in ("0,0", "1,0", "0,-1")}
+    passed = {name: sides(references[name], scenario.homology) for name in ("0,0", "1,0", "0,-1")}
     assert passed == {"0,0": ("before",) * 2, "1,0": ("right of",) * 2, "0,-1": ("left of",) * 2}
     assert passing(references["1,0"], scenario.homology) == ["low: right of it", "high: right of it"]
     words = worded({name: references[name].winding for name in passed}, np.zeros(0), (), ("low", "high"), None, passed)

@@ -8,7 +8,7 @@ from moving_scenes import body, moving_scene, rows
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import World
+from pirrht.geometry.scene import Workspace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
@@ -285,7 +285,7 @@ def test_the_least_room_is_that_to_all_that_stands_and_moves_after_every_step(tm
             least = np.inf
             for k, x in enumerate(advance.states):
                 solids = [s for mover in loaded.scene.movers for s in mover.at(begun + (k + 1) * STEP)]
-                there = World(-EVERYWHERE, EVERYWHERE, (*loaded.scene.obstacles, *solids))
+                there = Workspace(-EVERYWHERE, EVERYWHERE, (*loaded.scene.obstacles, *solids))
                 around = Collision(there, loaded.scene.footprint)
                 least = min(least, float(around.clearance(x[None, :2])[0]))
             assert advance.clearance == pytest.approx(least, abs=1e-9)

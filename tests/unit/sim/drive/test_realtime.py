@@ -13,10 +13,10 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference
 from pirrht.estimation.estimate import Rollouts
-from pirrht.geometry.crowd import MovingObstacles
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.driven import Driven, driven
+from pirrht.topology.driven import Driven
 from sim.cli import main
 from sim.drive import realtime
 from sim.drive.episode import Frame, Tally
@@ -73,7 +73,7 @@ class FakeDriver:
         self.elapsed: list[float] = []
 
     def begin(self, x: Array) -> None:
-        self._driven, self.time = driven(self.homology, x, 0.0), 0.0
+        self._driven, self.time = Driven(self.homology, x), 0.0
         self.made, self.left, self.elapsed = [], [], []
 
     def observe(self, states: Array, duration: float, until: float | None = None) -> None:

@@ -1,0 +1,45 @@
+"""Assembly of an estimator: its backend, its guides and proposals, and the predicted world that they share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+
+from pirrht.arrays import Array
+from pirrht.estimation.factory import ProposalFactory
+from pirrht.estimation.packing import Packer
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.problem import Problem
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.rollouts.backend import Backend
+from pirrht.rollouts.cpu import Cpu, setup_of
+from pirrht.rollouts.tables import PredictedWorld, Snapshot
+from pirrht.steering.in_time import homology_of
+from pirrht.topology.homology import Homology
+
+
+def path_integral(
+    problem: Problem, space: FreeSpace, sampling: Sampling, *, beyond: Callable[[Array], Array] | None = None,
+    homology: Homology | None = None, backend: Backend | None = None,
+) -> PathIntegral:  # fmt: skip
+    """Assemble the estimator of a problem.
+
+    Args:
+        beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
+            by then weighs nothing.
+        homology: of the problem's paths; None: where obstacles move, with bases at the best speed.
+        backend: simulates paths; None: compiled kernels on this machine (`Cpu`).
+    """
+    classes = homology_of(problem, space) if homology is None else homology
+    setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
+    world = PredictedWorld(Snapshot(setup, classes))
+    threads = sampling.threads or len(os.sched_getaffinity(0))
+    guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
+    guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
+    proposals = ProposalFactory(problem, space, sampling, world, guidance)
+    return PathIntegral(
+        problem, sampling, proposals, Packer(proposals), backend or Cpu.of(problem, threads), threads=threads,
+        beyond=beyond,
+    )  # fmt: skip

@@ -1,0 +1,244 @@
+"""Pose moving obstacles at a time and measure how far the robot is from them, in kernels.
+
+All times are on one clock, on which 0 is now. Between two rows of its motion an obstacle keeps its velocity: such a
+piece of a motion is given by the pose at a time, the rates at which it changes, and until when it does so.
+"""
+
+from __future__ import annotations
+
+import math
+
+from pirrht.geometry.shapes import offset_of, outside
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.jit import inlined, kernel
+
+BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
+# whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
+LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
+PARTS = 6  # of a body: where its rows begin and end, its solids, and its boxes
+ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
+SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
+TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
+WALL = 5  # numbers of a wall that moves
+
+
+@inlined
+def of_body(traffic, j, what):  # type: ignore[no-untyped-def]
+    """One of the numbers of body j."""
+    return load_float64(traffic.body, BODY * j + what)
+
+
+@inlined
+def disc_of(traffic, j):  # type: ignore[no-untyped-def]
+    """Radius of the disc around the origin of body j outside of which the robot's centre is free [m]."""
+    return load_float64(traffic.body, BODY * j + RADIUS)
+
+
+@inlined
+def piece_of(traffic, j, t):  # type: ignore[no-untyped-def]
+    """Where body j is at t [s], x, y [m] and yaw [rad], at which rates that changes [1/s], and until when so [s].
+
+    At a time at which it changes they are those from then on.
+    """
+    begin, end = load_int64(traffic.parts, PARTS * j), load_int64(traffic.parts, PARTS * j + 1)
+    now, period = t + load_float64(traffic.body, BODY * j + LEAD), load_float64(traffic.body, BODY * j + PERIOD)
+    if period > 0.0 and now > 0.0:
+        now -= math.floor(now / period) * period
+    low, high = begin, end  # the row that begins the piece is from low on and before high
+    while high - low > 1:
+        middle = (low + high) // 2
+        if load_float64(traffic.rows, ROW * middle) <= now:
+            low = middle
+        else:
+            high = middle
+    at = traffic.rows + 8 * ROW * low
+    past, x, y, yaw = now - load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), load_float64(at, 3)
+    if past < 0.0:
+        return x, y, yaw, 0.0, 0.0, 0.0, t - past
+    if high == end:
+        return x, y, yaw, 0.0, 0.0, 0.0, math.inf
+    vx, vy, turn, until = load_float64(at, 4), load_float64(at, 5), load_float64(at, 6), t + load_float64(at, ROW) - now
+    return x + past * vx, y + past * vy, yaw + past * turn, vx, vy, turn, until
+
+
+@inlined
+def restart_of(traffic, j, t):  # type: ignore[no-untyped-def]
+    """When body j is suddenly elsewhere, next after t [s]; infinity if it never is."""
+    if of_body(traffic, j, JUMPING) == 0.0:
+        return math.inf
+    lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
+    return max(math.floor((t + lead) / period) + 1.0, 1.0) * period - lead
+
+
+@inlined
+def pose_of(traffic, j, t):  # type: ignore[no-untyped-def]
+    """Where body j is at t [s]: x, y [m] and yaw [rad]."""
+    x, y, yaw, _, _, _, _ = piece_of(traffic, j, t)
+    return x, y, yaw
+
+
+@inlined
+def outside_of(traffic, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
+    """A lower bound of the clearance of (x, y) [m] from body j at (ox, oy) [m], whichever way that is turned [m]."""
+    return math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) - disc_of(traffic, j)
+
+
+@inlined
+def _in_solid(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """A place (u, v) [m] in the frame of a body, at the height of the robot, as its solid k has it [m]."""
+    at = traffic.solid + 8 * SOLID * k
+    dx, dy, dz = u - load_float64(at, 3), v - load_float64(at, 4), traffic.height - load_float64(at, 5)
+    return (
+        load_float64(at, 6) * dx + load_float64(at, 9) * dy + load_float64(at, 12) * dz,
+        load_float64(at, 7) * dx + load_float64(at, 10) * dy + load_float64(at, 13) * dz,
+        load_float64(at, 8) * dx + load_float64(at, 11) * dy + load_float64(at, 14) * dz,
+    )
+
+
+@inlined
+def _clearance_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """Clearance of the robot at (u, v) [m] in the frame of a body from its solid k [m], minus its radius inside."""
+    form = load_int64(traffic.form, TABLE * k)
+    if form < 0:
+        return _in_table(traffic, k, u, v)[0] - traffic.robot
+    at = traffic.solid + 8 * SOLID * k
+    x, y, z = _in_solid(traffic, k, u, v)
+    far = outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z)
+    return max(far, 0.0) - traffic.robot
+
+
+@inlined
+def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
+    first, nx = load_int64(traffic.form, TABLE * k + 1), load_int64(traffic.form, TABLE * k + 2)
+    ny, pitch = load_int64(traffic.form, TABLE * k + 3), traffic.pitch
+    fx, fy = (u - load_float64(traffic.corner, 2 * k)) / pitch, (v - load_float64(traffic.corner, 2 * k + 1)) / pitch
+    gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)
+    i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
+    p, q = gx - i, gy - j
+    at = first + i * ny + j
+    a, b = load_float64(traffic.table, at), load_float64(traffic.table, at + 1)
+    c, d = load_float64(traffic.table, at + ny), load_float64(traffic.table, at + ny + 1)
+    low, high = a * (1.0 - q) + b * q, c * (1.0 - q) + d * q
+    away = math.sqrt((fx - gx) ** 2 + (fy - gy) ** 2) * pitch
+    slope_x, slope_y = (high - low) / pitch, ((b - a) * (1.0 - p) + (d - c) * p) / pitch
+    return low * (1.0 - p) + high * p + away, slope_x, slope_y
+
+
+@inlined
+def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
+    """The vector (x, y) to (u, v) [m] from the nearest point of solid k seen from above [m], in the frame of its body.
+
+    And the gradient (x, y) of the distance; all are zero inside.
+    """
+    form, at = load_int64(traffic.form, TABLE * k), traffic.solid + 8 * SOLID * k
+    if form < 0:
+        d, gx, gy = _in_table(traffic, k, u, v)
+        return d * gx, d * gy, gx, gy
+    a, b, c = load_float64(at, 0), load_float64(at, 1), load_float64(at, 2)
+    x, y, z = _in_solid(traffic, k, u, v)
+    d = max(outside(form, a, b, c, x, y, z), 0.0)
+    if d <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    x, y, z = offset_of(form, a, b, c, x, y, z)
+    ex = load_float64(at, 6) * x + load_float64(at, 7) * y + load_float64(at, 8) * z
+    ey = load_float64(at, 9) * x + load_float64(at, 10) * y + load_float64(at, 11) * z
+    return ex, ey, ex / d, ey / d
+
+
+@inlined
+def inexact(traffic, j):  # type: ignore[no-untyped-def]
+    """Whether distances from a solid of body j are those of a table."""
+    found = False
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        found |= load_int64(traffic.form, TABLE * k) < 0
+    return found
+
+
+@inlined
+def clearance_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
+    """Clearance of the robot's centre at (x, y) [m] from body j at (ox, oy) [m] and yaw [rad], up to the reach [m]."""
+    return clearance_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+
+
+@inlined
+def clearance_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """The same from cosine and sine of the yaw."""
+    dx, dy = x - ox, y - oy
+    u, v, best = c * dx + s * dy, c * dy - s * dx, traffic.reach
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        best = min(best, _clearance_of(traffic, k, u, v))
+    return best
+
+
+@inlined
+def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
+    """Clearance, the unit vector (x, y) away from the nearest point of body j, and the vector (x, y) from there [m].
+
+    Both vectors are zero inside of the body, and where nothing is within reach.
+    """
+    return wall_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+
+
+@inlined
+def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """The same from cosine and sine of the yaw."""
+    dx, dy = x - ox, y - oy
+    u, v, best, which = c * dx + s * dy, c * dy - s * dx, traffic.reach, -1
+    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
+        d = _clearance_of(traffic, k, u, v)
+        if d < best:
+            best, which = d, k
+    if which < 0:
+        return best, 0.0, 0.0, 0.0, 0.0
+    ex, ey, gx, gy = _slope_of(traffic, which, u, v)
+    size = math.sqrt(gx * gx + gy * gy)
+    if size > 0.0:
+        gx, gy = gx / size, gy / size
+    return best, c * gx - s * gy, s * gx + c * gy, c * ex - s * ey, s * ex + c * ey
+
+
+@inlined
+def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
+    """Clearance of the robot's centre at (x, y) [m] from all bodies at t [s], up to the reach [m]."""
+    best = traffic.reach
+    for j in range(traffic.J):
+        ox, oy, yaw = pose_of(traffic, j, t)
+        if outside_of(traffic, j, ox, oy, x, y) < best:
+            best = min(best, clearance_of_body(traffic, j, ox, oy, yaw, x, y))
+    return best
+
+
+@kernel
+def moving_walls(traffic, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """Write the bodies less than so far from (x, y) [m] at t [s] to rows of `out` (J, WALL); returns how many.
+
+    A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
+    body has there [m/s]; at a time at which that changes, that from then on.
+    """
+    count = 0
+    for j in range(traffic.J):
+        count = _add_wall(traffic, j, x, y, t, within, out, count)
+    return count
+
+
+@kernel
+def walls_of_some(traffic, listed, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """The same of so many bodies that are `listed` (J,)."""
+    count = 0
+    for k in range(many):
+        count = _add_wall(traffic, listed[k], x, y, t, within, out, count)
+    return count
+
+
+@inlined
+def _add_wall(traffic, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
+    """Write body j to a row of `out` if it is so near; how many rows there are then."""
+    ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
+    if outside_of(traffic, j, ox, oy, x, y) < within:
+        d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+        if d < within:
+            out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
+            out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
+            count += 1
+    return count

@@ -1,0 +1,200 @@
+"""Algorithm 1: states become vertices of the graph with their edges, in compiled code as far as it can decide."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.certify import BLOCKED, FREE, certify_point
+from pirrht.jit.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
+from pirrht.jit.jit import as_tuple, caller, inlined, kernel
+from pirrht.planner import graph as g
+from pirrht.planner.graph import STATUS
+from pirrht.planner.nodes import ask_again
+from pirrht.planner.rewire import reaches, settle
+from pirrht.planner.tuning import TUNING
+from pirrht.steering.edges import NO_EDGES, Edges, judge_with
+from pirrht.steering.motion import MotionKernels
+from pirrht.topology.homology import write_base
+
+
+class PassageSampler:
+    """States (k, n) that ought to become vertices; `waiting` says where those are that have not become any."""
+
+    def __init__(self, states: Array) -> None:
+        self.states = states
+        self.waiting = {state.tobytes(): k for k, state in enumerate(states)}
+        self._open = np.ones(len(states), dtype=bool)
+        self._seen = 0
+        self._period = max(TUNING.offer_period, 2 * len(states))
+
+    def note(self, states: Array) -> None:
+        """Take the states (V, n) of all vertices from the list of those that are waited for."""
+        if self.waiting:
+            for state in states[self._seen :]:
+                k = self.waiting.pop(state.tobytes(), None)
+                if k is not None:
+                    self._open[k] = False
+        self._seen = len(states)
+
+    def at(self, draw: int) -> Array | None:
+        """The state (n,) that is offered as a draw of some number; None: this draw is uniform."""
+        place, uniform = divmod(draw % self._period, 2)
+        if uniform or place >= len(self.states) or not self._open[place]:
+            return None
+        offered: Array = self.states[place]
+        return offered
+
+    def together(self, draw: int) -> int:
+        """How many draws from this number on may be dealt with before `note` is asked for: none is offered twice."""
+        return self._period - draw % self._period if self.waiting else TUNING.batch
+
+
+@kernel
+def near_count(size, n):  # type: ignore[no-untyped-def]
+    """The RRG's k = e (1 + 1/n) log |V|, rounded up, for `size` vertices and the new one (section IV-B)."""
+    return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
+
+
+@inlined
+def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyped-def]
+    """Append a directed edge and link it into both of its lists.
+
+    It costs what edge i of `edges` does and has `sign` times its turns; `weights` (M,) make the additive key.
+    """
+    e, used, key = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs), np.int64(0)
+    turns = edges.turns
+    for j in range(turns.first[i], turns.first[i + 1]):
+        marker, turn = turns.marker[j], sign * turns.turn[j]
+        store_int32(at.edge_marker, used, marker)
+        store_int16(at.edge_turn, used, turn)
+        key += turn * weights[marker]
+        used += 1
+    edge, first_out, first_in = g.edge_at(at, e), g.vertex_at(at, tail), g.vertex_at(at, head)
+    store_int32(edge, g.TAIL, tail)
+    store_int32(edge, g.HEAD, head)
+    store_float64(edge, g.EDGE_COST, edges.cost[i])
+    store_int64(edge, g.EDGE_KEY, key)
+    store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
+    store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
+    store_int32(first_out, g.FIRST_OUT, e)
+    store_int32(first_in, g.FIRST_IN, e)
+    store_int64(at.edge_first, e + 1, used)
+    store_int64(at.size, g.SIZE.edges, e + 1)
+    store_int64(at.size, g.SIZE.pairs, used)
+
+
+@inlined
+def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
+    """Whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
+    edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
+    used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
+    return used + edges > at.edge_room or paired + pairs > at.pair_room
+
+
+@kernel
+def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no-untyped-def]
+    """Make the state that stands at the end of `vertices` a vertex: edges leave it, and where it is no root enter it.
+
+    `straight` (M,) [turns] is the H of the straight line from it; `out` and `back` are `Edges` to and from vertices
+    near it, and with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
+    """
+    v = load_int64(at.size, g.SIZE.vertices)
+    root, sign = vertices.in_goal[v], 1
+    for k in range(at.M):
+        store_float64(at.straight, v * at.M + k, straight[k])
+    store_int64(at.size, g.SIZE.vertices, v + 1)
+    if root:
+        store_int32(g.vertex_at(at, v), g.COUNT, 1)
+    else:
+        for i in range(out.near.shape[0]):
+            if out.status[i] == FREE:
+                _add_edge(at, v, out.near[i], out, i, 1, around.weights)
+        ask_again(at, v)
+        sign = -1 if rules.mirrored else 1
+    for i in range(back.near.shape[0]):
+        u = back.near[i]
+        if back.status[i] == FREE and u != v and not vertices.in_goal[u]:
+            _add_edge(at, u, v, back, i, sign, around.weights)
+            if root:
+                ask_again(at, u)
+
+
+_propose = caller((NO_EDGES, 0))
+
+
+@cache
+def proposer(
+    nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
+) -> Callable[..., tuple[Edges, int]]:
+    """Make what `grow` calls of a steering method (`steering.Compiled`, `count` numbers) and its motions."""
+    judge = judge_with(motion)
+
+    def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]
+        """Propose `Edges` between x (n,), which may be a root, and vertices near it; count those that are unsure.
+
+        Writes H of the straight line from x to `straight` (M,).
+        """
+        n, numbers = vertices.states.shape[1], as_tuple(values, count)
+        near = np.empty(min(near_count(size, n), size), np.int64)
+        nearest(vertices.states[:size], x, numbers, forward, near, np.empty(near.shape[0]))
+        others, here = vertices.states[near], np.empty((near.shape[0], n))
+        for i in range(near.shape[0]):
+            for k in range(n):
+                here[i, k] = x[k]  # arrays assigned as a whole compile words for shapes that differ
+        into_goal = vertices.in_goal[near]
+        if not forward:
+            into_goal[:] = root
+        tails, heads = (here, others) if forward else (others, here)
+        goal = (around.goal_x, around.goal_y)
+        write_base(around.markers, around.tracks, goal, around.speed, x, straight)
+        return judge(around, connect(tails, heads, numbers), into_goal, near)
+
+    return propose
+
+
+@kernel
+def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
+    """Make vertices of the draws (k, n) from i on: the first not dealt with, and its status.
+
+    `propose` is the address of a `proposer`, `values` its numbers.
+    """
+    straight = np.empty(at.M)
+    gx, gy = around.goal_x, around.goal_y
+    while i < draws.shape[0]:
+        x, v = draws[i], load_int64(at.size, g.SIZE.vertices)
+        status = certify_point(around.field, x[0], x[1])
+        if status == BLOCKED:
+            i += 1
+            continue
+        away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
+        if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
+            return i, STATUS.ask
+        root = away < 1.0
+        for k in range(x.shape[0]):
+            vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
+        vertices.in_goal[v] = root
+        forward = not root
+        size = v if forward else v + 1
+        out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
+        if unsure > 0:
+            return i, STATUS.ask
+        if forward and not reaches(at, straight, out, rules):
+            i += 1
+            continue
+        back = out
+        if forward and not rules.mirrored:
+            back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
+        if unsure > 0 or lacks_room(at, out, back):
+            return i, STATUS.ask
+        insert(at, vertices, straight, out, back, around, rules)
+        i += 1
+        status = settle(at, rules)
+        if status != STATUS.done:
+            return i, status
+    return i, STATUS.done

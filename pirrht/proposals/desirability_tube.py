@@ -1,0 +1,256 @@
+"""The desirability of a way: log psi of one class along its reference, from cross-section to cross-section.
+
+With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
+with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
+`sqrt(k / 2 pi r) exp(-k r) cos` far away. So psi on one cross-section of a reference is an integral over the next one,
+back from the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers
+settle to its slowest mode at its own decay, and behind a corner psi is diffracted.
+
+Samples follow the slope of log psi at the nodes (`rollouts.ways`); towards a wall at a distance c it is known by the
+length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
+
+The loop over the nodes of a cross-section has no branches and single precision: it compiles to vector instructions.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.geometry.field import two_walls
+from pirrht.geometry.world import World
+from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
+from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.streams import logarithm
+from pirrht.proposals.cross_sections import sections_of
+from pirrht.proposals.tuning import TUNING
+from pirrht.rollouts.ways import KNOWN, PLACE
+
+WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
+# Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
+# All are in one array: a compiler that does not know how far apart arrays are must assume that vectors overlap.
+PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_FAR, TOP, WHOLE = (
+    WIDTH * row for row in range(15)
+)
+ROWS = 15 * WIDTH
+NEGLIGIBLE = np.float32(-25.0)  # nodes with so little psi are skipped [nats]
+NOTHING, TINY, LEAST = np.float32(-1e30), np.float32(1e-6), np.float32(1e-30)
+GRAZING = np.float32(0.02)  # cosines of lines that graze a cross-section are skipped
+FOUR, THREE_QUARTERS, THREE_HALVES = np.float32(4.0), np.float32(0.75), np.float32(1.5)
+ABOVE, BELOW = np.float32(0.556), np.float32(0.655)
+PER_TURN = np.float32(0.5 / math.pi)
+ALIKE = HALF  # cosine between the directions of one wall at two places
+
+
+@inlined
+def bend(z):  # type: ignore[no-untyped-def]
+    """K1(z)^2 2 z exp(2 z) / pi - 1, the deviation of K1 from its limit for great z, within 2 %."""
+    return THREE_QUARTERS * (z + ABOVE) / (z * (z + BELOW))
+
+
+@inlined
+def fall(k, per, bent):  # type: ignore[no-untyped-def]
+    """Return the decrease of log(K1(k r) / r) with r [1/m]; per: 1/r, bent: `bend` there."""
+    return k + (THREE_HALVES + HALF * bent / (ONE + bent)) * per
+
+
+@inlined
+def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
+    """Return the share f of psi left by a flat wall at distances c and d of both ends of a line of length r.
+
+    The wall takes off psi of the mirror image, which is farther away; `steep` is `fall` at r.
+    Returns: f, the increase of log f with c [1/m], and its decrease with r [1/m].
+    """
+    square = FOUR * c * d
+    far = math.sqrt(r * r + square)
+    other, ratio, beyond = bend(k * far), r / far, ONE / far
+    image = exponential(-k * square / (far + r)) * math.sqrt((ONE + other) / (ONE + bent) * ratio) * ratio
+    left = max(ONE - image, TINY)
+    odds, down = image / left, fall(k, beyond, other)
+    return left, odds * down * TWO * d * beyond, max(odds * (steep - down * ratio), ZERO)
+
+
+@inlined
+def beyond(c, nx, ny, dx, dy, near, mx, my, far, ox, oy):  # type: ignore[no-untyped-def]
+    """Return the distance of a place (dx, dy) from here to the wall that is c away here in the direction -(nx, ny).
+
+    It is that of one of the place's own two walls of the same direction; else that to the wall's plane, unless the wall
+    is left behind around a corner.
+    """
+    plane = c + dx * nx + dy * ny
+    one, other = nx * mx + ny * my > ALIKE, nx * ox + ny * oy > ALIKE
+    return near if one else (far if other else (plane if plane > ZERO else near))
+
+
+@kernel
+def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) from those of the next cross-section, `known`.
+
+    Args, in order: k [1/m]; point and unit normal of the next cross-section; number and spacing of its nodes [m]; rows.
+    """
+    px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
+    for i in range(WIDTH):
+        f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = NOTHING, ZERO, ZERO, ZERO
+        f[SLOPE_Y + i], f[PUSH + i], f[PUSH_FAR + i] = ZERO, ZERO, ZERO
+    for j in range(J):
+        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        for i in range(WIDTH if level > NEGLIGIBLE else 0):
+            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
+            f[TOP + i] = max(f[TOP + i], level - k * math.sqrt(dx * dx + dy * dy))
+    for j in range(J):
+        ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
+        near, mx, my = known[NEAR + j], known[NEAR_X + j], known[NEAR_Y + j]
+        far, ox, oy = known[FAR + j], known[FAR_X + j], known[FAR_Y + j]
+        for i in range(WIDTH):
+            dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
+            r = math.sqrt(dx * dx + dy * dy) + TINY
+            per, along = ONE / r, max(dx * tx + dy * ty, TINY)
+            ahead = (px - f[PLACE_X + i]) * tx + (py - f[PLACE_Y + i]) * ty
+            bent = bend(k * r)
+            steep = fall(k, per, bent)
+            density = step * math.sqrt(PER_TURN * k * per * (ONE + bent)) * along * per
+            density = density if along > GRAZING * r else ZERO
+            f[WHOLE + i] += density * exponential(min(k * (ahead - r), ZERO))
+            c = beyond(f[NEAR + i], f[NEAR_X + i], f[NEAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
+            d = beyond(f[FAR + i], f[FAR_X + i], f[FAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
+            share, push, nearer = wall(k, r, per, bent, steep, f[NEAR + i], c)
+            other, press, too = wall(k, r, per, bent, steep, f[FAR + i], d)
+            weight = density * exponential(min(level - k * r - f[TOP + i], ZERO)) * share * other
+            inward, across = (steep + nearer + too) * per * weight, weight / along
+            f[LOG_PSI + i] += weight
+            f[SLOPE_X + i] += inward * dx - across * tx
+            f[SLOPE_Y + i] += inward * dy - across * ty
+            f[PUSH + i] += weight * push
+            f[PUSH_FAR + i] += weight * press
+    for i in range(WIDTH):
+        psi = max(f[LOG_PSI + i], LEAST)
+        per = ONE / psi
+        f[SLOPE_X + i], f[SLOPE_Y + i] = per * f[SLOPE_X + i], per * f[SLOPE_Y + i]
+        f[PUSH + i], f[PUSH_FAR + i] = per * f[PUSH + i], per * f[PUSH_FAR + i]
+        # Between nodes that noise hardly spreads over, a sum can exceed what reaches the whole line, exp(-k ahead).
+        f[LOG_PSI + i] = f[TOP + i] + logarithm(psi) - logarithm(max(f[WHOLE + i], ONE))
+
+
+@kernel
+def sight(k, goal, radius, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) where the goal is in sight: psi of its disc in the open, and walls up to its rim.
+
+    Args, in order: k [1/m], centre and radius of the goal's disc [m], the rows.
+    """
+    k, radius, most = np.float32(k), np.float32(radius), np.float32(0.5 / k)
+    for i in range(WIDTH):
+        dx, dy = np.float32(goal[0]) - f[PLACE_X + i], np.float32(goal[1]) - f[PLACE_Y + i]
+        r = max(math.sqrt(dx * dx + dy * dy), radius)
+        length = r - radius + most
+        bent, to_rim = bend(k * length), ONE - radius / r
+        steep = fall(k, ONE / length, bent)
+        c, d = f[NEAR + i], f[FAR + i]
+        near = c + to_rim * (dx * f[NEAR_X + i] + dy * f[NEAR_Y + i])
+        far = d + to_rim * (dx * f[FAR_X + i] + dy * f[FAR_Y + i])
+        one, f[PUSH + i], _ = wall(k, length, ONE / length, bent, steep, c, near if near > ZERO else c)
+        two, f[PUSH_FAR + i], _ = wall(k, length, ONE / length, bent, steep, d, far if far > ZERO else d)
+        inward = (k + HALF / r) / r
+        f[SLOPE_X + i], f[SLOPE_Y + i] = inward * dx, inward * dy
+        f[LOG_PSI + i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)
+
+
+class DesirabilityTube(NamedTuple):
+    """Desirability psi along one reference, at J nodes on each of C cross-sections."""
+
+    place: NDArray[np.float32]  # (C, 6) row of `DesirabilityTubes.place`
+    slope: NDArray[np.float32]  # (C, J, 4) row of `DesirabilityTubes.slope`
+    decay: float  # k [1/m]
+    goal: tuple[float, float]  # centre [m]
+    log_psi: float  # of the class at the start [nats]
+
+
+def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
+    """Compute the way of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
+
+    Args:
+        arena: of the world, with the goal's disc.
+        decay: k, of psi per meter [1/m].
+        nodes: J.
+    """
+    cut = sections_of(arena.field, line, x, arena.radius, decay)
+    C = len(cut.point)
+    place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, KNOWN), np.float32)
+    log_psi = _transfer(arena, cut, decay, place, slope)
+    return DesirabilityTube(place, slope, decay, arena.goal, float(log_psi))
+
+
+@inlined
+def _reach(c, push):  # type: ignore[no-untyped-def]
+    """Return the reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
+    share = min(push * c, TUNING.drift_most)
+    if share < TUNING.drift_least:
+        return 0.0
+    rest = 1.0 / share - 1.0
+    s = min(2.0 * rest, 2.0 + 1.5 * math.sqrt(rest))
+    for _ in range(TUNING.newton):
+        off = s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest
+        s -= off / (0.5 + s * (1.0 / 3.0 + s / 8.0))
+    return c / s
+
+
+@kernel
+def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
+    """Write the reach of the walls to the left and to the right of the direction (tx, ty) at node j to out (2,) [m]."""
+    near, far = _reach(f[NEAR + j], f[PUSH + j]), _reach(f[FAR + j], f[PUSH_FAR + j])
+    across, other = f[NEAR_X + j] * ty - f[NEAR_Y + j] * tx, f[FAR_X + j] * ty - f[FAR_Y + j] * tx
+    out[0], out[1] = (near, 0.0) if across > 0.0 else (0.0, near)
+    if (across > 0.0) != (other > 0.0):
+        out[1 if across > 0.0 else 0] = far
+    elif abs(across) < TUNING.either_side:
+        out[0], out[1] = near, near
+
+
+@kernel
+def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
+    """Write the J nodes of cross-section c to rows f, and the point on the reference after the last."""
+    point, ahead, ends = cut
+    px, py, tx, ty = point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1]
+    for j in range(WIDTH):
+        left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
+        x, y = px - left * ty, py + left * tx
+        f[PLACE_X + j], f[PLACE_Y + j] = x, y
+        near, f[NEAR_X + j], f[NEAR_Y + j], far, f[FAR_X + j], f[FAR_Y + j] = two_walls(field, x, y)
+        f[NEAR + j], f[FAR + j] = max(near, TUNING.closest), max(far, TUNING.closest)
+
+
+@kernel
+def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
+    """Fill `place` and `slope` of a tube from `Sections`, from the goal back; returns log psi at the start."""
+    point, ahead, ends = cut
+    C, J = slope.shape[0], slope.shape[1]
+    f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
+    base, wide = 0.0, 0.0  # log psi that the rows are relative to; spacing of the nodes on the next cross-section
+    for c in range(C - 1, -1, -1):
+        tx, ty = ahead[c, 0], ahead[c, 1]
+        step = max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
+        _lay(arena.field, cut, c, J, step, f)
+        if c == C - 1:
+            sight(k, arena.goal, arena.radius, f)
+        else:
+            line = (point[c + 1, 0], point[c + 1, 1], ahead[c + 1, 0], ahead[c + 1, 1])
+            look(np.float32(k), line, J, np.float32(wide), known, f)
+        wide = step
+        for j in range(J):
+            slope[c, j, 0], slope[c, j, 1] = f[SLOPE_X + j], f[SLOPE_Y + j]
+            _to_sides(f, j, tx, ty, slope[c, j, 2:])
+        place[c, 0], place[c, 1], place[c, 2], place[c, 3] = point[c, 0], point[c, 1], tx, ty
+        place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
+        if c > 0:
+            top = f[LOG_PSI]
+            for j in range(1, J):
+                top = max(top, f[LOG_PSI + j])
+            for j in range(J):
+                f[LOG_PSI + j] -= top
+            base += top
+            for row in range(ROWS):
+                known[row] = f[row]
+    return base + f[LOG_PSI + J]

@@ -1,0 +1,297 @@
+"""Guides of a problem: per class a trajectory of least cost near the reference, with feedback that holds samples near.
+
+References know neither noise nor the rollouts' steps: they graze obstacles, and a Dubins curve turns at full lock. A
+guide starts from one, or from the last guide of its class, and is improved on the steps of rollouts (`ddp`). The width
+of the boundary layer at walls follows from the time in which noise carries the position over it.
+
+With little noise the clearance cost is a wall of its own, a few millimetres thin, along which descent creeps. As in
+interior point methods (Fiacco and McCormick 1968) a cold start is therefore optimised for more noise first, and from
+there on for less.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.field import clearance
+from pirrht.moving.distances import traffic_clearance
+from pirrht.problem import Problem
+from pirrht.proposals.ddp import optimiser
+from pirrht.proposals.guide import Course, DDPGuide, Task
+from pirrht.proposals.half_spaces import constraints_of, drifts_of
+from pirrht.proposals.initialisation import Initialisation
+from pirrht.proposals.noise_scales import Noise, noise_of
+from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
+from pirrht.proposals.wall_drift import Scales
+from pirrht.rollouts.cpu import kind_of
+from pirrht.rollouts.general.kind import is_gated, takes_law
+from pirrht.rollouts.general.law import GATE, GATES
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
+from pirrht.steering.trajectory import Trajectory
+from pirrht.systems.dynamics import no_homing
+
+UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
+
+
+class Query(NamedTuple):
+    """A class at one state and time."""
+
+    setup: Setup  # of paths from there
+    clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
+    x: Array  # (n,)
+    times: Array  # (T+1,) ends of the steps, from 0 [s]
+    key: int  # additive
+
+
+class DDPGuidance:
+    """Makes guides for the references of one problem.
+
+    Args:
+        world: the predicted world, shared with the sampler.
+        sways: whether controls may rise or fall within a step, as the noise of rollouts does.
+    """
+
+    def __init__(
+        self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
+    ) -> None:
+        assert self.suits(problem)
+        d = problem.dynamics
+        self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
+        self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
+        kind = kind_of(problem)
+        self.gated = is_gated(kind)
+        self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
+        self.passes = optimiser(kind)
+        noise = noise_of(problem, setup, self.passes.expand, self.width, tuning)
+        self.metric = noise.metric
+        self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
+        hold = tuning.hold * problem.least_rate / self.wall_radius**2
+        tracking, window = self.tasks[tuning.cold[0][0]]._replace(hold=hold), None
+        if setup.traffic.J > 0:
+            # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
+            tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
+        self.starts = Initialisation(
+            dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
+            tracking=tracking, window=window, asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
+        )  # fmt: skip
+
+    @property
+    def setup(self) -> Setup:
+        """Scene and problem under the current prediction."""
+        return self.world.setup
+
+    @property
+    def law_width(self) -> int:
+        """Numbers of the law of a step."""
+        return law_width(self.problem.dynamics.n, self.width) + (GATES * GATE if self.gated else 0)
+
+    @staticmethod
+    def suits(problem: Problem) -> bool:
+        """Check for any system but points among static obstacles, which climb psi."""
+        return takes_law(kind_of(problem))
+
+    def _task(self, warmth: float, noise: Noise) -> Task:
+        """Return the numbers of the optimisation for `warmth` times lambda at walls.
+
+        A wall of curvature 1/r holds a system that saves cost q per second with the force q / (V r). Over a distance c
+        that is worth lambda in the time in which noise carries the position so far. The layer is that c.
+        """
+        t, temperature, rate = self.tuning, self.problem.temperature, self.problem.least_rate
+        force = rate / self.wall_radius
+        push = warmth * temperature * noise.strength ** (2.0 / 3.0)
+        price = t.barrier_noisy if self.problem.dynamics.noisy_position else t.barrier
+        layer, margin, exponent = (push / force) ** 0.6, t.margin, -2.0 / 3.0
+        if self.gated:
+            # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
+            push, price, margin, exponent = warmth * temperature * noise.pace**2, t.barrier_point, t.margin_point, -2.0
+            layer = (push / force) ** (1.0 / 3.0)
+        return Task(
+            temperature=temperature, margin=margin * layer, least=t.parabola * layer, price=price * push,
+            exponent=exponent, spacing=math.sqrt(8.0 * self.wall_radius * t.sag * layer),
+            tolerance=t.tolerance * warmth * temperature, steep=t.steepest * math.sqrt(2.0 * rate / temperature),
+            far=math.sqrt(2.0 * rate * temperature) / noise.pace, active=noise.active, curved=noise.curved,
+        )  # fmt: skip
+
+    def warm_up(self, x: Array) -> None:
+        """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
+        self._from(self._query(x, np.arange(3.0), 0, 0.0), (self.starts.empty(2), 1), self.tuning.warm)
+
+    def improve(
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: DDPGuide | None = None,
+        elapsed: float = 0.0, time: float = 0.0, pressed: Callable[[], bool] | None = None,
+    ) -> DDPGuide | None:  # fmt: skip
+        """Make a guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
+
+        Args:
+            times: ends of the rollout steps, (T+1,) from 0 [s].
+            trajectory: the reference.
+            last: the guide of the class made `elapsed` [s] ago.
+            time: now, on the clock of moving obstacles [s].
+            pressed: whether time is short, so that a reference is improved no further; None: it never is.
+
+        If the improvement leaves the class or touches something, samples follow a faster start or the reference itself,
+        with feedback; but where noise has carried the robot into a wall's zone the last guide leads out of it.
+        """
+        guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
+        if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
+            return guide
+        return self._anew(self._query(x, times, key, time), trajectory, pressed)[0]
+
+    def _anew(
+        self, query: Query, trajectory: Trajectory, pressed: Callable[[], bool] | None
+    ) -> tuple[DDPGuide | None, list[DDPGuide | None]]:
+        """Make a guide from a reference; return those of faster starts as well."""
+        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
+        stages = self.tuning.cold[1:] if self.problem.dynamics.noisy_position else self.tuning.cold
+        guide = self._from(query, self._begun(query, trajectory), in_time(stages, pressed))
+        faster: list[DDPGuide | None] = []
+        if guide is None or guide.valid:
+            return guide, faster
+        for start in self._faster(query, trajectory):
+            if pressed is not None and pressed():
+                break
+            guide = self._from(query, start, self.tuning.perturbed)
+            faster.append(guide)
+            if guide is not None and guide.valid:
+                return guide, faster
+        return self._from(query, self._begun(query, trajectory), UNIMPROVED), faster
+
+    def onward(
+        self, x: Array, times: Array, key: int, last: DDPGuide, elapsed: float, time: float = 0.0
+    ) -> DDPGuide | None:
+        """Improve the rest of an earlier guide (arguments of `improve`)."""
+        start = self.starts.shifted(last, times, elapsed)
+        return self._from(self._query(x, times, key, time), start, self.tuning.warm)
+
+    def first(
+        self, x: Array, times: Array, key: int, trajectory: Trajectory, also: Sequence[Trajectory] = (),
+        time: float = 0.0, pressed: Callable[[], bool] | None = None,
+    ) -> tuple[DDPGuide | None, DDPGuide | None]:  # fmt: skip
+        """Make a guide from the reference, or from another start if that costs less, and an alternative optimum.
+
+        Args:
+            also: other references of the class.
+            pressed: whether time is short, so that no more starts are tried; None: it never is.
+        """
+        query = self._query(x, times, key, time)
+        own, faster = self._anew(query, trajectory, pressed)
+        found, rest = [own, *faster], self._faster(query, trajectory, len(faster))
+        perturbed = self.starts.perturbed(x, trajectory, times) if self.tasks[1.0].curved else ()
+        for start in chain(perturbed, (self._begun(query, one) for one in also), rest):
+            if pressed is not None and pressed():
+                break
+            found.append(self._from(query, start, self.tuning.perturbed))
+        valid = [one for one in found if one is not None and one.valid]
+        best = min(valid, key=lambda one: one.priced, default=own)
+        # Prices are off the value of a class by about lambda.
+        if own is not None and own.valid and best is not None:
+            best = best if best.priced < own.priced - self.problem.temperature else own
+        return best, self.alternative(best, valid)
+
+    def alternative(self, guide: DDPGuide | None, others: Sequence[DDPGuide | None]) -> DDPGuide | None:
+        """Return the cheapest other guide of a class that has some weight and that samples of this one do not reach."""
+        if guide is None or not guide.valid:
+            return None
+        most = guide.priced + self.tuning.alternative * self.problem.temperature
+        near = [one for one in others if one is not None and one.valid and one is not guide and one.priced < most]
+        apart = [one for one in near if guide.log_ratio_to(one) > self.tuning.apart]
+        return min(apart, key=lambda one: one.priced, default=None)
+
+    def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
+        """Start from x (n,) along a reference, or by tracking one of positions alone."""
+        begun = self.starts.along if trajectory.slack is None else self.starts.tracked
+        return begun(query.x, trajectory, query.times)
+
+    def _faster(self, query: Query, trajectory: Trajectory, made: int = 0) -> Iterator[tuple[Course, int]]:
+        """Start faster than the reference where obstacles move; not the first that are made.
+
+        Without noise it is best to pass a closing gap at the last moment. Under much noise no local improvement leads
+        from there to passing in good time.
+        """
+        if self.setup.traffic.J > 0:
+            scales = self.tuning.time_scales[made:]
+            yield from (self._begun(query, trajectory.faster(times_as_fast)) for times_as_fast in scales)
+
+    def _query(self, x: Array, times: Array, key: int, time: float) -> Query:
+        """Prepare for guides of a class from x (n,) at a time [s]."""
+        if self.setup.traffic.J == 0:
+            return Query(self.setup, times, x, times, key)
+        clock = np.ascontiguousarray(times + time)
+        return Query(self.setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
+
+    def _clearance(self, x: Array, time: float) -> float:
+        """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
+        free = float(clearance(self.setup.arena.field, x[0], x[1]))
+        if self.setup.traffic.J > 0:
+            free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+        return free
+
+    def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
+        """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
+
+        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
+        longer than any path of some weight.
+        """
+        t, priced = self.tuning, [np.inf if guide is None else guide.priced for guide in guides]
+        least = min(priced)
+        bound = least * (1.0 + t.hopeless_share) + t.hopeless * self.problem.temperature
+        return [samples if least == np.inf or one <= bound else min(t.few, samples) for one in priced]
+
+    def _from(self, query: Query, start: tuple[Course, int], stages: Iterable[Stage]) -> DDPGuide | None:
+        course, length = start
+        course.states[0] = query.x
+        cost, priced, sound = np.inf, np.inf, False
+        for warmth, rounds in stages:
+            if length < 1:
+                return None
+            length = self.starts.continued(course, query.times, length)
+            length, cost, priced, _, sound = self.passes.optimise(
+                query.setup, self.tasks[warmth], query.clock, query.key, rounds, course, length
+            )
+        if length < 1:
+            return None
+        length = self.starts.continued(course, query.times, length)
+        course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
+        course.share[length:] = course.inverse[length:] = np.eye(self.width)
+        steep = self.tasks[1.0].steep
+        if not self.tuning.steepest / steep * np.abs(course.gains).max() < self.tuning.wildest:
+            return None
+        return DDPGuide(
+            dynamics=self.problem.dynamics, times=query.times, states=course.states, modes=course.control,
+            gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
+            metric=self.metric, steep=steep, length=length, cost=cost, priced=priced, valid=bool(sound),
+            **(self._walls_ahead(query, course.states, length) if self.gated else {}),
+        )  # fmt: skip
+
+    def _walls_ahead(self, query: Query, states: Array, length: int) -> dict[str, Any]:
+        """Return constraints and wall drift along a guide (T+1, 2); none past its length."""
+        times, count, rows = query.clock, length * FINER, length * FINER + 1
+        i, share = np.divmod(np.arange(rows) / FINER, 1.0)
+        i = np.minimum(i.astype(np.int64), len(times) - 2)
+        share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
+        places = np.ascontiguousarray((1.0 - share) * states[i] + share * states[i + 1])
+        when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
+        d = self.problem.dynamics
+        noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
+        gates = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        within = self.tuning.careless * noise * math.sqrt(float(when[-1] - when[0]))
+        gates[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
+        slopes, bends = np.zeros((len(gates), 2)), np.zeros((len(gates), 2, 2))
+        reach = Scales.of(self.problem, states[0]).reach
+        slopes[:count], bends[:count] = drifts_of(query.setup, places[:count], when[:count], reach)
+        return {"half_spaces": gates, "wall_drift": (slopes, bends)}
+
+
+def in_time(stages: Sequence[Stage], pressed: Callable[[], bool] | None) -> Iterator[Stage]:
+    """Yield the stages until time is short, and then one that makes a guide without improving it."""
+    for stage in stages:
+        if pressed is not None and pressed():
+            yield from UNIMPROVED
+            return
+        yield stage

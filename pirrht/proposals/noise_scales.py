@@ -1,0 +1,96 @@
+"""Effect of a system's noise on its states, and the states its drift depends on, probed at some states of the scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.problem import Problem
+from pirrht.proposals.tuning import ProposalTuning
+from pirrht.rollouts.tables import Setup
+
+
+class Noise(NamedTuple):
+    """Effect of noise alone on a state, and the states that matter to drift and q."""
+
+    spread: Array  # (n, n) covariance of the state after `duration`
+    duration: float  # [s]
+    curved: bool  # whether steps have second derivatives
+    at_once: float  # variance per second of a position in the noisiest direction, where inputs carry it, else 0 [m^2/s]
+    active: int  # bit k tells whether drift or q depends on the k-th state
+
+    @property
+    def strength(self) -> float:
+        """Noise b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]."""
+        return math.sqrt(3.0 * self._most / self.duration**3)
+
+    @property
+    def pace(self) -> float:
+        """Noise b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]."""
+        return math.sqrt(self.at_once if self.at_once else self._most / self.duration)
+
+    @property
+    def metric(self) -> Array:
+        """Weights (n,) of squared differences between states, inverse to their noise, the first's being 1."""
+        squares = np.diag(self.spread)
+        weights = np.zeros(len(squares))
+        np.divide(squares[0], squares, out=weights, where=squares > 1e-9 * squares.max())
+        return weights
+
+    @property
+    def _most(self) -> float:
+        return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
+
+
+def noise_of(problem: Problem, setup: Setup, expand: Any, width: int, tuning: ProposalTuning) -> Noise:
+    """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
+
+    Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
+    if no noise reaches the position.
+    """
+    d, h, states = problem.dynamics, tuning.spreading / tuning.spreading_steps, _probes(problem, tuning.probes)
+    active = active_states(problem, tuning)
+    asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
+    spread, bend = np.zeros((d.n, d.n)), 0.0
+    for k, x in enumerate(states):
+        J, S = np.zeros((d.n + 1, d.n + width)), np.zeros((d.n + width,) * 2)
+        control = np.full(width, 0.5)
+        if d.input_form:
+            control = asked * np.eye(width)[k % d.m]
+            B = d.B_c(x)[:2]
+            at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
+        expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
+        A, C = J[:-1, : d.n], J[:-1, d.n :]
+        bend = max(bend, float(np.abs(S).max()))
+        P = np.zeros((d.n, d.n))
+        for _ in range(tuning.spreading_steps):
+            P = A @ P @ A.T + C @ C.T / h
+        spread += P / len(states)
+    if not spread[:2, :2].any():
+        raise OptionError(
+            f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
+        )
+    return Noise(spread, tuning.spreading, bend > tuning.straight, at_once, active)
+
+
+def active_states(problem: Problem, tuning: ProposalTuning) -> int:
+    """Return the bits of the states that drift or q depend on anywhere."""
+    found = 0
+    for x in _probes(problem, tuning.probes):
+        here, rate = problem.dynamics.f(x), problem.rate(x)
+        for i, off in enumerate(np.eye(problem.dynamics.n)):
+            other = x + off * tuning.spreading
+            if np.any(problem.dynamics.f(other) != here) or problem.rate(other) != rate:
+                found |= 1 << i
+    return found
+
+
+def _probes(problem: Problem, count: int) -> list[Array]:
+    d = problem.dynamics
+    lower, upper = d.box(problem.scene)
+    fractions = np.arange(1, d.n + 1) * 0.7548776662 + np.arange(1, count + 1)[:, None] * 0.5698402910
+    return list(lower + fractions % 1.0 * (upper - lower))

@@ -1,0 +1,141 @@
+"""Proposals of importance sampling: the control that samples around one reference follow, and how many do.
+
+A proposal control u(x, s) has two homes: `__call__` for one state, and a row of `ProposalTables` for kernels. Weights
+divide by the likelihood of the control that was followed, so any control leaves psi of the sampled chain unbiased.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pirrht.arrays import Array
+
+if TYPE_CHECKING:  # records of kernels: their homes need geometry, a proposal does not
+    from pirrht.rollouts.tables import ProposalTables
+
+
+class ProposalControl(ABC):
+    """A control u(x, s), (m,), that samples follow, and the density of their noise.
+
+    To add a proposal, write one class with two methods. `__call__` tells the control at a state. `pack` writes row h
+    of the tables from which kernels draw noise, and by which they evaluate its density: a control sequence, a tube of
+    desirability, or a law with mean, feedback and covariance by step (`LawRows`). The estimator needs no more: every
+    proposal's density enters the denominator of every weight (`weights.log_weights`), so psi stays unbiased.
+
+    Examples:
+        Wider noise around a guide, for a system whose position no noise acts on:
+
+        >>> from dataclasses import dataclass
+        >>> import numpy as np
+        >>> from pirrht.proposals.controls import LinearFeedback
+        >>> from pirrht.rollouts.tables import LawRows
+        >>> @dataclass(frozen=True)
+        ... class Wider(ProposalControl):
+        ...     feedback: LinearFeedback
+        ...     scale: float
+        ...     def __call__(self, x, s):
+        ...         return self.feedback(x, s)
+        ...     def pack(self, leads, h):
+        ...         self.feedback.pack(leads, h)
+        ...         modes, n = self.feedback.guide.modes.shape[1], len(self.feedback.guide.metric)
+        ...         law = LawRows.of(leads, h, n, modes)
+        ...         law.deviation[:] *= self.scale
+        ...         law.inverse[:] /= self.scale
+        ...         law.log_det[:] += modes * np.log(self.scale)
+    """
+
+    follows = True  # whether it depends on the state
+
+    @property
+    def sections(self) -> int:
+        """Number of cross-sections, C."""
+        return 0
+
+    @property
+    def promise(self) -> float:
+        """Predicted log psi of the class [nats]; minus infinity if unknown."""
+        return -math.inf
+
+    @abstractmethod
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) at state x (n,), s [s] after the plan."""
+
+    def held(self, x: Array) -> Array:
+        """Return the mean control (m,) over the first step from x (n,), of a path that stays on the reference."""
+        return self(x, 0.0)
+
+    @abstractmethod
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write row h of the tables (H, ...); they are zero before."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tape(ProposalControl):
+    """Open-loop controls (the paper's reference)."""
+
+    times: Array  # (T+1,) ends of the steps [s]
+    controls: Array  # (T, m)
+    foretold: float = -math.inf  # predicted log psi of the class, where its way is hopeless [nats]
+
+    follows = False
+
+    @property
+    def promise(self) -> float:
+        """Predicted log psi of the class [nats]; minus infinity if unknown."""
+        return self.foretold
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) of the step under way at s [s]; zero after the end."""
+        i = int(np.searchsorted(self.times, s + 1e-9, side="right")) - 1
+        return np.asarray(self.controls[i]) if i < len(self.controls) else np.zeros(self.controls.shape[1])
+
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write the tape to `ProposalTables.control` (H, T, m)."""
+        leads.control[h] = self.controls
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Proposal:
+    """Samples to be drawn around one reference."""
+
+    lead: ProposalControl
+    count: int  # N_h of them
+    name: str = ""  # of the reference's class, from the start of the drive; empty without a reference
+    key: int | None = None  # the class as an additive key
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batch:
+    """Samples to be drawn from one state around H references."""
+
+    state: Array  # (n,)
+    times: Array  # (T+1,) ends of the steps, from 0 [s]
+    proposals: tuple[Proposal, ...]  # (H,)
+    time: float = 0.0  # now, on the clock of moving obstacles [s]
+    others: Mapping[int, str] = field(default_factory=dict)  # names of classes of earlier references, by key
+
+    @property
+    def counts(self) -> list[int]:
+        """Samples around each reference, (H,)."""
+        return [proposal.count for proposal in self.proposals]
+
+    @property
+    def classes(self) -> Mapping[int, str]:
+        """Names of the references' classes by additive key."""
+        return {proposal.key: proposal.name for proposal in self.proposals if proposal.key is not None}
+
+    @property
+    def named(self) -> Mapping[int, str]:
+        """Names of classes by additive key, those of earlier references included."""
+        return {**self.classes, **self.others}
+
+    def counting(self, counts: Sequence[int]) -> Batch:
+        """Return the batch with other numbers of samples (H,)."""
+        pairs = zip(self.proposals, counts, strict=True)
+        return replace(self, proposals=tuple(replace(proposal, count=int(count)) for proposal, count in pairs))

@@ -1,0 +1,206 @@
+"""Backend of compiled kernels on the cores of this machine, and the record of problem and scene that they read.
+
+In noise units, with a = B_c^-1 G_c u, or s^-1 u in input form, and the path's own increments y = a dt + dw, a step is x
++ f dt + B y, and log dQ_g/dP grows by a_g'y - a_g'a_g dt / 2 for every reference g (paper, Girsanov's theorem). A path
+is a function of the seed and its number alone, so that what was not kept is simulated once more.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array, IntArray
+from pirrht.freespace import FreeSpace
+from pirrht.jit.jit import as_jitable, kernel
+from pirrht.jit.threads import over_ranges
+from pirrht.problem import Problem, unit_rate
+from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.general.law import straight_home
+from pirrht.rollouts.general.path import Kept, any_path
+from pirrht.rollouts.point.block import control, is_point, sample, trace
+from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
+from pirrht.systems.dynamics import no_homing
+from pirrht.topology.moving_crossings import NO_RAYS
+
+KEPT: Any = Kept
+NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
+NO_GROUPS = np.empty(0, np.int64), np.empty(0)
+NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
+NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
+
+
+@cache
+def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
+    """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
+    no_paths = empty_paths(0, 0, m)
+
+    @kernel
+    def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+        """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
+
+        Those fill the arguments of `control` and `trace`, unless empty.
+        """
+        number, group, weight = chosen
+        again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
+        applied, base = np.zeros((alive.shape[1] if again else window, m)), np.empty(m)
+        led_by, h = np.empty((0 if again else window, m)), 0
+        for c in range(number.shape[0] if again else stop - start):
+            s = number[c] if again else start + c
+            while s >= leads.first[h + 1]:
+                h += 1
+            while s < leads.first[h]:
+                h -= 1
+            log_ratio = ratio if again else paths.log_ratio[s]
+            keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
+            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
+            if again:
+                if drawn:
+                    steps[c] = taken
+                for i in range(taken if alive.shape[0] > 0 else 0):
+                    alive[group[c], i] += weight[c]
+                    for j in range(m):
+                        total[group[c], i, j] += weight[c] * applied[i, j]
+                continue
+            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
+            paths.lasting[s] = lasting
+            for j in range(m):
+                paths.led[s, j] = base[j]
+            for i in range(min(taken, window)):
+                dt = times[i + 1] - times[i]
+                under_way = last if i == taken - 1 else dt
+                paths.span[s] += under_way
+                for j in range(m):
+                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
+
+    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
+        """Fill `paths` for the samples from `start` to `stop`."""
+        if stop > start:
+            simulate(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
+
+    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
+        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
+        simulate(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
+
+    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
+        """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
+        simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
+
+    return Kernels(sample, control, trace)
+
+
+ALONE = 2400  # samples of a point, many abreast
+
+
+class Cpu(NamedTuple):
+    """Backend of compiled kernels: `Cpu.of(problem)`.
+
+    Examples:
+        >>> from pirrht import Problem, Scene, SingleIntegrator, Goal
+        >>> goal = Goal(center=np.array([3.4, 1.5]), radius=0.3)
+        >>> scene = Scene(
+        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(), goal=goal,
+        ...     start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
+        ... )
+        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
+        >>> Cpu.of(problem, threads=2).threads
+        2
+    """
+
+    kernels: Kernels
+    threads: int
+
+    @classmethod
+    def of(cls, problem: Problem, threads: int | None = None) -> Cpu:
+        """Choose the kernels of a problem; without a number of threads there is one per core that this process has."""
+        return cls(kernels_for(problem), threads or len(os.sched_getaffinity(0)))
+
+    def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
+        """Simulate all S samples of the tables, split over the threads."""
+        (H, _, m), S = tables.control.shape, int(tables.first[-1])
+        paths = empty_paths(S, H, m)
+
+        def work(start: int, stop: int) -> None:
+            self.kernels.sample(setup, tables, origin, start, stop, paths)
+
+        over_ranges(work, S, self.threads if self.kernels.alone < S else 1)
+        return paths
+
+    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
+        """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
+        states = np.zeros((len(number), len(tables.times), len(origin.x)))
+        steps = np.zeros(len(number), np.int64)
+        self.kernels.trace(setup, tables, origin, number, states, steps)
+        return states, steps
+
+    def controls(
+        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
+    ) -> tuple[Array, Array]:
+        """Return weight times control carried (groups, T, m) [control], and the weight under way (groups, T)."""
+        _, T, m = tables.control.shape
+        total, alive = np.zeros((groups, T, m)), np.zeros((groups, T))
+        self.kernels.control(setup, tables, origin, chosen, total, alive)
+        return total, alive
+
+
+def kernels_for(problem: Problem) -> Kernels:
+    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+    if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
+        return Kernels(sample, control, trace, alone=ALONE)
+    return loops(*any_path(kind_of(problem)), problem.dynamics.m)
+
+
+def kind_of(problem: Problem) -> KernelSpec:
+    """Describe a problem for which kernels are compiled."""
+    d = problem.dynamics
+    noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
+    return KernelSpec(
+        drift=as_jitable(d.drift),
+        control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
+        diffusion_block=None if d.constant else as_jitable(_function(noise)),
+        q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
+        input_form=d.input_form, midway=d.stratonovich, astray=d.n == d.m == 2 and not d.even,
+        moving=bool(problem.scene.movers),
+    )  # fmt: skip
+
+
+def _homing(problem: Problem) -> Callable[..., None]:
+    """Choose the control of samples that outlive their law; among moving obstacles points have one too."""
+    d = problem.dynamics
+    point = problem.scene.movers and d.n == d.m == 2 and not d.input_form
+    return straight_home if point and d.homing is no_homing else d.homing
+
+
+def _function(block: Array | Callable[..., None]) -> Callable[..., None]:
+    return _filling(block.astype(float).tobytes(), len(block)) if isinstance(block, np.ndarray) else block
+
+
+@cache  # kernels are built once per matrix
+def _filling(data: bytes, m: int) -> Callable[..., None]:
+    matrix = np.frombuffer(data).reshape(m, m)
+
+    def fill(x, p, out):  # type: ignore[no-untyped-def]
+        out[:, :] = matrix
+
+    return fill
+
+
+def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
+    """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
+    d = problem.dynamics
+    x = np.zeros(d.n)
+    constant, told = d.constant, d.constant or d.input_form
+    return Setup(
+        arena=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
+        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
+        diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
+        rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
+        pace=problem.least_rate / problem.temperature, traffic=space.traffic, marks=NO_RAYS,
+    )  # fmt: skip

@@ -1,0 +1,309 @@
+"""Count the whole turns of segments and arcs about static markers at the cuts that they cross.
+
+The cut of a marker is the ray that leaves it away from the goal point. Seen from the goal point it lies in one
+direction, so a segment can only cross cuts whose directions it passes: markers are sorted by direction, and a table of
+equal buckets tells where a sector begins. Markers of a sector are tested exactly. A path crosses few cuts, however many
+markers there are: its turns are (marker, turn) pairs, all other integers are 0 and never written down.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
+from pirrht.jit.addresses import load_float64, load_int32, load_int64
+from pirrht.jit.jit import inlined, kernel
+from pirrht.topology.tuning import TUNING
+
+
+class CutTable(NamedTuple):
+    """Markers by direction from the goal point and by position, as numbers that kernels can take cheaply."""
+
+    goal_x: float  # goal point [m]
+    goal_y: float  # [m]
+    M: int  # number of markers
+    buckets: int  # B sectors of equal width; 1: all markers are always asked
+    start: int  # address of int32 (2B+1,): first marker of each sector, twice around
+    x: int  # address of float64 (2M,): markers by direction, twice around [m]
+    y: int  # address of float64 (2M,) [m]
+    weight: int  # address of int64 (2M,): their additive keys
+    marker: int  # address of int32 (2M,): their indices in all signatures
+    left: float  # corner of a lattice over the markers [m]
+    low: float  # [m]
+    cell: float  # its cells' width [m]
+    columns: int  # along x
+    rows: int  # along y
+    first: int  # address of int32 (columns * rows + 1,): first member of each cell
+    member: int  # address of int32 (M,): indices in the order by direction
+
+
+class Cuts(CutTable):
+    """A `CutTable` together with the arrays that its addresses point to."""
+
+    arrays: tuple[NDArray[np.float64] | NDArray[np.int64] | NDArray[np.int32], ...]
+
+    @classmethod
+    def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
+        """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
+        M = len(markers)
+        B = M if TUNING.few_markers < M else 1
+        away = np.array([direction(dx, dy) for dx, dy in markers - goal]).reshape(M)
+        order = np.argsort(away, kind="stable")
+        start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
+        twice = np.concatenate([order, order])
+        left, low, cell, columns, rows, first, member = _lattice(markers[order])
+        arrays = (
+            np.concatenate([start[:B], start + M]).astype(np.int32), np.ascontiguousarray(markers[twice, 0]),
+            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32), first, member,
+        )  # fmt: skip
+        at = [array.ctypes.data for array in arrays]
+        cuts = cls(
+            goal_x=float(goal[0]), goal_y=float(goal[1]), M=M, buckets=B,
+            start=at[0], x=at[1], y=at[2], weight=at[3], marker=at[4],
+            left=left, low=low, cell=cell, columns=columns, rows=rows, first=at[5], member=at[6],
+        )  # fmt: skip
+        cuts.arrays = arrays
+        return cuts
+
+
+def _lattice(markers: Array) -> tuple[float, float, float, int, int, NDArray[np.int32], NDArray[np.int32]]:
+    """Lay about as many square cells as markers (M, 2); list the markers of each."""
+    M = len(markers)
+    low, span = (markers.min(axis=0), np.ptp(markers, axis=0)) if M else (np.zeros(2), np.zeros(2))
+    cell = float(max(np.sqrt(span.prod() / max(M, 1)), span.max() / max(M, 1), 1e-9))
+    columns, rows = (int(n) for n in np.floor(span / cell) + 1)
+    at = np.floor((markers - low) / cell).astype(np.int64)
+    number = np.minimum(at[:, 0], columns - 1) * rows + np.minimum(at[:, 1], rows - 1)
+    member = np.argsort(number, kind="stable")
+    first = np.searchsorted(number[member], np.arange(columns * rows + 1))
+    return float(low[0]), float(low[1]), cell, columns, rows, first.astype(np.int32), member.astype(np.int32)
+
+
+@inlined
+def direction(dx, dy):  # type: ignore[no-untyped-def]
+    """Return a number from 0 to 4 that grows with the angle of (dx, dy); 0 where there is none."""
+    size = abs(dx) + abs(dy)
+    if size == 0.0:
+        return 0.0
+    part = dy / size
+    if dx < 0.0:
+        return 2.0 - part
+    return part if part >= 0.0 else 4.0 + part
+
+
+@inlined
+def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
+    """Range, end excluded, by direction of all markers whose cuts the segment (ax, ay) to (cx, cy) [m] can cross."""
+    B = cuts.buckets
+    if B == 1:
+        return 0, cuts.M
+    ux, uy, vx, vy = ax - cuts.goal_x, ay - cuts.goal_y, cx - cuts.goal_x, cy - cuts.goal_y
+    cross, dot = ux * vy - uy * vx, ux * vx + uy * vy
+    if dot <= 0.0 and abs(cross) <= -TUNING.goal_margin * dot:
+        return 0, cuts.M
+    low, high = direction(ux, uy), direction(vx, vy)
+    if cross < 0.0:
+        low, high = high, low
+    if high < low - TUNING.sector_margin:
+        high += 4.0
+    first = math.floor((low - TUNING.sector_margin) * 0.25 * B)
+    last = math.floor((high + TUNING.sector_margin) * 0.25 * B)
+    if first < 0:
+        first, last = first + B, last + B
+    last = min(last, first + B - 1)
+    return load_int32(cuts.start, first), load_int32(cuts.start, last + 1)
+
+
+@inlined
+def turn_at_cut(mx, my, gx, gy, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
+    """Turn, -1, 0 or 1, that the segment from a to c [m] adds by crossing the cut of the marker (mx, my).
+
+    (gx, gy) is the goal point [m]. Points on the cut count as on its right (`straight_turns`); left turns are positive.
+    """
+    bx, by = gx - mx, gy - my
+    ax, ay, cx, cy = ax - mx, ay - my, cx - mx, cy - my
+    other = cx * by - cy * bx > 0.0
+    if (ax * by - ay * bx > 0.0) == other:
+        return 0
+    left = ax * cy - ay * cx >= 0.0
+    if other:
+        return 1 if left else 0
+    return 0 if left else -1
+
+
+@inlined
+def straight_turns(px, py, mx, my, gx, gy):  # type: ignore[no-untyped-def]
+    """Angle [turns] of the straight line from p to the goal point g as seen from a marker (mx, my) [m]."""
+    ax, ay, bx, by = px - mx, py - my, gx - mx, gy - my
+    # On the cut itself the angle jumps; it counts as the right side, as `cross > 0` does at crossings.
+    on_cut = ax * by - ay * bx == 0.0 and ax * bx + ay * by < 0.0
+    return -0.5 if on_cut else turns_of_chord(ax, ay, bx, by)
+
+
+@inlined
+def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
+    """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds; inlined for long loops."""
+    key = np.int64(0)
+    begin, end = sector(cuts, ax, ay, cx, cy)
+    for i in range(begin, end):
+        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        turn = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, cx, cy)
+        if turn != 0:
+            key += turn * load_int64(cuts.weight, i)
+    return key
+
+
+@kernel
+def key_of_segment(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
+    """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds; called, not inlined."""
+    return key_of_step(cuts, ax, ay, cx, cy)
+
+
+@inlined
+def crossed(cuts, ax, ay, bx, by, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs of a segment from (ax, ay) to (bx, by) [m] to marker, turn (l,) [turns]; number of pairs."""
+    begin, end = sector(cuts, ax, ay, bx, by)
+    for k in range(begin, end):
+        mx, my = load_float64(cuts.x, k), load_float64(cuts.y, k)
+        whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, ax, ay, bx, by)
+        if whole != 0:
+            marker[count], turn[count] = load_int32(cuts.marker, k), whole
+            count += 1
+    return count
+
+
+class Turns(NamedTuple):
+    """Whole turns of k curves; those of curve i are the pairs first[i] to first[i+1]."""
+
+    first: NDArray[np.int64]  # (k+1,)
+    marker: NDArray[np.int32]  # (pairs,) index in all signatures
+    turn: NDArray[np.int16]  # (pairs,) [turns]
+
+    def dense(self, i: int, M: int) -> NDArray[np.int64]:
+        """The integers of curve i for all markers, (M,) [turns]."""
+        part = slice(self.first[i], self.first[i + 1])
+        return spread(self.marker[part], self.turn[part], M)
+
+
+def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArray[np.int64]:
+    """Pairs, 2 x (pairs,), as integers for all markers, (M,) [turns]."""
+    whole = np.zeros(M, dtype=np.int64)
+    np.add.at(whole, marker, turn)
+    return whole
+
+
+class Piece(NamedTuple):
+    """One arc or straight piece of a curve."""
+
+    x: float  # where it begins [m]
+    y: float  # [m]
+    theta: float  # direction there [rad]
+    curvature: float  # [1/m]
+    length: float  # [m]
+
+
+@inlined
+def _column(x, left, cell, columns):  # type: ignore[no-untyped-def]
+    return min(max(int((x - left) / cell), 0), columns - 1)
+
+
+@kernel
+def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append pairs of the markers inside the circle of an arc; number of pairs.
+
+    An arc and its chord turn through different angles there, so the integer is the rounded sum of angles.
+    """
+    x, y, theta, curvature, length = piece
+    gx, gy, r = cuts.goal_x, cuts.goal_y, 1.0 / abs(curvature)
+    mid_x, mid_y = center_of(x, y, theta, curvature)
+    low, high = _column(mid_y - r, cuts.low, cuts.cell, cuts.rows), _column(mid_y + r, cuts.low, cuts.cell, cuts.rows)
+    west = _column(mid_x - r, cuts.left, cuts.cell, cuts.columns)
+    east = _column(mid_x + r, cuts.left, cuts.cell, cuts.columns)
+    for column in range(west, east + 1):
+        begin = load_int32(cuts.first, column * cuts.rows + low)
+        end = load_int32(cuts.first, column * cuts.rows + high + 1)
+        for j in range(begin, end):
+            i = load_int32(cuts.member, j)
+            mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+            if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < 1.0 / curvature**2:
+                own = turns_of_piece(x, y, theta, curvature, length, mx, my)
+                rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
+                whole = math.floor(own + rest + 0.5)
+                if whole != 0:
+                    marker[count], turn[count] = load_int32(cuts.marker, i), whole
+                    count += 1
+    return count
+
+
+@kernel
+def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs (at most M) of a piece that ends at (ex, ey); number of pairs."""
+    x, y, theta, curvature, length = piece
+    bends = abs(curvature) * length >= 1e-9
+    mid_x, mid_y, square = 0.0, 0.0, -1.0
+    if bends:
+        mid_x, mid_y = center_of(x, y, theta, curvature)
+        square = 1.0 / curvature**2
+    begin, end = sector(cuts, x, y, ex, ey)
+    for i in range(begin, end):
+        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, x, y, ex, ey)
+        if whole != 0 and not (bends and (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square):
+            marker[count], turn[count] = load_int32(cuts.marker, i), whole
+            count += 1
+    return _around(cuts, piece, ex, ey, marker, turn, count) if bends else count
+
+
+@kernel
+def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
+
+    Args: `Cuts`; the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m]; whether it goes on straight from its
+        end to the goal point, which crosses no cut; else the state (hx, hy) at its end [m]; pairs, 2 x (l,) [turns],
+        with room for M more per piece, and how many are there already.
+    """
+    last = length.shape[0] - 1
+    while last > 0 and length[last] <= 0.0:
+        last -= 1
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(last + 1):
+        if length[p] > 0.0:
+            ex, ey, end = along(x, y, theta, curvature[p], length[p])
+            if p == last and not to_goal:  # the state itself: its side of a cut must not depend on rounding
+                ex, ey = hx, hy
+            piece = Piece(x, y, theta, curvature[p], length[p])
+            count = _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count)
+            x, y, theta = ex, ey, end
+    return count
+
+
+@kernel
+def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
+    """Sum pairs begin to count of one marker into one, in place, and drop zeros; the new count.
+
+    Pairs are marker, turn (l,) [turns]; `total` (M,) are zeros, and zeros again afterwards.
+    """
+    for i in range(begin, count):
+        total[marker[i]] += turn[i]
+    kept = begin
+    for i in range(begin, count):
+        k = marker[i]
+        if total[k] != 0:
+            marker[kept], turn[kept] = k, total[k]
+            total[k] = 0
+            kept += 1
+    return kept
+
+
+@kernel
+def key_of_pairs(marker, turn, begin, count, weights):  # type: ignore[no-untyped-def]
+    """Additive key of pairs begin to count of marker, turn (l,) [turns], by weights (M,)."""
+    key = np.int64(0)
+    for i in range(begin, count):
+        key += turn[i] * weights[marker[i]]
+    return key

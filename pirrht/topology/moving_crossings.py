@@ -1,0 +1,313 @@
+"""Count the whole turns of straight legs and of sampled paths about moving markers, at rays that they cross.
+
+Legs: seen from a marker, a leg, the base of its head and the base of its tail backwards are closed. That winds as often
+as it crosses one ray. As legs begin and end at the same states many times while a graph grows, `BaseCache` keeps the
+bases of as many states as it has rows; a state whose row is taken is computed again.
+
+Sampled paths: the ray of a marker leaves it away from the goal point, and moves along. A path completed straight to the
+goal point, where it waits, crosses it as often, counter-clockwise positive, as its class differs from that of the goal
+point; the crossings of the base are taken off once. With g the goal point seen from the marker and r the path's place
+seen from the goal point, a path is on the ray where g x r = 0 and g . r + g . g < 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array, IntArray
+from pirrht.jit.addresses import load_float64, load_int64
+from pirrht.jit.jit import inlined, kernel, part
+from pirrht.moving.spans import BOX, span_at
+from pirrht.topology.crossings import crossed
+from pirrht.topology.tracks import (
+    MarkerTrajectories,
+    crossing,
+    crossings_of_step,
+    crossings_of_waiting,
+    place_at,
+    rows_of,
+)
+from pirrht.topology.tuning import TUNING
+
+
+@kernel
+def crossings_of_leg(cuts, tracks, speed, a, b, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append the pairs that a straight leg adds to the class of its head, at most M; number of pairs.
+
+    Args:
+        cuts: static markers, `Cuts`, which know the goal point.
+        tracks: moving markers, `MarkerTrajectories`.
+        speed: of bases [m/s].
+        a, b: tail and head, or where it enters the goal's disc, (3) each [m, m, s].
+        to_goal: whether it ends there and goes on straight to the goal point.
+        marker, turn: pairs, (l,) each [turns].
+        count: how many are there already.
+    """
+    count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
+    for j in range(tracks.J):
+        whole = whole_turns(tracks, j, (cuts.goal_x, cuts.goal_y), speed, a, b, to_goal)
+        if whole != 0:
+            marker[count], turn[count] = cuts.M + j, whole
+            count += 1
+    return count
+
+
+@kernel
+def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyped-def]
+    """Whole turns that a straight edge in space and time adds about moving marker j to the class of its head.
+
+    Seen from the marker the edge, the base of its head and the base of its tail backwards are closed: that winds as
+    often as it crosses one ray. Args: `MarkerTrajectories`, j, goal (2) [m], base speed [m/s], tail, head, or where it
+    enters the goal's disc, (3) each [m, m, s], and whether it ends there and goes on straight to the goal point.
+    """
+    gx, gy = goal
+    (ax, ay, s), (bx, by, t) = a, b
+    late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
+    if outside(tracks, j, ax, ay, bx, by, gx, gy, s, max(s + math.hypot(gx - ax, gy - ay) / speed, late)):
+        return 0
+    fx, fy = seen_from(tracks, j, ax, ay, s)
+    lx, ly = seen_from(tracks, j, bx, by, t)
+    base = crossings_of_base(tracks, j, goal, speed, ax, ay, s, fx, fy)
+    if to_goal:
+        head = crossings_at_goal(tracks, j, goal, t, lx, ly)
+    else:
+        head = crossings_of_base(tracks, j, goal, speed, bx, by, t, lx, ly)
+    return crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly) + head - base
+
+
+@inlined
+def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
+    """Relative position of (x, y) [m], seen from marker j at t [s], (x, y) [m]."""
+    mx, my = place_at(tracks, j, t)
+    return x - mx, y - my
+
+
+@kernel
+def crossings_of_base(tracks, j, goal, speed, x, y, t, fx, fy):  # type: ignore[no-untyped-def]
+    """Crossings of the ray of marker j by the base from (x, y) [m] at t [s], less those of waiting at its end forever.
+
+    Goal point (2) [m], speed of bases [m/s]; (fx, fy) is where the marker sees it first [m].
+    """
+    gx, gy = goal
+    arrives = t + math.hypot(gx - x, gy - y) / speed
+    lx, ly = seen_from(tracks, j, gx, gy, arrives)
+    way = crossings_of_step(tracks, j, x, y, t, gx, gy, arrives, fx, fy, lx, ly)
+    return way - crossings_of_waiting(tracks, j, gx, gy, arrives, lx, ly)
+
+
+@kernel
+def crossings_at_goal(tracks, j, goal, t, fx, fy):  # type: ignore[no-untyped-def]
+    """Crossings from (fx, fy) [m] to the goal point (2) [m] at t [s] at once, less those of waiting there."""
+    gx, gy = goal
+    lx, ly = seen_from(tracks, j, gx, gy, t)
+    return crossing(fx, fy, lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
+
+
+@kernel
+def outside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-def]
+    """Tell whether moving marker j is surely beyond one side of the triangle a, b, g [m] from s to t [s].
+
+    Paths inside the triangle that come back have then turned about it by nothing.
+    """
+    first = _far_side(ax, ay, bx, by, gx, gy)
+    second, third = _far_side(bx, by, gx, gy, ax, ay), _far_side(gx, gy, ax, ay, bx, by)
+    begin, _, period = rows_of(tracks, j)
+    box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
+    now, one, two, three = s, True, True, True
+    while one or two or three:
+        i, left = span_at(now - load_float64(tracks.time, begin), period, last - box, TUNING.box_span)
+        at = tracks.boxes + 8 * BOX * (box + i)
+        one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
+        now += left
+        if now > t:
+            return one or two or three
+    return False
+
+
+@inlined
+def _far_side(ux, uy, vx, vy, wx, wy):  # type: ignore[no-untyped-def]
+    """Line through u and v [m] as numbers a, b, c: a x + b y - c [m^2] is positive where w [m] is not."""
+    nx, ny = uy - vy, vx - ux
+    if nx * (wx - ux) + ny * (wy - uy) > 0.0:
+        nx, ny = -nx, -ny
+    return nx, ny, nx * ux + ny * uy
+
+
+@inlined
+def _beyond(line, box):  # type: ignore[no-untyped-def]
+    """Tell whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
+    a, b, c = line
+    x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
+    return a * x + b * y - c > TUNING.outside_margin
+
+
+class BaseCache(NamedTuple):
+    """Bases of states (R,) as they are seen from J markers that move; without rows nothing is kept."""
+
+    state: Array  # (R, 3) x, y [m], t [s]; not a number where none is kept
+    seen: Array  # (R, J, 2) where the state is seen [m]
+    crossings: NDArray[np.int64]  # (R, J) as `crossings_of_base` has them
+
+    @classmethod
+    def room(cls, J: int, rows: int = TUNING.cached_bases) -> BaseCache:
+        """Allocate bases of so many states, none of which is known."""
+        return cls(np.full((rows, 3), np.nan), np.empty((rows, J, 2)), np.empty((rows, J), np.int64))
+
+
+@kernel
+def row_of(bases, tracks, goal, speed, x, y, t, keep):  # type: ignore[no-untyped-def]
+    """Find the row of the base from (x, y) [m] at t [s], written unless it is known; not row `keep`.
+
+    Tracks, goal and speed are as of `whole_turns`.
+    """
+    R, state = bases.state.shape[0], bases.state
+    # Large primes, not whole, spread states over rows.
+    row = int(abs(x * 7919.3 + y * 104729.7 + t * 1299709.1)) % R
+    if row == keep:
+        row = (row + 1) % R
+    if state[row, 0] == x and state[row, 1] == y and state[row, 2] == t:
+        return row
+    state[row, 0], state[row, 1], state[row, 2] = x, y, t
+    for j in range(tracks.J):
+        fx, fy = seen_from(tracks, j, x, y, t)
+        bases.seen[row, j, 0], bases.seen[row, j, 1] = fx, fy
+        bases.crossings[row, j] = crossings_of_base(tracks, j, goal, speed, x, y, t, fx, fy)
+    return row
+
+
+@kernel
+def turns_between(bases, tracks, j, one, two):  # type: ignore[no-untyped-def]
+    """`whole_turns` about marker j of the edge between the states of two rows."""
+    a, b = bases.state[one], bases.state[two]
+    (fx, fy), (lx, ly) = bases.seen[one, j], bases.seen[two, j]
+    own = crossings_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2], fx, fy, lx, ly)
+    return own + bases.crossings[two, j] - bases.crossings[one, j]
+
+
+class RayTable(NamedTuple):
+    """J markers that move, at the ends of T steps."""
+
+    goal: Array  # (T + 1, 2, J) the goal point as seen from each [m]
+    weight: IntArray  # (J,) additive key of one turn
+    opening: int  # additive key of the turns that the base takes off
+
+    @classmethod
+    def of(
+        cls, tracks: MarkerTrajectories, weight: IntArray, goal: Array, x: Array, times: Array, arrival: float
+    ) -> RayTable:
+        """Mark paths from x (n,) over steps that end at times (T + 1,); its base arrives at a time [s].
+
+        `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
+        """
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
+        seen, base = (np.empty((len(some), 2, tracks.J)) for some in (times, fine))
+        _write_goal(tracks, goal, times, seen)
+        _write_goal(tracks, goal, fine, base)
+        return cls(seen, weight, int(_opening(base, weight, goal, float(x[0]), float(x[1]))))
+
+
+SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
+NO_RAYS = RayTable(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
+
+
+@kernel
+def _write_goal(tracks, goal, times, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (T, 2, J) with the goal point (2,) as seen from each marker at times (T,) [s]."""
+    for i in range(times.shape[0]):
+        for j in range(out.shape[2]):
+            x, y = place_at(tracks, j, times[i])
+            out[i, 0, j], out[i, 1, j] = goal[0] - x, goal[1] - y
+
+
+@inlined
+def side_of_ray(gx, gy, rx, ry):  # type: ignore[no-untyped-def]
+    """Return the side of a marker's ray that a place is on and how far along it, where that is negative [m^2]."""
+    return gx * ry - gy * rx, gx * rx + gy * ry + gx * gx + gy * gy
+
+
+@inlined
+def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
+    """Turn, -1, 0 or 1, of a step between two places as of `side_of_ray`, first (c, along), then (d, further)."""
+    if (c > 0.0) == (d > 0.0):
+        return 0
+    if along * abs(d) + further * abs(c) >= 0.0:
+        return 0
+    return 1 if c > 0.0 else -1
+
+
+@kernel
+def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
+    """Additive key that takes off the turns of the base from (x, y) [m], along which markers are as in (k, 2, J)."""
+    key, last = np.int64(0), base.shape[0] - 1
+    rx, ry = x - goal[0], y - goal[1]
+    for j in range(weight.shape[0]):
+        c, along = side_of_ray(base[0, 0, j], base[0, 1, j], rx, ry)
+        for i in range(1, last):
+            rest = 1.0 - i / last
+            d, further = side_of_ray(base[i, 0, j], base[i, 1, j], rest * rx, rest * ry)
+            key -= turn_at_ray(c, along, d, further) * weight[j]
+            c, along = d, further
+    return key
+
+
+@inlined
+def goal_from(marks, j, i, share):  # type: ignore[no-untyped-def]
+    """Goal point as seen from marker j, a share of step i later than that begins [m]."""
+    rest = 1.0 - share
+    gx = rest * marks.goal[i, 0, j] + share * marks.goal[i + 1, 0, j]
+    return gx, rest * marks.goal[i, 1, j] + share * marks.goal[i + 1, 1, j]
+
+
+@part
+def open_sides(marks, goal, x, y, side, spot):  # type: ignore[no-untyped-def]
+    """Write the first sides of (x, y) [m] of rays to `side` (J,), the place to `spot` (SPOT,); goal point (2) [m]."""
+    spot[0], spot[1], spot[2], spot[3] = 0.0, 0.0, x - goal[0], y - goal[1]
+    for j in range(side.shape[0]):
+        side[j], _ = side_of_ray(marks.goal[0, 0, j], marks.goal[0, 1, j], spot[2], spot[3])
+
+
+@part
+def key_among(marks, goal, i, share, x, y, side, spot):  # type: ignore[no-untyped-def]
+    """Additive key of the turns of a step that ends at (x, y) [m], a share of step i later than that begins.
+
+    `side` and `spot` are as the last call has left them. A path hardly ever changes sides: only that is vectorized.
+    """
+    rx, ry, passed = x - goal[0], y - goal[1], 0
+    for j in range(side.shape[0]):
+        gx, gy = goal_from(marks, j, i, share)
+        c = gx * ry - gy * rx
+        passed += (side[j] > 0.0) != (c > 0.0)
+        side[j] = c
+    key = np.int64(0)
+    if passed > 0:
+        key = _turns(marks, i, share, rx, ry, side.shape[0], spot)
+    spot[0], spot[1], spot[2], spot[3] = i, share, rx, ry
+    return key
+
+
+@kernel
+def _turns(marks, i, share, rx, ry, count, spot):  # type: ignore[no-untyped-def]
+    """Additive key of the turns from the last place to this one, for all markers."""
+    key, before = np.int64(0), int(spot[0])
+    for j in range(count):
+        gx, gy = goal_from(marks, j, before, spot[1])
+        c, along = side_of_ray(gx, gy, spot[2], spot[3])
+        gx, gy = goal_from(marks, j, i, share)
+        d, further = side_of_ray(gx, gy, rx, ry)
+        key += turn_at_ray(c, along, d, further) * marks.weight[j]
+    return key
+
+
+@kernel
+def key_of_path(marks, goal, states, length):  # type: ignore[no-untyped-def]
+    """Additive key of the turns of the first `length` steps of states (T + 1, n), less those of the base."""
+    side, spot = np.empty(marks.weight.shape[0]), np.empty(SPOT)
+    open_sides(marks, goal, states[0, 0], states[0, 1], side, spot)
+    key = np.int64(marks.opening)
+    for i in range(length):
+        key += key_among(marks, goal, i, 1.0, states[i + 1, 0], states[i + 1, 1], side, spot)
+    return key

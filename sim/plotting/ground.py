@@ -1,0 +1,101 @@
+"""Maps: workspace, static and moving obstacles seen from above, start and goal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.geometry.motion import Mover
+from pirrht.geometry.scene import Kind, Obstacle, Scene
+
+FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
+MOVER = "#80609e"
+ROUND = 64  # corners of what is round
+MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
+
+
+def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
+    """Draw a scene to scale, with moving obstacles at a time [s]."""
+    from matplotlib.patches import Circle, Polygon, Rectangle
+
+    axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
+    for obstacle in scene.obstacles:
+        axes.add_patch(Polygon(outline(obstacle), closed=True, fc=WALL, ec="none", zorder=3))
+    bodies(axes, scene.movers, time)
+    axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
+    axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
+    margin = 0.02 * float((scene.upper - scene.lower).max())
+    (left, low), (right, high) = scene.lower - margin, scene.upper + margin
+    axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
+
+
+def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
+    """Draw moving obstacles at a time [s]."""
+    from matplotlib.patches import Polygon
+
+    for mover in movers:
+        for solid in mover.at(time):
+            axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
+
+
+def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
+    """Outline moving obstacles soon after a time [s], the paler the later."""
+    from matplotlib.patches import Polygon
+
+    for mover in movers:
+        for after, strength in fading(mover, time):
+            for solid in mover.at(time + after):
+                style = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": strength, "zorder": zorder}
+                axes.add_patch(Polygon(outline(solid), closed=True, **style))
+
+
+def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
+    """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
+    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
+    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
+
+
+def outline(obstacle: Obstacle) -> Array:
+    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
+    body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
+    return hull((body @ obstacle.rotation.T + obstacle.position)[:, :2])
+
+
+def surface(kind: Kind, size: Array) -> Array:
+    """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
+    if kind is Kind.BOX:
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        return np.asarray(signs * size)
+    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    if kind is Kind.CYLINDER:
+        return np.vstack([np.column_stack([size[0] * ring, np.full(ROUND, z)]) for z in (-size[1], size[1])])
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
+    ball = np.vstack([np.column_stack([np.cos(a) * ring, np.full(ROUND, np.sin(a))]) for a in latitude])
+    if kind is Kind.CAPSULE:
+        shift = np.array([0.0, 0.0, size[1]])
+        return np.vstack([size[0] * ball + shift, size[0] * ball - shift])
+    return np.asarray(ball * (size if kind is Kind.ELLIPSOID else size[0]))
+
+
+def hull(points: Array) -> Array:
+    """Return the corners (k, 2) of the convex hull of points (l, 2), counterclockwise (Andrew's monotone chain)."""
+    ordered = np.unique(points, axis=0).tolist()
+    return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
+
+
+def _half(points: list[list[float]]) -> list[list[float]]:
+    chain: list[list[float]] = []
+    for x, y in points:
+        while len(chain) > 1 and _left(chain[-2], chain[-1], x, y) <= 0.0:
+            chain.pop()
+        chain.append([x, y])
+    return chain
+
+
+def _left(a: list[float], b: list[float], x: float, y: float) -> float:
+    """Return a positive number where (x, y) lies to the left of the line from a to b."""
+    return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])

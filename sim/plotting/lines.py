@@ -1,0 +1,61 @@
+"""Trees, references and samples as lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+
+# Six hues that stay apart for colour-blind eyes; a class has that of its rank, cheapest first.
+PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
+TREE, SAMPLE = "#55aacc", "#70747a"
+
+
+def axes_for(axes: Any | None, method: str) -> Any:
+    """Return the axes; None: those of a new figure. An OptionError names the extra if matplotlib is missing."""
+    if axes is not None:
+        return axes
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise OptionError(f"{method} needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+    return pyplot.subplots(figsize=(7.0, 5.0), layout="constrained")[1]
+
+
+def color(place: int) -> str:
+    """Return the colour of the class of a rank, from 0."""
+    return PALETTE[place % len(PALETTE)]
+
+
+def many(axes: Any, lines: Sequence[Array], colors: Any, *, width: float, opacity: Any, zorder: float) -> None:
+    """Draw polylines (k, 2) [m]; colours and opacities are common or one each."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(lines), colors=colors, lw=width, alpha=opacity, zorder=zorder))
+
+
+def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str) -> None:
+    """Draw one polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
+    rows = list(enumerate(zip(lines, labels, strict=True)))
+    for place, (line, label) in reversed(rows):
+        axes.plot(line[:, 0], line[:, 1], color=color(place), lw=2.2, label=label, zorder=4)
+    handles, texts = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(
+            handles[::-1], texts[::-1], title=title, fontsize=8, title_fontsize=8, frameon=False, loc="upper left",
+            bbox_to_anchor=(1.01, 1.0),
+        )  # fmt: skip
+
+
+def arrow(axes: Any, tail: Array, head: Array) -> None:
+    """Draw an arrow from one point (2,) to another [m]."""
+    axes.annotate(
+        "", tuple(head), tuple(tail), arrowprops={"arrowstyle": "-|>", "lw": 1.4, "color": "#222222"}, zorder=6
+    )
+
+
+def dot(axes: Any, place: Array) -> None:
+    """Draw a dot at a point (2,) [m]."""
+    axes.plot(place[0], place[1], "o", ms=5, color="#222222", zorder=6)

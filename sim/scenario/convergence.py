@@ -1,0 +1,72 @@
+"""How the best path of every class gets shorter while the tree grows (the paper's Fig. 3a)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.planner.tree import HomologyTree
+from pirrht.topology.signature import class_id
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Convergence:
+    """Lengths of the best paths found so far from one state, per class, against the iterations of Algorithm 1."""
+
+    iterations: NDArray[np.int64]  # (k,) random states drawn so far
+    vertices: NDArray[np.int64]  # (k,) vertices of the tree after them
+    windings: tuple[tuple[int, ...], ...]  # (C,) classes relative to the state, shortest first
+    lengths: Array  # (k, C) [m], never rising; inf before a class is found
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Public names of the C classes, in the order of `windings`."""
+        return tuple(class_id(winding) for winding in self.windings)
+
+
+def grow(
+    tree: HomologyTree,
+    x: Array,
+    vertices: int,
+    *,
+    every: int = 10,
+    progress: Callable[[int], None] | None = None,
+) -> Convergence:
+    """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not polished.
+
+    Args:
+        every: vertices between two notes; the tree is the same whatever their number.
+        progress: called with the number of vertices.
+
+    Raises:
+        OptionError: every is less than 1.
+    """
+    if every < 1:
+        raise OptionError(f"every is {every}; it must be at least 1 vertex")
+    iterations, sizes, notes = [], [], []
+    while True:
+        before = tree.size
+        iterations.append(tree.draws)
+        sizes.append(before)
+        notes.append(tree.lengths(x))
+        if before >= vertices:
+            break
+        tree.grow(min(vertices, before + every), progress=progress)
+        if tree.size == before:
+            break
+    found = sorted({winding for note in notes for winding in note})
+    table = np.array([[note.get(winding, np.inf) for winding in found] for note in notes]).reshape(len(notes), -1)
+    # A path once found stays one, also when the state's nearest vertices or the K cheapest classes become others.
+    lengths = np.minimum.accumulate(table, axis=0)
+    order = np.argsort(lengths[-1], kind="stable")
+    return Convergence(
+        iterations=np.array(iterations),
+        vertices=np.array(sizes),
+        windings=tuple(found[c] for c in order),
+        lengths=lengths[:, order],
+    )

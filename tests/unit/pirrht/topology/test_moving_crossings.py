@@ -1,0 +1,154 @@
+"""Whole turns of edges in space and time: summed along a path they are the windings that angles tell."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import block, disc
+from moving import SCENES, hall, moved
+
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import copied
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import BaseCache, outside, row_of, turns_between, whole_turns
+from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
+
+STEERING = InTime()
+
+
+def busy(seed: int) -> Scene:
+    """Bodies that go anywhere, also over the goal, one of which starts over and one that jumps when it does."""
+    rng, movers = np.random.default_rng(seed), []
+    for k in range(5):
+        times = np.cumsum(rng.uniform(0.3, 1.2, 6)) - 0.3
+        rows = np.column_stack([times - times[0], rng.uniform(0.2, 4.8, (6, 2)), rng.uniform(-4.0, 4.0, 6)])
+        if k == 3:
+            rows[-1, 1:] = rows[0, 1:]
+        solid = disc("disc", 0.3, 0.1, 0.2) if k == 1 else disc("disc", 0.0, 0.0, 0.2)
+        movers.append(moved(f"body{k}", rows, solid, repeat=k >= 3))
+    movers[0] = replace(movers[0], motion=movers[0].motion.after(0.7))
+    return hall("busy", movers, [block("block", 2.0, 2.2, (0.2, 0.3)), disc("post", 4.0, 3.6, 0.3)])
+
+
+def random_path(rng: np.random.Generator, count: int = 7) -> np.ndarray:
+    """Knots whose times grow; the last one is on the rim of the goal's disc."""
+    knots = np.column_stack([rng.uniform(0.2, 4.8, (count, 2)), np.cumsum(rng.uniform(0.1, 1.0, count))])
+    angle = rng.uniform(0.5 * np.pi, 1.5 * np.pi)
+    knots[-1, :2] = np.array([5.5, 2.5]) + 0.299 * np.array([np.cos(angle), np.sin(angle)])
+    return knots
+
+
+def summed_turns(space: FreeSpace, knots: np.ndarray) -> tuple[int, ...]:
+    """What the edges of a path add, whether they are free or not."""
+    homology, checker = STEERING.homology(space), EdgeChecker.of(space, STEERING)
+    legs = STEERING.connect(knots[:-1], knots[1:])
+    record, total = copied(legs), np.zeros(homology.M, dtype=int)
+    marker, turn = np.empty(homology.M, np.int32), np.empty(homology.M, np.int16)
+    for i in range(len(legs.cost)):
+        count = checker.motion.kernels.pairs(record, i, checker.around, i == len(legs.cost) - 1, marker, turn, 0)
+        np.add.at(total, marker[:count], turn[:count])
+    return tuple(total.tolist())
+
+
+@pytest.mark.parametrize("scene", [*SCENES.values(), *(lambda k=k: busy(k) for k in range(6))])
+def test_turns_of_edges_sum_to_the_winding_of_the_path(scene):
+    space, rng = FreeSpace.of(scene()), np.random.default_rng(5)
+    homology, seen = STEERING.homology(space), set()
+    for _ in range(60):
+        knots = random_path(rng)
+        assert summed_turns(space, knots) == homology.winding(knots)
+        seen.add(homology.winding(knots))
+    assert len(seen) > 2
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_sampled_path_has_the_class_of_its_polyline(seed):
+    """Dense samples of a path, as rollouts have them, turn as its knots do."""
+    space, rng = FreeSpace.of(busy(seed)), np.random.default_rng(seed)
+    homology = STEERING.homology(space)
+    for _ in range(20):
+        knots = random_path(rng)
+        times = np.union1d(np.linspace(knots[0, 2], knots[-1, 2], 300), knots[:, 2])
+        samples = np.column_stack([*(np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)), times])
+        assert homology.winding(samples) == homology.winding(knots)
+
+
+def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
+    """The quick test never says so of a marker that an edge turns about."""
+    space, rng = FreeSpace.of(busy(0)), np.random.default_rng(1)
+    moving, goal, quick = STEERING.homology(space), (5.5, 2.5), 0
+    for _ in range(400):
+        a, b = random_path(rng)[:2]
+        for j in range(moving.J):
+            away = [np.hypot(5.5 - p[0], 2.5 - p[1]) for p in (a, b)]
+            until = max(a[2] + away[0], b[2] + away[1])
+            if outside(moving.tracks, j, *a[:2], *b[:2], *goal, a[2], until):
+                quick += 1
+                closed = moving.turns(np.array([a, b, [*goal, b[2] + away[1]], [*goal, until]]))
+                base = moving.turns(np.array([a, [*goal, a[2] + away[0]], [*goal, until]]))
+                assert round((closed - base)[len(moving.markers) + j]) == 0
+                assert whole_turns(moving.tracks, j, goal, 1.0, tuple(a), tuple(b), False) == 0
+    assert quick > 100
+
+
+def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
+    """Also where rows are so few that states take each other's, and where states come again."""
+    space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
+    moving, goal, turned = STEERING.homology(space), (5.5, 2.5), 0
+    tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
+    for bases in (BaseCache.room(moving.J, 7), BaseCache.room(moving.J)):
+        for _ in range(400):
+            a, b = sorted(states[rng.integers(len(states), size=2)].tolist(), key=lambda state: state[2])
+            if a == b:
+                continue
+            one = row_of(bases, tracks, goal, 1.0, *a, -1)
+            two = row_of(bases, tracks, goal, 1.0, *b, one)
+            for j in range(moving.J):
+                whole = whole_turns(tracks, j, goal, 1.0, tuple(a), tuple(b), False)
+                assert turns_between(bases, tracks, j, one, two) == whole
+                turned += whole != 0
+    assert turned > 100
+
+
+def test_crossings_of_waiting_are_those_of_steps_that_stay():
+    """From the beginning of a track through many laps, until any moment of them."""
+    goal, rng = np.array([5.5, 2.5]), np.random.default_rng(3)
+    lap = np.array([[0.0, 4.0, 2.0], [1.0, 6.0, 3.4], [2.0, 6.5, 1.0], [3.0, 3.5, 1.5], [4.0, 5.0, 3.5]])
+    for period in (0.0, 4.0):
+        tracks = MarkerTrajectories.of([lap], [period], goal)
+        for t in [*rng.uniform(-1.0, 30.0, 50), 0.0, 1.0, 4.0, 8.0, 8.5]:
+            (fx, fy), (lx, ly) = (goal - place_at(tracks, 0, s) for s in (-1.0, t))
+            steps = crossings_of_step(tracks, 0, *goal, -1.0, *goal, max(t, -1.0), fx, fy, lx, ly)
+            assert crossings_of_waiting(tracks, 0, *goal, t, lx, ly) == steps, t
+        assert steps != 0
+
+
+def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
+    space = FreeSpace.of(SCENES["oblique"]())
+    homology, start = STEERING.homology(space), np.array([1.0, 2.5, 0.0])
+    assert homology.M == 1 + homology.J == 4
+    base = homology.signature(start, (0, 0, 0, 0))
+    legs = np.array([start, [*homology.goal, homology.arrival(start)]])
+    assert base[1:] == pytest.approx(1.0 + homology.turns(legs)[1:])
+    assert base[:1] == pytest.approx(space.homology.static.signature(start, (0,)))
+    assert homology.signature(start, (1, 0, -2, 0)) == pytest.approx(base + np.array([1, 0, -2, 0]))
+
+
+def test_keys_of_classes_are_sums_over_all_markers():
+    homology: Homology = STEERING.homology(FreeSpace.of(SCENES["oblique"]()))
+    one, two = (1, 0, -1, 2), (0, 3, 1, -1)
+    assert homology.key(one) != homology.key(two)
+    with np.errstate(over="ignore"):
+        assert np.int64(homology.key(one)) + np.int64(homology.key(two)) == homology.key((1, 3, 0, 1))
+
+
+def test_where_nothing_moves_classes_are_those_of_the_standing_world():
+    space = FreeSpace.of(replace(SCENES["oblique"](), movers=()))
+    homology, knots = STEERING.homology(space), random_path(np.random.default_rng(0))
+    assert homology.winding(knots) == space.homology.winding(knots)
+    assert homology.key((2,)) == space.homology.key((2,))

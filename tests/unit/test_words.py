@@ -1,0 +1,35 @@
+"""The check of terms finds names, phrases and forms of docstrings, each at its line."""
+
+from __future__ import annotations
+
+import pytest
+import words
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("class Aside: ...", [(1, "Aside")]),
+        ("def plan(pace): ...", [(1, "pace")]),
+        ("x = 1\nplan.reach = x", [(2, "reach")]),
+        ("print(plan.reach)", []),  # where it is defined it is found
+        ('"""Return one value.\n\nIt is foretold.\n"""', [(3, "foretold")]),
+        ("x = 1  # bodies that move", [(1, "bodies that move")]),
+        ('x = f"{1} bodies that stand still"', [(1, "stand still")]),
+        ('"""Where walls are."""', [(1, "Where")]),
+        ('"""The same of walls."""', [(1, "The same")]),
+        ('raise ValueError("give --samples")', [(1, "--samples")]),
+        ('def f():\n    """Return x, as `--samples` sets it."""', []),
+        ('"""Find a way. Tell classes apart. Look at walls. It wants no gate."""', []),
+    ],
+)
+def test_retired_terms_are_found_at_their_lines(source: str, found: list[tuple[int, str]]):
+    assert [(one.line, one.term) for one in words.findings(source)] == found
+
+
+def test_the_name_of_a_module_counts():
+    assert [one.term for one in words.findings("", "crowd")] == ["crowd"]
+
+
+def test_the_method_follows_the_terms():
+    assert words.main([]) == 0
