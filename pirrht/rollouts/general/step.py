@@ -15,11 +15,12 @@ from pirrht.jit.streams import fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, wall_slope
+from pirrht.rollouts.first_exit import GOAL, facing, fitting, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, takes_law
 from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.sweep import sweep_exit, turn_of
+from pirrht.rollouts.tuning import TUNING
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -31,8 +32,8 @@ def length_for(kind: KernelSpec) -> Any:
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
     @part
-    def length_of(setup, leads, scratch, arena, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, dt = rates, scratch.x, left
+    def length_of(setup, leads, scratch, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
+        (xx, xy, yy), x, arena, dt = rates, scratch.x, setup.arena, left
         if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
@@ -49,7 +50,7 @@ def length_for(kind: KernelSpec) -> Any:
                 if along_line and scale * gone * gone < left:
                     gone = facing_among(near, listed, close, (xx, xy, yy))
                 gap = min(gap, gone)
-            narrow = max(min(min(gap, before[1]), max(before[2], RIM * arena.radius)), 0.0)
+            narrow = max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0)
             dt = fitting(narrow, left, leads.least, scale)
             if moving:
                 dt = min(dt, max(until_change - now, SOON))
@@ -91,7 +92,7 @@ def noise_for(kind: KernelSpec) -> Any:
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     leadable = takes_law(kind)
     abreast = leadable and not noisy_position
-    _, _, times, mix = rows_of(n, m, kind.modes)
+    _, _, matvec, axpy = rows_of(n, m, kind.modes)
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
@@ -111,9 +112,9 @@ def noise_for(kind: KernelSpec) -> Any:
         if stage[h] < leads.led[h] and not noisy_position:
             _, _, shape, _, _ = columns_of(n, modes)
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-            times(out, row + 8 * shape, independent, modes)
+            matvec(out, row + 8 * shape, independent, modes)
             source = out
-        mix(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
+        axpy(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
@@ -200,35 +201,47 @@ def motion(kind: KernelSpec) -> Any:
             f[j] = 0.5 * (f[j] + moved[j])
 
     @part
-    def move(setup, leads, scratch, arena, dt, rates, bent):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, moved, f, y, p = rates, scratch.x, scratch.moved, scratch.f, scratch.y, setup.parameters
-        goal, radius = arena.goal, arena.radius
+    def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
+        """Check whether the step enters the goal straight ahead, and return its share until then."""
+        x, f, arena = scratch.x, scratch.f, setup.arena
+        within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
+        if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
+            return False, 1.0
+        exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+        return exit == GOAL, ahead
+
+    @part
+    def at_middle(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
+        """Take drift and noise of the middle of the step; return the covariance per second."""
+        x, moved, f, p = scratch.x, scratch.moved, scratch.f, setup.parameters
+        for j in range(n):
+            moved[j] = x[j] + 0.5 * f[j] * dt
+        shaken(scratch, 0.5)
+        if varying:
+            noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
+            rates = covariance(scratch.B)
+        if drifting and (noisy_position or not setup.bridge):
+            drift(moved, p, f)
+        return rates
+
+    @part
+    def move(setup, leads, scratch, dt, rates, bent):  # type: ignore[no-untyped-def]
+        x, moved, f, y = scratch.x, scratch.moved, scratch.f, scratch.y
         arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
         if not noisy_position and setup.bridge:
-            within = radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
-            if (x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2 < within * within:
-                exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
-                arrived = exit == GOAL
-            if arrived:
-                for j in range(m):
-                    y[j] = 0.0
-            elif drifting:
+            arrived, ahead = arrives(setup, scratch, dt)
+            for j in range(m if arrived else 0):
+                y[j] = 0.0
+            if drifting and not arrived:
                 half_way(setup, scratch, dt, bent)
         if midway and not arrived:
-            for j in range(n):
-                moved[j] = x[j] + 0.5 * f[j] * dt
-            shaken(scratch, 0.5)
-            if varying:
-                noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
-                xx, xy, yy = covariance(scratch.B)
-            if drifting and (noisy_position or not setup.bridge):
-                drift(moved, p, f)
+            rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
             moved[j] = x[j] + f[j] * dt
         shaken(scratch, 1.0)
         if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
-            drift(moved, p, f)
+            drift(moved, setup.parameters, f)
             turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
-        return arrived, ahead, turn, (xx, xy, yy)
+        return arrived, ahead, turn, rates
 
     return move
