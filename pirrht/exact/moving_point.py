@@ -12,7 +12,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -54,11 +53,6 @@ class Timetable(NamedTuple):
     first: float  # when all motions repeat ...
     period: float  # ... every so many seconds; 0 where none does [s]
     again: int  # place in `times` of the time one period before the last one; 0 where none repeats
-
-    @property
-    def jump(self) -> float:
-        """Time before and after the end of a step at which repeated bodies are on either side of a jump [s]."""
-        return BEFORE if self.period > 0.0 else 0.0
 
 
 class Frames(NamedTuple):
@@ -188,10 +182,11 @@ def grid_of(
     reach = step_of(longest * thinning + ahead, b, rate, step.wall).reach
     surroundings = _surroundings(scene, spacing, point.wavenumber_of(problem), reach)
     shape = tuple(int(n) for n in np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1)
-    begin, end = (poses_at(scene.movers, t) for t in (table.times[:-1] + table.jump, table.times[1:] - table.jump))
-    stationary, now = _stationary(problem, scene, float(table.times[-1])), np.empty(shape)
+    jump = BEFORE if table.period > 0.0 else 0.0  # so that repeated bodies are on the right side of it
+    begin, end = (poses_at(scene.movers, t) for t in (table.times[:-1] + jump, table.times[1:] - jump))
+    stationary, now = _stationary(problem, scene, surroundings, frames_of(end[-1])), np.empty(shape)
     _sample(stationary, surroundings, frames_of(end[-1]), now)
-    march = _March(table, surroundings, step, frames_of(begin), frames_of(end), progress)
+    march = _March(table, surroundings, step, frames_of(begin), frames_of(end), progress, {})
     if table.period > 0.0:
         now = march.settled(now)
     last = len(table.times) - 1
@@ -221,28 +216,24 @@ def _surroundings(scene: Scene, spacing: float, wavenumber: float, reach: float)
     )
 
 
-def _stationary(problem: Problem, scene: Scene, t: float) -> point.Expansion:
-    """Solve with all bodies where they are at t [s]."""
-    still = tuple(solid for mover in scene.movers for solid in mover.at(t))
-    scene = replace(scene, obstacles=(*scene.obstacles, *still), movers=())
-    bodies, pose = bodies_of(scene, scene.robot_radius), frames_of(np.zeros((1, 3)))
+def _stationary(problem: Problem, scene: Scene, surroundings: Surroundings, pose: Array) -> point.Expansion:
+    """Solve with all bodies where they are at the end, pose (1 + J, 4)."""
 
     def clearance(points: Array) -> Array:
-        out: Array = np.minimum(points - scene.lower, scene.upper - points).min(axis=1)
-        _clearances(bodies, pose, np.ascontiguousarray(points), out)
+        out = np.empty(len(points))
+        _clearances(surroundings, pose, np.ascontiguousarray(points), out)
         return out
 
-    domain = Domain(
-        lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=clearance
-    )
+    lower, upper = scene.lower.astype(float), scene.upper.astype(float)
     return point.solve(
-        domain, wavenumber=point.wavenumber_of(problem), wall=problem.phi / problem.temperature,
+        Domain(lower=lower, upper=upper, goal=scene.goal, clearance=clearance),
+        wavenumber=point.wavenumber_of(problem),
+        wall=problem.phi / problem.temperature,
         spacing=point.default_spacing(problem, scene),
-    )  # fmt: skip
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class _March:
+class _March(NamedTuple):
     """Gaussian steps back in time through a timetable."""
 
     table: Timetable
@@ -251,7 +242,7 @@ class _March:
     begin: Array  # (F, 1 + J, 4)
     end: Array  # (F, 1 + J, 4)
     progress: Progress
-    _taps: dict[float, tuple[Array, Array]] = field(default_factory=dict)  # by step [s]
+    taps: dict[float, tuple[Array, Array]]  # weights along x and y by the length of a step [ns]
 
     def settled(self, now: Array) -> Array:
         """Find log psi at the table's end that is equal a period before; OptionError if it does not settle."""
@@ -267,34 +258,21 @@ class _March:
 
     def back(self, now: Array, first: int) -> Iterator[tuple[int, Array]]:
         """(k, log psi at time k) from the one before the last back to `first`."""
-        times, into, known = self.table.times, np.ones(now.shape), np.zeros(now.shape)
+        times, into, known, s = self.table.times, np.ones(now.shape), np.zeros(now.shape), self.surroundings
         last = len(times) - 1
         for k in range(last - 1, first - 1, -1):
             step = step_of(float(times[k + 1] - times[k]), self.longest.b, self.longest.rate, self.longest.wall)
+            if (key := round(1e9 * step.dt)) not in self.taps:
+                self.taps[key] = (
+                    taps_along(now.shape[0], s.frame.x0, s.frame.spacing, s.left, s.right, step),
+                    taps_along(now.shape[1], s.frame.y0, s.frame.spacing, s.low, s.high, step),
+                )
             out = np.empty(now.shape)
-            smooth(now, into, known, *self._along(step, now.shape), step.rate * step.dt, out)
-            meet_boundaries(self.surroundings, step, self.begin[k], self.end[k], now, out)
+            smooth(now, into, known, *self.taps[key], step.rate * step.dt, out)
+            meet_boundaries(s, step, self.begin[k], self.end[k], now, out)
             now = out
             self.progress((last - k) / (last - first))
             yield k, now
-
-    def _along(self, step: Step, shape: tuple[int, ...]) -> tuple[Array, Array]:
-        """Weights of a step along x and y."""
-        key, s = round(step.dt / self.longest.dt, 9), self.surroundings
-        if key not in self._taps:
-            self._taps[key] = (
-                taps_along(shape[0], s.frame.x0, s.frame.spacing, s.left, s.right, step),
-                taps_along(shape[1], s.frame.y0, s.frame.spacing, s.low, s.high, step),
-            )
-        return self._taps[key]
-
-
-@kernel
-def _clearances(bodies, pose, points, out):  # type: ignore[no-untyped-def]
-    """Lower `out` (k,) [m] to the clearances of points (k, 2) [m] from all solids."""
-    for i in range(len(points)):
-        for k in range(bodies.owner.shape[0]):
-            out[i] = min(out[i], clearance_from(bodies, k, pose, points[i, 0], points[i, 1]))
 
 
 @kernel
@@ -304,6 +282,13 @@ def clearance_at(surroundings, pose, x, y):  # type: ignore[no-untyped-def]
     for k in range(surroundings.bodies.owner.shape[0]):
         out = min(out, clearance_from(surroundings.bodies, k, pose, x, y))
     return out
+
+
+@kernel
+def _clearances(surroundings, pose, points, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (k,) [m] with the clearances of points (k, 2) [m]."""
+    for i in range(len(points)):
+        out[i] = clearance_at(surroundings, pose, points[i, 0], points[i, 1])
 
 
 @kernel
