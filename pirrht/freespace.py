@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.certify import FREE, UNSURE, certify_point
@@ -43,7 +43,7 @@ class FreeSpace:
     crowd: MovingObstacles  # the same as FCL knows it
 
     def __repr__(self) -> str:
-        return f"FreeSpace({shown.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
+        return f"FreeSpace({formatting.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:
@@ -122,7 +122,7 @@ class FreeSpace:
             self,
             scene=scene,
             traffic=self.traffic.moving(movers),
-            homology=self.homology.among(movers, scene.footprint),
+            homology=self.homology.with_moving(movers, scene.footprint),
             crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
         )
 
@@ -153,7 +153,7 @@ def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     """What is known of a scene's bodies that move."""
     movers, footprint = scene.movers, scene.footprint
     return {
-        "homology": homology.among(movers, footprint),
+        "homology": homology.with_moving(movers, footprint),
         "traffic": Traffic.of(scene),
         "crowd": MovingObstacles(movers, footprint),
     }

@@ -20,7 +20,7 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
@@ -130,7 +130,7 @@ class Desirability:
 
     def __repr__(self) -> str:
         time = "continuous time" if self.dt is None else f"steps of {self.dt:g} s"
-        of, scene = type(self.problem.dynamics).__name__, shown.name(self.space.scene.name)
+        of, scene = type(self.problem.dynamics).__name__, formatting.name(self.space.scene.name)
         return f"Desirability(of a {of} in {scene}, {time}, grid of {self.spacing:.3g} m)"
 
     @property

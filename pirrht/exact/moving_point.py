@@ -133,9 +133,8 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
         raise OptionError("no grid solves a problem in steps among moving obstacles; leave out dt (exit rule bridge)")
     scene = space.scene
     radius, length = scene.robot_radius, 1.0 / point.wavenumber_of(problem)
-    deviation = min(
-        TUNING.step_radii * radius, TUNING.step_lengths * length, TUNING.step_mean * math.sqrt(radius * length)
-    )
+    mean = math.sqrt(radius * length)
+    deviation = min(TUNING.step_radii * radius, TUNING.step_lengths * length, TUNING.step_mean * mean)
     most = deviation / TUNING.moving_points
     if spacing is not None and spacing > most:
         raise OptionError(
@@ -194,9 +193,8 @@ def grid_of(
     frames = np.empty((len(kept), *shape), dtype=np.float32)
     frames[-1] = now
     for k, earlier in march.back(now, 0):
-        at = np.searchsorted(kept, k)
-        if kept[at] == k:
-            frames[at] = earlier
+        if k in kept:
+            frames[np.searchsorted(kept, k)] = earlier
     arriving = frames_of(np.concatenate([begin[:1], end])[kept])
     return Frames(
         surroundings.frame, surroundings, step, stationary, table.last, table.first, table.period, ahead, table.times,

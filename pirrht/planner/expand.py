@@ -16,7 +16,7 @@ from pirrht.jit.jit import as_tuple, caller, inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again
-from pirrht.planner.rewire import reaches, settle
+from pirrht.planner.rewire import reaches, relaxed
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
@@ -24,7 +24,14 @@ from pirrht.topology.homology import write_base
 
 
 class PassageSampler:
-    """States (k, n) that ought to become vertices; `waiting` says where those are that have not become any."""
+    """Offers states (k, n) in passages until they are vertices, between uniform draws.
+
+    The number of a draw and the vertices decide what is offered: a tree that is grown in several steps, or read from a
+    file in between, is the tree that is grown at once. At least every second draw is uniform, so paths converge.
+
+    Attributes:
+        waiting: index of each state that is no vertex yet.
+    """
 
     def __init__(self, states: Array) -> None:
         self.states = states
@@ -51,7 +58,7 @@ class PassageSampler:
         return offered
 
     def together(self, draw: int) -> int:
-        """How many draws from this number on may be dealt with before `note` is asked for: none is offered twice."""
+        """Number of draws from this one on that need no `note` in between: none of them is offered twice."""
         return self._period - draw % self._period if self.waiting else TUNING.batch
 
 
@@ -91,7 +98,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
 @inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
-    """Whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
+    """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
     used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
     return used + edges > at.edge_room or paired + pairs > at.pair_room
@@ -194,7 +201,7 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
             return i, STATUS.ask
         insert(at, vertices, straight, out, back, around, rules)
         i += 1
-        status = settle(at, rules)
+        status = relaxed(at, rules)
         if status != STATUS.done:
             return i, status
     return i, STATUS.done

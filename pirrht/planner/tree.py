@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
@@ -242,7 +242,7 @@ class HomologyTree:
             return {}
 
     def too_fast(self, x: Array) -> bool:
-        """Tell whether a state (n,) of the system that has no reference would have one at rest."""
+        """Return whether a state (n,) of the system that has no reference would have one at rest."""
         x = self.steering.vertex_of(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
@@ -281,7 +281,7 @@ class HomologyTree:
 
     @cached_property
     def passages(self) -> Passages:
-        """Where obstacles face each other with room for the robot between."""
+        """Passages between obstacles that face each other with clearance for the robot."""
         return self.space.passages()
 
     @cached_property
@@ -313,7 +313,7 @@ class HomologyTree:
         return int(self.graph.nodes[: self.size].sum())
 
     def __repr__(self) -> str:
-        scene, rules = shown.name(self.space.scene.name), self.rules
+        scene, rules = formatting.name(self.space.scene.name), self.rules
         counts = f"{self.size} vertices, {self.node_count} nodes"
         return (
             f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {rules.classes or 'all'} classes a vertex)"
