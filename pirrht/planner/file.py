@@ -109,7 +109,7 @@ def load(
 def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     """Facts that a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
     scene = space.scene
-    moving = {"moving obstacles": f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
+    moving = {"bodies that move": f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
     return {
         "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],
         "goal": [*scene.goal.center.tolist(), scene.goal.radius],
