@@ -20,7 +20,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
 from pirrht.proposals.guide import Course, DDPGuide, Task
@@ -229,7 +229,7 @@ class DDPGuidance:
         """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
         free = float(clearance(self.setup.arena.field, x[0], x[1]))
         if self.setup.traffic.J > 0:
-            free = min(free, float(traffic_clearance(self.setup.traffic, x[0], x[1], time)))
+            free = min(free, float(moving_clearance(self.setup.traffic, x[0], x[1], time)))
         return free
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from pirrht.bridge import FAR, LEAST, SIDEWAYS, first_crossing, survival
+from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
 from pirrht.jit.float32 import ONE
@@ -56,7 +56,7 @@ def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
     if cov[1] == 0.0 and cov[0] == cov[2]:
         return cov[0]
     gx, gy = slope_of(field, x, y)
-    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, LEAST)
+    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, MIN_VARIANCE)
 
 
 @kernel
@@ -162,19 +162,19 @@ def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=Fa
         if weighed and alive > 0.0:
             lasting = math.log(alive)
         elif u >= alive:
-            state, wall_time = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
+            state, wall_time = first_crossing(max(min(c0, e0), MIN_VARIANCE), min(c1, e1), math.sqrt(variance), state)
     if near_goal:
         ex, ey, alone = line_of(cov)
         if line and alone:
             to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
-            variance = max(cov[0] + cov[2], LEAST)
+            variance = max(cov[0] + cov[2], MIN_VARIANCE)
             g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
         else:
             ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
-            variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
+            variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, MIN_VARIANCE)
         state, u = uniform(state)
         if u >= survival(g0, g1, variance):
-            state, goal_time = first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
+            state, goal_time = first_crossing(max(g0, MIN_VARIANCE), g1, math.sqrt(variance), state)
     if goal_time > 1.5 and wall_time > 1.5:
         return state, INSIDE, 1.0, lasting
     if goal_time <= wall_time:

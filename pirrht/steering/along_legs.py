@@ -16,7 +16,7 @@ from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_segment
 from pirrht.geometry.field import Field
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import Cuts, crossed
@@ -35,7 +35,7 @@ class TimedSurroundings(NamedTuple):
     goal_x: float  # goal point [m]
     goal_y: float
     reach: float  # radius of the goal's disc [m]
-    traffic: Traffic
+    traffic: MovingObstacleArrays
     tracks: MarkerTrajectories
     speed: float  # of bases [m/s]
     bases: BaseCache  # that are kept
@@ -47,7 +47,7 @@ class TimedSurroundings(NamedTuple):
         x, y, reach = (float(v) for v in (*goal.center, goal.radius))
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights,
-            goal_x=x, goal_y=y, reach=reach, traffic=space.traffic, tracks=homology.tracks, speed=homology.speed,
+            goal_x=x, goal_y=y, reach=reach, traffic=space.moving, tracks=homology.tracks, speed=homology.speed,
             bases=BaseCache.room(homology.J, 0),
         )  # fmt: skip
 
@@ -195,11 +195,11 @@ def _record(motions: Legs) -> LegRecord:
 def _ask(record: LegRecord, i: int, space: FreeSpace) -> bool:
     """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = (float(v) for v in record.path[i])
-    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
+    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.moving.J, dtype=np.bool_)
     if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
-    note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
-    return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))
+    note_unsure(space.moving, ax, ay, s, bx, by, t, unsure)
+    return not (unsure.any() and space.moving_collision.meets(a, s, b, t, unsure))
 
 
 def _until_goal(path: Legs, around: Any) -> Legs:
