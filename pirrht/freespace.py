@@ -28,8 +28,8 @@ from pirrht.topology.obstacles import Component, components, continued
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; the rest follows from workspace and footprint. `FreeSpace.of(scene)` makes
-    one, which takes a second or so; `with_task` is quick.
+    Only `scene` and `homology` depend on its task; the rest follows from workspace and footprint. `FreeSpace.of(scene)`
+    takes a second or so; `with_task` is quick.
     """
 
     scene: Scene

@@ -27,7 +27,7 @@ def certify_leg(moving, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
 
 @kernel
 def list_passed(moving, frame, begin, end, candidates):  # type: ignore[no-untyped-def]
-    """Write to `candidates` (J,) obstacles that may touch a frame (x, y, X, Y) [m] between times [s]; return how many."""
+    """Write to `candidates` (J,) obstacles that may touch a frame (x, y, X, Y) [m] in a time [s]; return how many."""
     count = 0
     for j in range(moving.J):
         boxes, many, own, period = _boxes_of(moving, j, begin)

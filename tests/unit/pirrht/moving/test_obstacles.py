@@ -103,7 +103,7 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
 def test_where_nothing_moves_all_is_free():
     still = MovingObstacleArrays.of(hall("still", []))
     assert still.J == 0
-    assert moving_clearance(still, 1.0, 1.0, 0.0) == still.reach
+    assert moving_clearance(still, 1.0, 1.0, 0.0) == still.cutoff
 
 
 @pytest.mark.parametrize("radius", [0.001, 0.002])
