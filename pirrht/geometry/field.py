@@ -156,7 +156,7 @@ def cell_in_block(field, fx, fy, i, j):  # type: ignore[no-untyped-def]
 
 @inlined
 def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
-    """Return the value at (u, v), 0 to 1 each, in a cell; corner values a, b in the first column, c, d in the second."""
+    """Return the value at (u, v), 0 to 1 each, in a cell; corners a, b are in the first column, c, d in the second."""
     low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
     return low * (ONE - u) + high * u
 

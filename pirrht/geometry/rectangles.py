@@ -18,7 +18,7 @@ Rectangles = NDArray[np.int64]
 
 
 def cover(occupied: Cells) -> Rectangles:
-    """Return rectangles (k, 4) of cells, largest first: first row, row after the last, first and after the last column."""
+    """Return rectangles (k, 4) of cells, largest first: first row, row after the last, and so for columns."""
     turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
     found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
     found = found[np.argsort(-_areas(found), kind="stable")]
