@@ -47,7 +47,7 @@ _HOME = {
     "PirrhtError": "errors",
     "Plan": "control.plan",
     "Problem": "problem",
-    "Reference": "planner.reference",
+    "Reference": "planner.references",
     "Sampling": "estimation.sampling",
     "Scene": "geometry.scene",
     "SceneError": "errors",

@@ -11,10 +11,12 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.certify import FREE, UNSURE, certify_point
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
 from pirrht.geometry.motion import Mover
+from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
 from pirrht.geometry.world import World
@@ -128,6 +130,19 @@ class FreeSpace:
     def world(self) -> World:
         """Take the snapshot of what is free at (x, t), lengths in [m]."""
         return World.of(self.field, self.scene.goal, self.moving)
+
+    def free(self, x: Array) -> bool:
+        """Return whether the robot may be at a state x (n,), of which the position (2,) [m] is judged."""
+        status = certify_point(self.field, x[0], x[1])
+        return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
+
+    def in_goal(self, x: Array) -> bool:
+        """Return whether the position (2,) [m] of a state x (n,) lies in the goal."""
+        return bool(self.scene.goal.contains(x[:2]))
+
+    def passages(self) -> Passages:
+        """Find the places where obstacles face each other with clearance for the robot between."""
+        return find_passages(self.field, self.collision)
 
     def clearance(self, position: Array) -> float:
         """Return FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -12,7 +12,7 @@ from pirrht.control.methods import TREELESS
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drive import episode
 from sim.drive.plant import Analytic
@@ -76,5 +76,5 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
 def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: Array) -> None:
     """Do what drives come to now and then: hold the tape of a class without a guide, ask FCL about an edge."""
     reference.trajectory.tape(times)
-    motion = tree.around.checker.motion
+    motion = tree.checker.motion
     motion.ask(motion.record(reference.path), 0, scenario.space)

@@ -9,13 +9,13 @@ import numpy as np
 
 from pirrht.estimation.estimate import Estimate
 from pirrht.freespace import FreeSpace
-from pirrht.planner.convergence import Convergence
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
 from sim.drawing.sides import passing
 from sim.drive.truth import Truth
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence
 
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:

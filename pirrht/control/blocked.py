@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.run_state import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch

@@ -18,7 +18,7 @@ from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.outcome import Outcome
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.plotting import axes as axes_of
 from pirrht.plotting import ground, lines
 

@@ -21,7 +21,7 @@ from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback

@@ -16,7 +16,7 @@ from pirrht.errors import NoReference, OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.trajectory import SPACING

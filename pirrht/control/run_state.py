@@ -15,7 +15,7 @@ from pirrht.control.prediction import Prediction
 from pirrht.errors import OptionError
 from pirrht.estimation.allocation import Allocation
 from pirrht.geometry.motion import Mover
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
 from pirrht.topology.driven import Driven

@@ -1,13 +1,17 @@
 """The expansion phase: a goal-rooted tree in the H-augmented space, and the references that it gives.
 
-`homology_tree` is what others use; `extend` is Algorithm 1 (states become vertices), `nodes` AppendNode (which
-classes a vertex keeps, under |1 - H_i| <= H_limit), `search` Algorithms 2 and 3 (ChooseParent and Rewire as one
-uniform-cost search) and the search of Algorithm 5, `around` which vertices are near a state and which edges to them
-are free, `asking` the rest of Algorithm 5 (paths of all classes, shortened: `reference`), `valleys` which other ways of
-a class are worth shortening among bodies that move, `offers` says which draws lie in passages, `graph` how all of it
-lies in memory. `file` keeps grown trees, which `archive` reads and `checks`
-examines; `convergence` watches paths get shorter (the paper's Fig. 3a).
+tree         `HomologyTree`: Algorithms 1 (Expansion), 2 (ChooseParent) and 3 (Rewire), to be read from top to bottom
+references   Algorithm 5 (ExtractReference): paths of all classes, shortened
+expand       Algorithm 1 for many draws in one kernel, and draws in passages
+rewire       Algorithms 2 and 3 in kernels: the search over the queue, and the classes at a state
+nodes        AppendNode: classes that a vertex keeps, under |1 - H_i| <= H_limit, and the queue
+graph        records of vertices, edges and nodes in memory
+storage      all that changes while a tree grows
+file, checks   trees as files, which are examined before they are trusted
+left_out     short paths that H_limit excludes
+tuning       tuned numbers
 
-What an edge is only its kind of motion knows (`steering.motion`): nothing here asks for its shape, and no cost is
-taken to be a length. It imports steering, shortening and what lies below them; it knows neither noise nor control.
+An edge is known only to its kind of motion (`steering.motion`), a class only to its `Signature`: nothing here depends
+on the dimension of space, and no cost is taken to be a length. It imports steering, shortening and layers below them;
+it knows neither noise nor control.
 """

@@ -25,10 +25,11 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
-from pirrht.planner.archive import BROKEN, Arrays, checksum, read_arrays
-from pirrht.planner.checks import check
-from pirrht.planner.graph import Graph
+from pirrht.planner.checks import BROKEN, Arrays, check, checksum, read_arrays
+from pirrht.planner.graph import Graph, Vertices
+from pirrht.planner.storage import Storage
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
 
 FORMAT, UNSIGNED = 2, 1  # the second has no checksum: trees of 0.1 and 0.2
@@ -100,8 +101,8 @@ def load(
         )
         tree.draws = int(about["draws"])
     except (OSError, *UNREADABLE) as error:
-        raise OptionError(f"{name} is a damaged tree ({_line(error)}); make it anew with `pirrht plan -o`") from None
-    tree.graph, tree.states, tree.in_goal = _roomy(arrays)
+        raise OptionError(f"{name} is a damaged tree ({_line(error)}); make it anew with `pirrht plan`") from None
+    tree.storage = _roomy(arrays)
     return tree
 
 
@@ -140,18 +141,16 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
         about = json.loads(str(arrays.pop("about")))
         known, version = about["format"], about["version"]
     except (OSError, *BROKEN) as error:
-        raise OptionError(
-            f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan SCENE -o FILE`"
-        ) from None
+        raise OptionError(f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan`") from None
     except UNREADABLE:  # in words of NumPy's that help nobody here
-        raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`") from None
+        raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan`") from None
     if known not in (FORMAT, UNSIGNED):
         raise OptionError(
             f"{name} was written by pirrht {version} in format {known}; this is {pirrht.__version__} with "
             f"format {FORMAT}: make it anew"
         )
     if known == FORMAT and about.pop("checksum", None) != checksum(arrays, about):
-        raise OptionError(f"{name} is a damaged tree (its checksum is another); make it anew with `pirrht plan -o`")
+        raise OptionError(f"{name} is a damaged tree (its checksum is another); make it anew with `pirrht plan`")
     return about, arrays
 
 
@@ -160,9 +159,9 @@ def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[Bi
         return nullcontext(file)
     why = why_unreadable(Path(file))
     if why == MISSING:
-        raise OptionError(f"{name} does not exist; make it with `pirrht plan SCENE -o {name}`")
+        raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
     if why is not None:
-        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan SCENE -o FILE`")
+        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
     return Path(file).open("rb")
 
 
@@ -191,11 +190,11 @@ def _used(graph: Graph, name: str) -> Any:
     return array[: pairs if name in g.EDGE_PAIRS else edges if name in g.EDGES else vertices]
 
 
-def _roomy(arrays: Arrays) -> tuple[Graph, Any, Any]:
-    """The graph, states and goal marks with room to grow."""
+def _roomy(arrays: Arrays) -> Storage:
+    """Copy arrays to where there is room to grow."""
     vertices, edges, _, _, pairs = (int(v) for v in arrays["size"])
     M, (_, K, C) = arrays["straight"].shape[1], arrays["marker"].shape
-    graph = g.empty_graph(_room(256, vertices), _room(8192, max(edges, pairs)), K, M)
+    graph = g.empty_graph(_room(TUNING.vertices, vertices), _room(TUNING.edges, max(edges, pairs)), K, M)
     room = len(graph.nodes)
     graph = graph._replace(
         marker=np.zeros((room, K, C), graph.marker.dtype), turn=np.zeros((room, K, C), graph.turn.dtype)
@@ -205,7 +204,7 @@ def _roomy(arrays: Arrays) -> tuple[Graph, Any, Any]:
             getattr(graph, name)[tuple(slice(0, length) for length in array.shape)] = array
     states, in_goal = np.zeros((room, arrays["states"].shape[1])), np.zeros(room, np.bool_)
     states[:vertices], in_goal[:vertices] = arrays["states"], arrays["in_goal"]
-    return graph, states, in_goal
+    return Storage(Vertices(states, in_goal), graph)
 
 
 def _room(least: int, count: int) -> int:

@@ -19,11 +19,41 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_int32, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.planner.tuning import TUNING
 from pirrht.topology.crossings import spread
 
-ROOT = -1
-PAIRS = 16  # room for so many (marker, turn) pairs of a class, to begin with
-LINE = 64  # bytes that a processor fetches at once
+ROOT = -1  # in place of the edge to a parent
+
+
+class Vertices(NamedTuple):
+    """States of vertices, with room to grow."""
+
+    states: Array  # (V, n), x and y first [m]
+    in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal
+
+
+class Status(NamedTuple):
+    """Answers of kernels: done, or what they need first."""
+
+    done: int = 0
+    nodes_full: int = 1  # these three must be given more room before costs are right
+    queue_full: int = 2
+    pairs_full: int = 3
+    new: int = 4  # a node has been added
+    ask: int = 5  # the next draw takes FCL or more room
+
+
+class Size(NamedTuple):
+    """Entries of `Graph.size`."""
+
+    vertices: int = 0
+    edges: int = 1
+    queue: int = 2
+    refill: int = 3
+    pairs: int = 4
+
+
+STATUS, SIZE = Status(), Size()
 
 
 class Graph(NamedTuple):
@@ -76,7 +106,6 @@ NEXT_IN, TAIL, NEXT_OUT, HEAD = _index(EDGE, "next_in", "tail", "next_out", "hea
 EDGE_COST, EDGE_KEY = _index(EDGE, "edge_cost", "edge_key")
 COST, KEY, PARENT, NODE_PAIR_COUNT = _index(NODE, "cost", "key", "parent", "pairs")
 VERTEX_BYTES, EDGE_BYTES, NODE_BYTES = VERTEX.itemsize, EDGE.itemsize, NODE.itemsize
-VERTEX_COUNT, EDGE_COUNT, QUEUE_COUNT, REFILL_COUNT, PAIR_COUNT = range(5)  # entries of `size`
 
 # Arrays that grow together.
 EDGES = ("edge_first", *(EDGE.names or ()))
@@ -132,8 +161,8 @@ class Places(Addresses):
 
 def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
     """Zeros that begin where a line does."""
-    raw = np.zeros(count * dtype.itemsize + LINE, np.uint8)
-    begin = -raw.ctypes.data % LINE
+    raw = np.zeros(count * dtype.itemsize + 64, np.uint8)  # a processor fetches 64 bytes at once
+    begin = -raw.ctypes.data % 64
     return raw[begin : begin + count * dtype.itemsize].view(dtype)
 
 
@@ -155,7 +184,7 @@ def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
 
 def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
     """Room for so many vertices V, edges E, of as many pairs P, and nodes per vertex K, of C = min(M, 16) pairs."""
-    C = min(M, PAIRS)
+    C = min(M, TUNING.pairs)
     return Graph(
         size=np.zeros(5, np.int64),
         pruned=np.zeros(1, np.int64),
@@ -230,25 +259,6 @@ def is_root(vertex):  # type: ignore[no-untyped-def]
 def find(at, vertex, key):  # type: ignore[no-untyped-def]
     """Slot of the class of a key at a vertex (an index), -1 if it has none."""
     return slot_of(vertex_at(at, vertex), key)
-
-
-def edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
-    """Whole turns (E,) [turns] that prepending each edge adds around one obstacle (an index); 0 in spare room."""
-    used = int(graph.size[4])
-    found = np.flatnonzero(graph.edge_marker[:used] == obstacle)
-    turns = np.zeros(len(graph.tail), dtype=np.int64)
-    turns[np.searchsorted(graph.edge_first[: graph.size[1] + 1], found, side="right") - 1] = graph.edge_turn[found]
-    return turns
-
-
-def node_turns_around(
-    graph: Graph, vertex: NDArray[np.int64], slot: NDArray[np.int64], obstacle: int
-) -> NDArray[np.int64]:
-    """The integers (k,) [turns] that the classes of nodes, vertex (k,) and slot (k,), have around one obstacle."""
-    known = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
-    match = known & (graph.marker[vertex, slot] == obstacle)
-    turns: NDArray[np.int64] = np.sum(graph.turn[vertex, slot] * match, axis=1, dtype=np.int64)
-    return turns
 
 
 def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:

@@ -11,13 +11,8 @@ from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoReference
 from pirrht.geometry.field import clearances
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.topology.signature import hash_weights
-
-FACTOR = 1.25  # a way of no more than so many times the shortest matters
-POINTS = (4000, 16_000, 64_000)  # of the lattice on which ways are measured: the first on which there is one
-NEIGHBOURS = 2.3  # points that are so many spacings apart are connected: in the open ways are at most 3 % too long
-NOWHERE = -9999  # what SciPy has before the first point of a way
-START, GOAL = 0, 1  # numbers of the first points
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,7 +23,7 @@ class LeftOut:
     limit: float  # the least H_limit that allows it [turns]
 
 
-def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftOut]:
+def left_out(tree: HomologyTree, x: Array, factor: float = TUNING.left_out_factor) -> list[LeftOut]:
     """The classes of ways from x (n,) that H_limit leaves out and that the robot might want, shortest first.
 
     Ways lead to any point by the shortest way and on to the goal by the shortest way; those of at most `factor` times
@@ -37,15 +32,15 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
     """
     if tree.steering.timed or tree.homology.M == 0 or _surely_none(tree, x, factor):
         return []
-    for count in POINTS:
+    for count in TUNING.lattices:
         points, before, length = _shortest_ways(tree, x[:2], count)
         whole = length.sum(axis=0)
-        if math.isfinite(whole[START]):
+        if math.isfinite(whole[0]):
             break
     else:
         return []
-    near = np.flatnonzero(whole <= factor * whole[START])
-    to, on = (_turns(points, before[row], tree.homology.markers, near) for row in (START, GOAL))
+    near = np.flatnonzero(whole <= factor * whole[0])
+    to, on = (_turns(points, before[row], tree.homology.markers, near) for row in (0, 1))
     to *= -1.0  # both are turns from a point to the end of its row
     windings = np.rint(to + on - tree.homology.base(x)).astype(np.int64)
     keys = windings @ hash_weights(tree.homology.M)
@@ -55,9 +50,9 @@ def left_out(tree: HomologyTree, x: Array, factor: float = FACTOR) -> list[LeftO
     found = []
     for row in order[first].tolist():
         limit = 0.0
-        for k in _back(before[START], int(near[row])):
+        for k in _back(before[0], int(near[row])):
             limit = max(limit, float(np.abs(to[row] - to[number[k]] + on[row]).max()))
-        for k in _back(before[GOAL], int(near[row])):
+        for k in _back(before[1], int(near[row])):
             limit = max(limit, float(np.abs(on[number[k]]).max()))
         if limit > tree.limit:
             found.append(LeftOut(length=float(whole[near[row]]), limit=limit))
@@ -98,7 +93,7 @@ def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array,
     points = np.vstack([start, scene.goal.center, tree.passages.axis[:, :2], grid])
     free, own = np.empty(len(points)), len(points) - len(grid)
     clearances(tree.space.field, points, free)
-    tail, head = cKDTree(points).query_pairs(NEIGHBOURS * spacing, output_type="ndarray").T
+    tail, head = cKDTree(points).query_pairs(TUNING.neighbours * spacing, output_type="ndarray").T
     length = np.hypot(*(points[tail] - points[head]).T)
     open_ = (free[tail] > 0.0) & (free[head] > 0.0)
     # Two discs of free space that overlap hold the line between them; on axes of passages they may be too small.
@@ -106,7 +101,7 @@ def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array,
     asked = np.flatnonzero(open_ & ~sure & ((tail < own) | (head < own)))
     sure[asked] = collision.segments_free(points[tail[asked]], points[head[asked]])
     graph = csr_matrix((length[sure], (tail[sure], head[sure])), shape=(len(points), len(points)))
-    found, before = dijkstra(graph, directed=False, indices=[START, GOAL], return_predecessors=True)
+    found, before = dijkstra(graph, directed=False, indices=[0, 1], return_predecessors=True)
     return points, before, found
 
 
@@ -114,7 +109,7 @@ def _turns(points: Array, before: IntArray, markers: Array, near: IntArray) -> A
     """Turns about markers (M, 2) of the ways from points `near` (k,) back to the first of all, (k, M) [turns]."""
     index = np.full(len(points), -1)
     index[near] = np.arange(len(near))
-    parent = np.where(before[near] == NOWHERE, np.arange(len(near)), index[np.maximum(before[near], 0)])
+    parent = np.where(before[near] < 0, np.arange(len(near)), index[np.maximum(before[near], 0)])
     a, b = points[near][:, None] - markers, points[near][parent][:, None] - markers
     turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1)) / (2.0 * np.pi)
     while np.any(parent != parent[parent]):  # the way doubles each time
@@ -126,6 +121,6 @@ def _turns(points: Array, before: IntArray, markers: Array, near: IntArray) -> A
 def _back(before: IntArray, k: int) -> list[int]:
     """Points from k back to the first of all, both included."""
     chain = [k]
-    while before[chain[-1]] != NOWHERE:
+    while before[chain[-1]] >= 0:
         chain.append(int(before[chain[-1]]))
     return chain

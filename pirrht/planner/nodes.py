@@ -23,11 +23,9 @@ from pirrht.jit.addresses import (
 )
 from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
-from pirrht.planner.queue import push
-from pirrht.planner.status import DONE, NEW, NODES_FULL, PAIRS_FULL, QUEUE_FULL
+from pirrht.planner.graph import STATUS
+from pirrht.planner.tuning import TUNING
 from pirrht.topology.crossings import summed
-
-TIE = 1e-12  # costs closer than this are equal: rounding must not make two nodes replace each other forever
 
 
 class SearchRules(NamedTuple):
@@ -35,6 +33,7 @@ class SearchRules(NamedTuple):
 
     limit: float  # H_limit of the allowed set |1 - H_i| <= H_limit, asked at every vertex [turns]
     classes: int  # K: the most classes of a vertex, the cheapest; 0 keeps all
+    bases_allowed: bool  # whether no base breaks the limit: then only obstacles that a class turns around can
     mirrored: bool  # whether every edge may be driven the other way round at the same cost
 
 
@@ -52,10 +51,10 @@ class Candidate(NamedTuple):
 def ask_again(at, v):  # type: ignore[no-untyped-def]
     """Note, in `refill` and `waiting` (V,), that vertex v must ask its successors for their nodes."""
     if load_int8(at.waiting, v) == 0:
-        count = load_int64(at.size, g.REFILL_COUNT)
+        count = load_int64(at.size, g.SIZE.refill)
         store_int8(at.waiting, v, 1)
         store_int32(at.refill, count, v)
-        store_int64(at.size, g.REFILL_COUNT, count + 1)
+        store_int64(at.size, g.SIZE.refill, count + 1)
 
 
 @kernel
@@ -134,9 +133,10 @@ def joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignor
 
 
 @kernel
-def admits(straight, M, marker, turn, count, limit):  # type: ignore[no-untyped-def]
+def admits(straight, M, marker, turn, count, rules):  # type: ignore[no-untyped-def]
     """Whether a class is allowed where straight lines have the signature at an address (M,)."""
-    if limit >= 0.5:  # a straight line turns at most half: only what turns more can break the limit
+    limit = rules.limit
+    if rules.bases_allowed:
         for i in range(count):  # noqa: SIM110
             if abs(load_float64(straight, marker[i]) + turn[i]) > limit:
                 return False
@@ -167,7 +167,7 @@ def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
     count = load_int32(vertex, g.COUNT)
     if K == 0 or count < K:
         return False
-    outdone = offer.cost >= load_float64(g.node_at(vertex, _costliest(vertex, count)), g.COST) - TIE
+    outdone = offer.cost >= load_float64(g.node_at(vertex, _costliest(vertex, count)), g.COST) - TUNING.cost_tie
     if outdone:
         store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
     return outdone
@@ -175,19 +175,19 @@ def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
 
 @kernel
 def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
-    """The part of AppendNode that concerns a class which the vertex does not know: NEW, DONE or what must grow."""
+    """Append a node of a class that the vertex does not know: new, done (refused), or what must grow first."""
     e = offer.edge
     marker, turn, many = joined(
         at, offer.source, offer.slot, at.edge_marker, at.edge_turn, load_int64(at.edge_first, e),
         load_int64(at.edge_first, e + 1),
     )  # fmt: skip
-    if rules.limit < 0.5:  # `append` has not asked
-        if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules.limit):
-            return DONE
+    if not rules.bases_allowed:  # `append` has not asked
+        if not admits(at.straight + 8 * at.M * v, at.M, marker, turn, many, rules):
+            return STATUS.done
         if _is_outdone(at, v, offer, rules):
-            return DONE
+            return STATUS.done
     if many > at.C:
-        return PAIRS_FULL
+        return STATUS.pairs_full
     vertex, K = g.vertex_at(at, v), rules.classes
     count = load_int32(vertex, g.COUNT)
     if K > 0 and count >= K:
@@ -204,32 +204,75 @@ def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
         store_int32(at.marker, begin + k, marker[k])
         store_int16(at.turn, begin + k, turn[k])
     store_int32(vertex, g.COUNT, count + 1)
-    return NEW
+    return STATUS.new
+
+
+@inlined
+def push(at, cost, vertex, key):  # type: ignore[no-untyped-def]
+    """Add a node that is to be propagated by its cost [cost], vertex and key of its class; there must be room."""
+    i = load_int64(at.size, g.SIZE.queue)
+    store_int64(at.size, g.SIZE.queue, i + 1)
+    while i > 0:
+        up = (i - 1) // 2
+        if load_float64(at.queue_cost, up) <= cost:
+            break
+        _move(at, up, i)
+        i = up
+    store_float64(at.queue_cost, i, cost)
+    store_int32(at.queue_vertex, i, vertex)
+    store_int64(at.queue_key, i, key)
+
+
+@inlined
+def _move(at, source, target):  # type: ignore[no-untyped-def]
+    store_float64(at.queue_cost, target, load_float64(at.queue_cost, source))
+    store_int32(at.queue_vertex, target, load_int32(at.queue_vertex, source))
+    store_int64(at.queue_key, target, load_int64(at.queue_key, source))
+
+
+@inlined
+def pop(at):  # type: ignore[no-untyped-def]
+    """Take the cheapest node out of a queue that has one: cost [cost], vertex, key of its class."""
+    cost, vertex, key = load_float64(at.queue_cost, 0), load_int32(at.queue_vertex, 0), load_int64(at.queue_key, 0)
+    last = load_int64(at.size, g.SIZE.queue) - 1
+    store_int64(at.size, g.SIZE.queue, last)
+    moved = load_float64(at.queue_cost, last)
+    i = 0
+    while 2 * i + 1 < last:
+        child = 2 * i + 1
+        if child + 1 < last and load_float64(at.queue_cost, child + 1) < load_float64(at.queue_cost, child):
+            child += 1
+        if load_float64(at.queue_cost, child) >= moved:
+            break
+        _move(at, child, i)
+        i = child
+    _move(at, last, i)
+    return cost, vertex, key
 
 
 @inlined
 def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
     """AppendNode: give vertex v a node if it is new or cheaper, and queue it.
 
-    What must grow first, or DONE, also if the node is dominated, blocked or pruned.
+    Returns what must grow first, or done, also if the node is dominated, blocked or pruned.
     """
     vertex = g.vertex_at(at, v)
     if rules.classes == 0 and load_int32(vertex, g.COUNT) >= at.K:
-        return NODES_FULL
-    if load_int64(at.size, g.QUEUE_COUNT) + 1 >= at.queue_room:
-        return QUEUE_FULL
+        return STATUS.nodes_full
+    if load_int64(at.size, g.SIZE.queue) + 1 >= at.queue_room:
+        return STATUS.queue_full
     known = g.slot_of(vertex, offer.key)
     if known >= 0:
         node = g.node_at(vertex, known)
-        if offer.cost >= load_float64(node, g.COST) - TIE:
-            return DONE
+        if offer.cost >= load_float64(node, g.COST) - TUNING.cost_tie:
+            return STATUS.done
         store_float64(node, g.COST, offer.cost)
         store_int32(node, g.PARENT, offer.edge)
     else:
-        if rules.limit >= 0.5 and (_exceeds(at, v, offer, rules.limit) or _is_outdone(at, v, offer, rules)):
-            return DONE
+        if rules.bases_allowed and (_exceeds(at, v, offer, rules.limit) or _is_outdone(at, v, offer, rules)):
+            return STATUS.done
         result = _insert(at, v, offer, rules)
-        if result != NEW:
+        if result != STATUS.new:
             return result
     push(at, offer.cost, v, offer.key)
-    return DONE
+    return STATUS.done

@@ -1,4 +1,8 @@
-"""The expansion phase: a goal-rooted tree in the H-augmented space, and the references it gives (Algorithms 1-3, 5)."""
+"""The expansion phase: Algorithms 1 to 3 of the paper grow a goal-rooted tree in the H-augmented space.
+
+Comments give the paper's lines. Draws of which nothing is doubtful run through the same steps in one kernel,
+`expand.grow`. Costs that a new vertex changes are relaxed by `rewire.relax`.
+"""
 
 from __future__ import annotations
 
@@ -7,30 +11,26 @@ from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.passages import Passages, find_passages
+from pirrht.geometry.passages import Passages
 from pirrht.jit.pointers import address_of
-from pirrht.planner import graph as g
-from pirrht.planner import plot as tree_plot
-from pirrht.planner.around import Neighbourhood
-from pirrht.planner.asking import ReferenceQuery
-from pirrht.planner.extend import Vertices, grow, insert, proposer
+from pirrht.jit.threads import mapped
+from pirrht.planner import references
+from pirrht.planner.expand import PassageSampler, grow, insert, near_count, proposer
+from pirrht.planner.graph import STATUS, Graph
 from pirrht.planner.nodes import SearchRules
-from pirrht.planner.offers import PassageSampler
-from pirrht.planner.reference import Reference
-from pirrht.planner.search import reaches, relax
-from pirrht.planner.status import ASK, DONE, NODES_FULL, PAIRS_FULL, QUEUE_FULL
-from pirrht.steering.edges import NO_EDGES, Edges
+from pirrht.planner.references import Reference
+from pirrht.planner.rewire import reaches
+from pirrht.planner.storage import Storage
+from pirrht.planner.tuning import TUNING, PlannerTuning
+from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, joined
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Compiled, Steering
-
-GOAL_SHARE = 0.02  # share of the draws that go to the goal's disc, which uniform draws would rarely hit
-DRAWS_PER_VERTEX, HURRIED = 50, 40  # HURRIED: draws, a few milliseconds
-MORE = {NODES_FULL: (g.NODES, 1), QUEUE_FULL: (g.QUEUE, 0), PAIRS_FULL: (g.NODE_PAIRS, 2)}
 
 
 class HomologyTree:
@@ -40,8 +40,8 @@ class HomologyTree:
 
     Args:
         space: the examined scene.
-        steering: the obstacle-blind two-point optimum.
-        limit: H_limit [turns] of the allowed set |1 - H_i| <= H_limit, asked at every vertex.
+        steering: the obstacle-blind two-point optimum, which names the signature of its paths as well.
+        limit: H_limit [turns] of the allowed set |1 - H_i| <= H_limit, checked at every vertex.
         classes: keep at most so many cheapest classes per vertex; 0 keeps all.
         rng: source of the random states.
 
@@ -64,18 +64,13 @@ class HomologyTree:
         ['0', '-1']
 
     Raises:
-        OptionError: the limit is not positive, classes is negative, or the steering is of no states in the plane.
+        OptionError: the limit is not positive, classes is negative, or the steering has no roots.
     """
 
     def __init__(
-        self,
-        space: FreeSpace,
-        steering: Steering,
-        *,
-        limit: float = 0.6,
-        classes: int = 16,
-        rng: np.random.Generator,
-    ) -> None:
+        self, space: FreeSpace, steering: Steering, *, limit: float = 0.6, classes: int = 16, rng: np.random.Generator,
+        tuning: PlannerTuning = TUNING,
+    ) -> None:  # fmt: skip
         if not (np.isfinite(limit) and limit > 0):
             raise OptionError(f"the limit H_limit is {limit:g}; it must be positive (0.5 < limit < 1 is usual)")
         if classes < 0:
@@ -86,29 +81,220 @@ class HomologyTree:
                 f"{type(steering).__name__}: n is {steering.n} and its roots are {roots.shape}; a tree in the plane "
                 "takes states of 2 numbers or more, x and y first, and roots (k, n)"
             )
-        self.space, self.steering, self.rng = space, steering, rng
-        self.rules = SearchRules(float(limit), int(classes), bool(steering.symmetric))
-        self.around = Neighbourhood.of(space, steering)
-        self.homology = self.around.homology
-        self._compiled = steering.compiled
-        self._remembering = steering.remembering(self.around.checker.around)
-        self.states = np.zeros((256, steering.n))
-        self.in_goal = np.zeros(256, dtype=np.bool_)
-        self.graph = g.empty_graph(256, 8192, max(1, classes) if classes else 8, self.homology.M)
+        self.space, self.steering, self.rng, self.tuning = space, steering, rng, tuning
+        self.homology = steering.homology(space)
+        bases_allowed = limit >= self.homology.most_base
+        self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
+        self.checker = EdgeChecker.of(space, steering)
+        self.storage = Storage.empty(steering.n, self.homology.M, max(1, classes) if classes else 8)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
+        self._compiled = steering.compiled
+        self._remembering = steering.remembering(self.checker.around)
         for x in roots:
-            self._write(x, root=True)
-            self._insert(self.around.straight(x), NO_EDGES, NO_EDGES)
+            self.storage.write(x, True)
+            self._insert(x, NO_EDGES, NO_EDGES)
+
+    # -- Algorithm 1: Expansion ------------------------------------------------------------------------------------
+
+    def grow(
+        self, vertices: int, *, progress: Callable[[int], None] | None = None,
+        enough: Callable[[int], bool] | None = None,
+    ) -> None:  # fmt: skip
+        """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
+
+        Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
+
+        Args:
+            progress: called with the number of vertices after every batch of draws.
+            enough: called after every few draws with the number of vertices; true: the tree stays as it is.
+        """
+        budget = self.tuning.draws_per_vertex * max(0, vertices - self.size)
+        most = budget if enough is None else self.tuning.draws_in_time
+        while self.size < vertices and budget > 0:  # line 2
+            if enough is not None and enough(self.size):
+                return
+            self._passage_draws.note(self.states[: self.size])
+            count = min(vertices - self.size, budget, most, self._passage_draws.together(self.draws))
+            budget -= count
+            self.extend_by(self._sampling(count))  # line 3
+            if progress is not None:
+                progress(self.size)
+
+    def extend_by(self, draws: Array) -> None:
+        """Expand by each of the states (k, n) in turn; in compiled code, as far as that can decide."""
+        i = 0
+        while i < len(draws):
+            before = i
+            i, status = self._grown(draws, i)
+            self.draws += i - before
+            if status == STATUS.ask:
+                if i < len(draws):
+                    self.extend(draws[i])
+                i += 1
+            elif status != STATUS.done:
+                self.storage.relax(self.rules)
+
+    def extend(self, x: Array) -> bool:
+        """Expand by a random state x (n,); return whether it became a vertex (Algorithm 1, lines 4 to 12)."""
+        self.draws += 1
+        if not self.space.free(x):
+            return False
+        root = self.space.in_goal(x)  # line 4
+        edges = NO_EDGES  # line 5: AddRoot
+        if not root:
+            edges = self.choose_parent(x)  # line 7
+            if not reaches(self.storage.places, self.homology.base(x), edges, self.rules):  # line 9
+                return False
+        v = self.storage.write(x, root)
+        back = self.rewire(v) if root or not self.rules.mirrored else edges  # line 11
+        self._insert(x, edges, back)  # line 10
+        self.storage.relax(self.rules)  # Algorithm 2, lines 6 to 8; Algorithm 3, lines 8 to 17
+        return True
+
+    def _sampling(self, count: int) -> Array:
+        """Draw states (count, n): in passages that have no vertex yet, or random (Sampling)."""
+        offered = [self._passage_draws.at(self.draws + k) for k in range(count)]
+        random = [k for k, x in enumerate(offered) if x is None]
+        drawn = np.empty((count, self.states.shape[1]))
+        drawn[random] = self.steering.draws(self.space, self.rng, len(random), self.origin, self.tuning.goal_share)
+        for k, x in enumerate(offered):
+            if x is not None:
+                drawn[k] = x
+        return drawn
+
+    def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
+        """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
+        self.storage.make_room(edges, back)
+        storage, around = self.storage, self.checker.around
+        insert(storage.places, storage.vertices, self.homology.base(x), edges, back, around, self.rules)
+
+    # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
+
+    def choose_parent(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
+        """Judge edges from x (n,) to the vertices near it, at least so many (Algorithm 2).
+
+        AppendNode (lines 6 to 8) is part of the relaxation, once the state is a vertex.
+        """
+        near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
+
+        def edges(near: NDArray[np.int64]) -> Edges:
+            motions = self.steering.connect(_repeated(x, len(near)), self.states[near])  # line 3: TPBVP
+            return self.checker.inspect(motions, self.in_goal[near], near)  # lines 4 and 5: ObstacleFree
+
+        if threads == 1 or len(near) < self.tuning.shared_edges:
+            return edges(near)
+        return joined(mapped(edges, np.array_split(near, 2 * threads), threads))
+
+    # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
+
+    def rewire(self, v: int) -> Edges:
+        """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7).
+
+        The search over the queue (lines 8 to 17) is the relaxation, once these are edges.
+        """
+        x, in_goal = self.states[v], self.in_goal
+        near = self._near(x, self.states[: v + 1], forward=False)  # line 1
+        near = near[(near != v) & ~in_goal[near]]
+        motions = self.steering.connect(self.states[near], _repeated(x, len(near)))  # line 3: TPBVP
+        return self.checker.inspect(motions, np.full(len(near), in_goal[v]), near)  # lines 4 and 5: ObstacleFree
+
+    def _near(self, x: Array, states: Array, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
+        """Find vertices near x (n,) among states (V, n), at least so many (NearForward and NearBackward)."""
+        count = max(near_count(len(states), self.steering.n), least)
+        return self.steering.nearest(states, x, count, forward=forward)
+
+    # -- Algorithm 5: ExtractReference -----------------------------------------------------------------------------
+
+    def references(
+        self, x: Array, *, polished: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None,
+        pressed: Callable[[], bool] = lambda: False, threads: int = 1, most: int | None = None,
+    ) -> list[Reference]:  # fmt: skip
+        """Best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
+
+        Args:
+            x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
+            polished: shorten paths inside their class.
+            before: shortened paths by winding, from a state not far from x: where that is faster shortening goes on
+                from them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space
+                and time only the cheapest few are then shortened at once.
+            pressed: whether time is short; then paths of such other classes stay as the tree has them.
+            threads: among which work is shared out; the result does not depend on it.
+            most: classes that are evaluated, those that seem cheapest before paths are shortened; None: all.
+
+        Raises:
+            NoReference: no allowed class reaches the goal from x.
+        """
+        x = self.steering.vertex_of(x)
+        query = references.ReferenceQuery(self, polished, before or {}, pressed, threads, most)
+        return query.extract(x)
+
+    def at(self, x: Array, time: float) -> Array:
+        """State to query it at, for a system's state x (n,) at a time [s]."""
+        return self.steering.at(x, time)
+
+    def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
+        """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
+        try:
+            return {found.winding: found.length for found in self.references(x, polished=False)}
+        except NoReference:
+            return {}
+
+    def too_fast(self, x: Array) -> bool:
+        """Tell whether a state (n,) of the system that has no reference would have one at rest."""
+        x = self.steering.vertex_of(x)
+        rest = self.steering.at_rest(x)
+        return not np.array_equal(rest, x) and bool(self.lengths(rest))
+
+    def path_of(self, vertex: int, slot: int) -> list[int]:
+        """Vertices from a node to its root, first to last (ReconstructPath)."""
+        return references.path_of(self.storage.places, vertex, slot)
+
+    # -- the rest --------------------------------------------------------------------------------------------------
+
+    def aim(self, x: Array) -> None:
+        """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""
+        self.origin = np.array(x, dtype=float)
+        self.__dict__.pop("_passage_draws", None)
+
+    def reserve(self, vertices: int) -> None:
+        """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
+        self._grown(self.states[:0], 0)
+        self.storage.reserve(vertices)
+
+    def _grown(self, draws: Array, i: int) -> tuple[int, int]:
+        """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
+        if self._compiled is None:
+            return i, STATUS.ask
+        values, storage = np.array(self._compiled.numbers), self.storage
+        given = (self._propose, storage.places, storage.vertices, draws, i, self._remembering, values, self.rules)
+        return cast(tuple[int, int], grow(*given))
+
+    @cached_property
+    def _propose(self) -> Any:
+        """Address of its `proposer`."""
+        nearest, connect, numbers = cast(Compiled, self._compiled)
+        known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
+        given = (self.storage.vertices, 1, self.states[0], *known, True, False, straight)
+        return address_of(proposer(nearest, connect, len(numbers), self.steering.motion.kernels), given)
+
+    @cached_property
+    def passages(self) -> Passages:
+        """Where obstacles face each other with room for the robot between."""
+        return self.space.passages()
+
+    @cached_property
+    def _passage_draws(self) -> PassageSampler:
+        return PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
+
+    states = property(lambda self: cast(Array, self.storage.vertices.states), doc="States of vertices, (V, n).")
+    in_goal = property(lambda self: self.storage.vertices.in_goal, doc="Whether a vertex is a root, (V,).")
+    size = property(lambda self: self.storage.size, doc="Number of vertices.")
 
     @property
-    def graph(self) -> g.Graph:
+    def graph(self) -> Graph:
         """The graph and its nodes; another one, with more room, whenever they are full."""
-        return self._places.graph
-
-    @graph.setter
-    def graph(self, graph: g.Graph) -> None:
-        self._places = g.Places.of(graph)
+        return self.storage.places.graph
 
     @property
     def limit(self) -> float:
@@ -121,146 +307,9 @@ class HomologyTree:
         return self.rules.classes
 
     @property
-    def size(self) -> int:
-        """Number of vertices."""
-        return int(self.graph.size[0])
-
-    @property
     def node_count(self) -> int:
         """Number of nodes, all classes of all vertices."""
         return int(self.graph.nodes[: self.size].sum())
-
-    def grow(
-        self, vertices: int, *,
-        progress: Callable[[int], None] | None = None, enough: Callable[[int], bool] | None = None,
-    ) -> None:  # fmt: skip
-        """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
-
-        Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
-
-        Args:
-            progress: called with the number of vertices after every batch of draws.
-            enough: asked after every HURRIED draws or fewer whether a tree of so many vertices stays as it is.
-        """
-        budget = DRAWS_PER_VERTEX * max(0, vertices - self.size)
-        most = budget if enough is None else HURRIED
-        while self.size < vertices and budget > 0:
-            if enough is not None and enough(self.size):
-                return
-            self._offers.note(self.states[: self.size])
-            count = min(vertices - self.size, budget, most, self._offers.together(self.draws))
-            budget -= count
-            self.extend_by(self._drawn(count))
-            if progress is not None:
-                progress(self.size)
-
-    def extend_by(self, draws: Array) -> None:
-        """As many iterations of Algorithm 1 with the states (k, n), the same as `extend` one by one and faster."""
-        i = 0
-        while i < len(draws):
-            before = i
-            i, status = self._grown(draws, i)
-            self.draws += i - before
-            if status == ASK:
-                if i < len(draws):
-                    self.extend(draws[i])
-                i += 1
-            elif status != DONE:
-                self._relax()
-
-    def _grown(self, draws: Array, i: int) -> tuple[int, int]:
-        """The draws from i on in compiled code: how many have been dealt with, and what comes next."""
-        if self._compiled is None:
-            return i, ASK
-        values = np.array(self._compiled.numbers)
-        given = (self._propose, self._places, self._vertices, draws, i, self._remembering, values, self.rules)
-        return cast(tuple[int, int], grow(*given))
-
-    @cached_property
-    def _propose(self) -> Any:
-        """The address of its `proposer`."""
-        nearest, connect, numbers = cast(Compiled, self._compiled)
-        known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
-        given = (self._vertices, 1, self.states[0], *known, True, False, straight)
-        return address_of(proposer(nearest, connect, len(numbers), self.steering.motion.kernels), given)
-
-    def aim(self, x: Array) -> None:
-        """From now on draw what is of use to a robot at x (n,), where that makes a difference (`Steering.draws`)."""
-        self.origin = np.array(x, dtype=float)
-        self.__dict__.pop("_offers", None)
-
-    def reserve(self, vertices: int) -> None:
-        """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
-        self._grown(self.states[:0], 0)
-        more = 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
-        while len(self.states) < vertices:
-            self._double_vertices()
-        self._make_room(int(more * self.graph.size[1]), int(more * self.graph.size[4]))
-
-    def extend(self, x: Array) -> bool:
-        """One iteration of Algorithm 1 with the state x (n,); whether it became a vertex."""
-        self.draws += 1
-        if not self.around.checker.point_free(x):
-            return False
-        straight, out = self.around.straight(x), NO_EDGES
-        root = bool(self.space.scene.goal.contains(x[:2]))
-        if not root:
-            out = self.around.edges_from(x, self._first(self.size))
-            if not reaches(self._places, straight, out, self.rules):
-                return False
-        v = self._write(x, root=root)
-        back = self.around.edges_to(self._first(v + 1)) if root or not self.rules.mirrored else out
-        self._insert(straight, out, back)
-        self._relax()
-        return True
-
-    def references(
-        self,
-        x: Array,
-        *,
-        polished: bool = True,
-        before: Mapping[tuple[int, ...], Motions] | None = None,
-        pressed: Callable[[], bool] = lambda: False,
-        threads: int = 1,
-        most: int | None = None,
-    ) -> list[Reference]:
-        """The best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
-
-        Args:
-            x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
-            before: polished paths by winding, from a state not far from x: where that is faster shortening goes on from
-                them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space and
-                time only the cheapest few are then polished at once.
-            pressed: whether time is short; then paths of such other classes stay as the tree has them.
-            threads: among which work is shared out; what is found does not depend on it.
-            most: classes that are looked at, those that seem cheapest before paths are shortened; None: all.
-
-        Raises:
-            NoReference: no allowed class reaches the goal from x.
-        """
-        x = self.steering.vertex_of(x)
-        return self._asked.references(x, polished=polished, before=before, pressed=pressed, threads=threads, most=most)
-
-    def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
-        """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
-        try:
-            return {found.winding: found.length for found in self.references(x, polished=False)}
-        except NoReference:
-            return {}
-
-    def at(self, x: Array, time: float) -> Array:
-        """State to query it at, for a system's state x (n,) at a time [s]."""
-        return self.steering.at(x, time)
-
-    def too_fast(self, x: Array) -> bool:
-        """Whether a state (n,) of the system that has no reference would have one at rest."""
-        x = self.steering.vertex_of(x)
-        rest = self.steering.at_rest(x)
-        return not np.array_equal(rest, x) and bool(self.lengths(rest))
-
-    def path_of(self, vertex: int, slot: int) -> list[int]:
-        """Vertices from a node to its root, first to last (ReconstructPath)."""
-        return self._asked.path_of(vertex, slot)
 
     def __repr__(self) -> str:
         scene, rules = shown.name(self.space.scene.name), self.rules
@@ -283,67 +332,12 @@ class HomologyTree:
             OptionError: matplotlib is not installed.
             NoReference: no allowed class reaches the goal from x.
         """
-        return tree_plot.draw(self, x, axes)
+        from pirrht.plotting import tree as drawing  # pictures are optional
 
-    @cached_property
-    def passages(self) -> Passages:
-        """Where obstacles face each other with room for the robot between."""
-        return find_passages(self.space.field, self.space.collision)
+        return drawing.draw(self, x, axes)
 
-    # -- growing -----------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _offers(self) -> PassageSampler:
-        return PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
-
-    def _drawn(self, count: int) -> Array:
-        """States (count, n) of the next draws: in passages that have no vertex yet, or random."""
-        offered = [self._offers.at(self.draws + k) for k in range(count)]
-        random = [k for k, x in enumerate(offered) if x is None]
-        drawn = np.empty((count, self.states.shape[1]))
-        drawn[random] = self.steering.draws(self.space, self.rng, len(random), self.origin, GOAL_SHARE)
-        for k, x in enumerate(offered):
-            if x is not None:
-                drawn[k] = x
-        return drawn
-
-    @property
-    def _vertices(self) -> Vertices:
-        return Vertices(self.states, self.in_goal)
-
-    @property
-    def _asked(self) -> ReferenceQuery:
-        vertices = self._first(self.size)
-        return ReferenceQuery(around=self.around, rules=self.rules, places=self._places, vertices=vertices)
-
-    def _first(self, count: int) -> Vertices:
-        """So many of the vertices, written but not yet inserted ones included."""
-        return Vertices(self.states[:count], self.in_goal[:count])
-
-    def _write(self, x: Array, *, root: bool) -> int:
-        """Write a state where the next vertex will be; its index."""
-        v = self.size
-        if v >= len(self.states):
-            self._double_vertices()
-        self.states[v], self.in_goal[v] = x, root
-        return v
-
-    def _insert(self, straight: Array, out: Edges, back: Edges) -> None:
-        """Make the state that has been written a vertex."""
-        self._make_room(len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker))
-        insert(self._places, self._vertices, straight, out, back, self.around.checker.around, self.rules)
-
-    def _double_vertices(self) -> None:
-        self.graph = g.doubled(self.graph, g.VERTICES + g.NODES)
-        self.states = np.vstack([self.states, np.zeros_like(self.states)])
-        self.in_goal = np.concatenate([self.in_goal, np.zeros_like(self.in_goal)])
-
-    def _make_room(self, edges: int, pairs: int) -> None:
-        while self.graph.size[1] + edges > len(self.graph.tail):
-            self.graph = g.doubled(self.graph, g.EDGES)
-        while self.graph.size[4] + pairs > len(self.graph.edge_marker):
-            self.graph = g.doubled(self.graph, g.EDGE_PAIRS)
-
-    def _relax(self) -> None:
-        while (status := relax(self._places, self.rules)) != DONE:
-            self.graph = g.doubled(self.graph, *MORE[status])
+def _repeated(x: Array, count: int) -> Array:
+    here = np.empty((count, len(x)))
+    here[:] = x
+    return here

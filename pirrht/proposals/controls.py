@@ -13,7 +13,7 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.half_spaces import beyond_linear, without
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.wall_drift import WallDrift
-from pirrht.rollouts.tables import FINER, ProposalTables
+from pirrht.rollouts.tables import FINER, LawRows, ProposalTables
 from pirrht.rollouts.ways import DesirabilityTubes, slope_along
 
 
@@ -84,32 +84,25 @@ class LinearFeedback(ProposalControl):
         return np.asarray(np.clip(modes + gains @ off + more, -guide.steep, guide.steep))
 
     def pack(self, leads: ProposalTables, h: int) -> None:
-        """Write the law to `ProposalTables.law` (H, T FINER, law_width(n, modes)), and the number of its rows."""
+        """Write `LawRows` of `ProposalTables.law` (H, T FINER, law_width), and the number of its rows."""
         guide = self.guide
         leads.led[h] = guide.length * FINER
-        T = len(guide.modes)
-        row = np.arange(T * FINER)
+        (T, modes), n = guide.modes.shape, guide.states.shape[1]
+        row, law = np.arange(T * FINER), LawRows.of(leads, h, n, modes)
         i, share = row // FINER, (row % FINER / FINER)[:, None]
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
-        parts = [(1.0 - share) * part[i] + share * part[then] for part in (guide.modes, guide.gains.reshape(T, -1))]
-        parts.append(self._states(i, share))
-        parts += [np.swapaxes(part, 1, 2)[i].reshape(len(row), -1) for part in (guide.share, guide.inverse)]
-        parts.append(guide.volume[i, None])
+        mean = (1.0 - share) * guide.modes[i] + share * guide.modes[then]
+        gains = (1.0 - share[:, :, None]) * guide.gains[i] + share[:, :, None] * guide.gains[then]
         if guide.half_spaces is not None:
-            d = guide.dynamics
-            gains = parts[1].reshape(-1, d.m, d.n)
+            B = guide.dynamics.B_c(guide.states[0])
             if guide.wall_drift is not None:
-                B = d.B_c(guide.states[0])
-                parts[0] = parts[0] - guide.wall_drift[0] @ B
+                mean = mean - guide.wall_drift[0] @ B
                 gains = gains - np.einsum("ij,kil->kjl", B, guide.wall_drift[1])
-            modes, gains, gates = without(guide.half_spaces, d.B_c(guide.states[0]), parts[0], gains)
-            parts[:2] = [modes, gains.reshape(len(row), -1)]
+            mean, gains, gates = without(guide.half_spaces, B, mean, gains)
             leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
-        parts[1] = np.swapaxes(parts[1].reshape(len(row), -1, guide.dynamics.n), 1, 2).reshape(len(row), -1)
-        table = np.hstack(parts)
-        width, n = table.shape[1], len(guide.metric)
-        law = leads.law[h]
-        law[:, :width], law[:, width], law[:, width + 1 : width + 1 + n] = table, guide.steep, guide.metric
+        law.mean[:], law.gains[:], law.state[:] = mean, np.swapaxes(gains, 1, 2), self._states(i, share)
+        law.deviation[:], law.inverse[:] = np.swapaxes(guide.share, 1, 2)[i], np.swapaxes(guide.inverse, 1, 2)[i]
+        law.log_det[:], law.steepest[:], law.metric[:] = guide.volume[i], guide.steep, guide.metric
 
     def _states(self, i: IntArray, share: Array) -> Array:
         """Return states (k, n) at shares (k, 1) of steps i (k,): linear, but for positions, whose velocity is."""

@@ -21,7 +21,34 @@ if TYPE_CHECKING:  # records of kernels: their homes need geometry, a proposal d
 
 
 class ProposalControl(ABC):
-    """A control u(x, s), (m,), that samples follow."""
+    """A control u(x, s), (m,), that samples follow, and the density of their noise.
+
+    To add a proposal, write one class with two methods. `__call__` tells the control at a state. `pack` writes row h
+    of the tables from which kernels draw noise, and by which they evaluate its density: a control sequence, a tube of
+    desirability, or a law with mean, feedback and covariance by step (`LawRows`). The estimator needs no more: every
+    proposal's density enters the denominator of every weight (`weights.log_weights`), so psi stays unbiased.
+
+    Examples:
+        Wider noise around a guide, for a system whose position no noise acts on:
+
+        >>> from dataclasses import dataclass
+        >>> import numpy as np
+        >>> from pirrht.proposals.controls import LinearFeedback
+        >>> from pirrht.rollouts.tables import LawRows
+        >>> @dataclass(frozen=True)
+        ... class Wider(ProposalControl):
+        ...     feedback: LinearFeedback
+        ...     scale: float
+        ...     def __call__(self, x, s):
+        ...         return self.feedback(x, s)
+        ...     def pack(self, leads, h):
+        ...         self.feedback.pack(leads, h)
+        ...         modes, n = self.feedback.guide.modes.shape[1], len(self.feedback.guide.metric)
+        ...         law = LawRows.of(leads, h, n, modes)
+        ...         law.deviation[:] *= self.scale
+        ...         law.inverse[:] /= self.scale
+        ...         law.log_det[:] += modes * np.log(self.scale)
+    """
 
     follows = True  # whether it depends on the state
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
@@ -24,12 +25,7 @@ FINER = 4  # rows of a law per step of the grid
 
 
 def law_width(n: int, modes: int) -> int:
-    """Numbers per row of the law of a system with n states, under noise of so many modes per step.
-
-    In this order: a (modes,), its slopes K' (n, modes), the state (n,) they are for, the deviation L' (modes, modes) of
-    the noise as a share of the passive one, its inverse, log det L, the greatest component of a, and weights (n,) of
-    squares that tell the nearest of these states.
-    """
+    """Numbers per row of the law of a system with n states, under noise of so many modes per step (`LawRows`)."""
     return modes + modes * n + n + 2 * modes * modes + 2 + n
 
 
@@ -93,12 +89,39 @@ class ProposalTables(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T FINER, law_width)
+    law: Array  # (H, T FINER, law_width) and more columns of a point's half-spaces: `LawRows`
     led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
     marks: RayTable  # moving markers by which classes of paths differ
     nearby: Nearby  # moving obstacles that may be near
     trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
+
+
+class LawRows(NamedTuple):
+    """Rows of one proposal's law, R = T FINER of them, as views into `ProposalTables.law`.
+
+    At a state x the noise of a step dt is drawn from N((a + K (x - x_ref)) dt, L L' dt) instead of N(0, I dt), where
+    no noise acts on the position. Kernels evaluate this density for every path, whichever proposal has drawn it.
+    """
+
+    mean: Array  # (R, modes) a [1/sqrt(s)]
+    gains: Array  # (R, n, modes) K'
+    state: Array  # (R, n) x_ref
+    deviation: Array  # (R, modes, modes) L'
+    inverse: Array  # (R, modes, modes) L'^-1
+    log_det: Array  # (R,) log det L
+    steepest: Array  # (R,) greatest component of the mean [1/sqrt(s)]
+    metric: Array  # (R, n) weights of squares that tell the nearest x_ref
+
+    @classmethod
+    def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
+        """Return the rows of proposal h for a system of n states under noise of so many modes per step."""
+        law = tables.law[h]
+        shapes = (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
+        ends = np.cumsum([math.prod(shape) for shape in shapes])
+        starts = np.concatenate([[0], ends[:-1]])
+        rows = zip(starts, ends, shapes, strict=True)
+        return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
 
 
 class Origin(NamedTuple):

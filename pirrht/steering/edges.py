@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
+from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
 from pirrht.steering.along_arcs import ARCS
 from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
@@ -81,11 +81,6 @@ class EdgeChecker:
             if self.motion.ask(record, i, self.space):
                 edges.status[i] = FREE
         return edges
-
-    def point_free(self, x: Array) -> bool:
-        """Tell whether the robot may be at a state (n,), of which the position (2,) [m] is judged."""
-        status = certify_point(self.space.field, x[0], x[1])
-        return bool(status == FREE or (status == UNSURE and self.space.collision.free(x[None, :2])[0]))
 
     def until_goal(self, path: Motions) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""

@@ -34,6 +34,8 @@ class Signature(ABC):
 
     named: int | None = None  # turns that a name gives at least: later zeros are left out; None: all of them
 
+    most_base: float = 0.5  # greatest magnitude of a base [turns]: a straight line in the plane turns at most half
+
     @property
     @abstractmethod
     def M(self) -> int:

@@ -18,7 +18,7 @@ from benchmarks.timing import interleaved, row
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.rehearsal import rehearse
 from sim.scenario import Scenario, prepare

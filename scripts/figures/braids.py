@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from figures import style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.ground import MOVER, outline
 from sim.drawing.colors import ClassColors

@@ -11,11 +11,11 @@ import numpy as np
 from figures import ground, style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
-from pirrht.planner.convergence import Convergence, grow
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, title
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence, grow
 
 VERTICES, NOTES = 1000, 250  # of the tree, as in the paper; notes of lengths taken on the way
 SHOWN = 8  # classes, the shortest first

@@ -11,7 +11,7 @@ import numpy as np
 from figures import style
 from figures.effort import Effort, Tick
 from pirrht.arrays import Array
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting.ground import outline
 from sim.drawing import strokes

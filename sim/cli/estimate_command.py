@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.control.methods import TREELESS
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from sim.cli import tables, warm
 from sim.cli.shared import check_outputs, planned, scenario_of, solving, unforeseen
 from sim.drive.truth import Truth

@@ -8,13 +8,13 @@ from pathlib import Path
 from pirrht.control.methods import TREELESS
 from pirrht.files import shown
 from pirrht.planner import file as tree_file
-from pirrht.planner.convergence import Convergence
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
 from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of
 from sim.files import write_json
 from sim.result import passages_json, plan_json
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence
 from sim.text import say, width
 
 
@@ -59,7 +59,7 @@ def plan(arguments: argparse.Namespace) -> int:
 
 def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
     """The grown tree, and the lengths of the best path per class from the start while it grew."""
-    from pirrht.planner.convergence import grow
+    from sim.scenario.convergence import grow
 
     tree, vertices = scenario.empty_tree(), scenario.settings.vertices
     with progress_bar("plan", vertices, " vertices") as bar:

@@ -15,7 +15,7 @@ from tqdm import tqdm
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.grid import Progress
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
 from sim.files import check_writable

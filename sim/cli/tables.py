@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.tuning import TUNING
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
 

@@ -15,8 +15,8 @@ from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
-from pirrht.planner.graph import ROOT, edge_turns_around, node_turns_around
-from pirrht.planner.reference import Reference
+from pirrht.planner.graph import ROOT, Graph
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
@@ -217,9 +217,9 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) 
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
     ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
-    turns = node_turns_around(graph, vertex, slot, obstacle).astype(float)
+    turns = _node_turns_around(graph, vertex, slot, obstacle).astype(float)
     ends[:, 0, 2] = 1.0 + graph.straight[vertex, obstacle] + turns
-    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - edge_turns_around(graph, obstacle)[edge]
+    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - _edge_turns_around(graph, obstacle)[edge]
     return ends, ends[:, :, 2].mean(axis=1)
 
 
@@ -298,3 +298,22 @@ def _belongs(space: FreeSpace, line: Array, key: int) -> bool:
         return False
     homology = space.homology
     return bool(space.scene.movers) or homology.key(homology.winding(line)) == key
+
+
+def _edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
+    """Whole turns (E,) [turns] that prepending each edge adds around one obstacle (an index); 0 in spare room."""
+    used = int(graph.size[4])
+    found = np.flatnonzero(graph.edge_marker[:used] == obstacle)
+    turns = np.zeros(len(graph.tail), dtype=np.int64)
+    turns[np.searchsorted(graph.edge_first[: graph.size[1] + 1], found, side="right") - 1] = graph.edge_turn[found]
+    return turns
+
+
+def _node_turns_around(
+    graph: Graph, vertex: NDArray[np.int64], slot: NDArray[np.int64], obstacle: int
+) -> NDArray[np.int64]:
+    """The integers (k,) [turns] that the classes of nodes, vertex (k,) and slot (k,), have around one obstacle."""
+    known = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
+    match = known & (graph.marker[vertex, slot] == obstacle)
+    turns: NDArray[np.int64] = np.sum(graph.turn[vertex, slot] * match, axis=1, dtype=np.int64)
+    return turns

@@ -19,8 +19,7 @@ from pirrht.errors import OptionError
 from pirrht.files import replaced
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal
-from pirrht.planner.convergence import Convergence
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.plotting import ground
 from pirrht.plotting.ground import MOVER
@@ -30,6 +29,7 @@ from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
 from sim.scenario import Scenario
+from sim.scenario.convergence import Convergence
 
 INK = "#222222"
 TREE = "#9aa3ab"  # no colour of a class

@@ -21,7 +21,7 @@ from pirrht.exact.optimal import Optimal
 from pirrht.freespace import FreeSpace
 from pirrht.planner import file as tree_file
 from pirrht.planner.left_out import left_out
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drive import episode, realtime
 from sim.drive.executor import Executor

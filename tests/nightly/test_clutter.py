@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
 from pirrht.topology.obstacles import Component

@@ -11,8 +11,8 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.moving.collision import MovingObstacles
+from pirrht.planner.references import apart_of
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.valleys import apart_of
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator

@@ -9,7 +9,7 @@ from unit.pirrht.rollouts.test_car_steps import STEP, case
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.trajectory import running_cost

@@ -20,8 +20,9 @@ from pirrht.control.proposals import ProposalBuilder
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
-from pirrht.planner.reference import Reference
-from pirrht.planner.tree import HURRIED, HomologyTree
+from pirrht.planner.references import Reference
+from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
@@ -174,7 +175,7 @@ def test_a_tree_that_is_grown_anew_is_as_large_as_is_enough(few):
     _, space = among()
     tree = by_velocity(space).at(START, 0.0, lambda vertices: vertices >= few).tree
     assert tree is not None
-    assert min(few, 200) <= tree.size <= min(few + HURRIED, 200)
+    assert min(few, 200) <= tree.size <= min(few + TUNING.draws_in_time, 200)
     assert few == 0 or tree.references(np.array([*START, 0.0]))
 
 

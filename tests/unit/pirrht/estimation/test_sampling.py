@@ -84,68 +84,52 @@ def test_a_single_sample_knows_its_value_up_to_lambda(strip):
     assert np.all(np.isfinite(estimate.control_error))
 
 
+def learn(allocation: Allocation, **contributions: float) -> None:
+    """Learn from an estimate to whose weight a single sample per class contributes."""
+    rollouts = SimpleNamespace(leads=SimpleNamespace(first=np.arange(len(contributions) + 1)))
+    weight = np.array([*contributions.values()])
+    batch = SimpleNamespace(proposals=[SimpleNamespace(name=name) for name in contributions])
+    allocation.learn(batch, SimpleNamespace(rollouts=rollouts, weight=weight, proposal_weights=weight.tolist()))
+
+
 def test_samples_go_where_they_contribute_and_none_goes_without():
-    allocation = Allocation(200)
-    assert allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3) == [200, 200, 200]
-    allocation.learn(["a", "b"], contributions(0.9, 0.1))
-    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2) == [336, 64]  # 30 each, and 9 : 1 of what is left
-    shares = allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3)
+    allocation = Allocation()
+    assert allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3, 200) == [200, 200, 200]
+    learn(allocation, a=0.9, b=0.1)
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2, 200) == [336, 64]  # 30 each, and 9 : 1 of what is left
+    shares = allocation.counts(["a", "b", "c"], [0.0] * 3, [True] * 3, 200)
     assert sum(shares) == 600
     assert shares[1] < shares[2] < shares[0]  # a new class counts as an average one
-    allocation.learn(["a", "b"], contributions(0.0, 1.0))
-    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2)[0] > 200  # one plan is not enough to change sides
+    learn(allocation, a=0.0, b=1.0)
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2, 200)[0] > 200  # one plan is not enough to change sides
     for _ in range(20):
-        allocation.learn(["a", "b"], contributions(0.0, 1.0))
-    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2)[0] == pytest.approx(30, abs=5)
-    allocation.forget()
-    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2) == [200, 200]
+        learn(allocation, a=0.0, b=1.0)
+    assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2, 200)[0] == pytest.approx(30, abs=5)
 
 
-def test_before_anything_is_known_samples_go_where_psi_is_promised():
-    allocation, both = Allocation(200), [True, True]
-    assert allocation.counts(["a", "b"], [-30.0, -30.0], both) == [200, 200]
-    assert allocation.counts(["a", "b"], [-30.0, -30.0 - np.log(9.0)], both) == [336, 64]  # 30 each, 9 : 1 of the rest
-    allocation.learn(["a", "b"], contributions(0.1, 0.9))
-    assert allocation.counts(["a", "b"], [-30.0, -40.0], both) == [64, 336]  # what is known outweighs what is promised
+def test_before_anything_is_known_samples_go_where_psi_is_predicted():
+    allocation, both = Allocation(), [True, True]
+    assert allocation.counts(["a", "b"], [-30.0, -30.0], both, 200) == [200, 200]
+    assert allocation.counts(["a", "b"], [-30.0, -30.0 - np.log(9.0)], both, 200) == [336, 64]  # 30 each, rest 9 : 1
+    learn(allocation, a=0.1, b=0.9)
+    assert allocation.counts(["a", "b"], [-30.0, -40.0], both, 200) == [64, 336]  # what is known outweighs predictions
 
 
 def test_classes_that_are_worth_nothing_get_a_few_samples_and_take_none_from_the_others():
-    allocation, names, worth = Allocation(200), ["a", "b", "c"], [True, False, True]
-    assert allocation.counts(names, [-20.0, -60.0, -20.0], worth) == [200, 8, 200]
-    allocation.learn(names, contributions(0.5, 0.1, 0.5))
-    assert allocation.counts(names, [-20.0, -np.inf, -20.0], worth) == [200, 8, 200]
-    assert Allocation(5).counts(["a", "b"], [-20.0, -np.inf], [True, False]) == [5, 5]
-    assert Allocation(9).counts(["a", "b"], [-np.inf, -np.inf], [False, False]) == [9, 9]  # ways are not all there is
-
-
-def test_a_shortfall_is_remembered_for_ten_plans_and_forgotten_with_the_drive():
-    allocation = Allocation(200)
-    assert allocation.shortfalls(["a", "b"]) == [0.0, 0.0]
-    allocation.note(["a", "b"], [3.0, np.nan])
-    for _ in range(TUNING.renewed - 1):
-        assert allocation.shortfalls(["b", "a"]) == [0.0, 3.0]
-        allocation.note(["a", "b"], [np.nan, np.nan])
-    assert allocation.shortfalls(["a"]) == [3.0]
-    allocation.note(["a"], [np.nan])
-    assert allocation.shortfalls(["a"]) == [0.0]
-    allocation.note(["a"], [4.0])
-    allocation.forget()
-    assert allocation.shortfalls(["a"]) == [0.0]
-
-
-def contributions(*shares: float):
-    """An estimate to whose weight a single sample per reference contributes."""
-    first = np.arange(len(shares) + 1)
-    rollouts = SimpleNamespace(leads=SimpleNamespace(first=first))
-    return SimpleNamespace(rollouts=rollouts, weight=np.array(shares))
+    allocation, names, worth = Allocation(), ["a", "b", "c"], [True, False, True]
+    assert allocation.counts(names, [-20.0, -60.0, -20.0], worth, 200) == [200, 8, 200]
+    learn(allocation, a=0.5, b=0.1, c=0.5)
+    assert allocation.counts(names, [-20.0, -np.inf, -20.0], worth, 200) == [200, 8, 200]
+    assert Allocation().counts(["a", "b"], [-20.0, -np.inf], [True, False], 5) == [5, 5]
+    assert Allocation().counts(["a", "b"], [-np.inf, -np.inf], [False, False], 9) == [9, 9]
 
 
 @pytest.mark.parametrize("samples", [1, 5, 8, 33, 200])
 def test_the_total_is_kept_and_nobody_goes_below_the_least(samples):
-    allocation = Allocation(samples)
+    allocation = Allocation()
     names = [str(h) for h in range(7)]
-    allocation.learn(names, contributions(*np.random.default_rng(0).random(7) ** 8))
-    counts = allocation.counts(names, [0.0] * 7, [True] * 7)
+    learn(allocation, **dict(zip(names, np.random.default_rng(0).random(7) ** 8, strict=True)))
+    counts = allocation.counts(names, [0.0] * 7, [True] * 7, samples)
     assert sum(counts) == 7 * samples
     assert min(counts) >= min(samples, max(8, 0.15 * samples))
 

@@ -13,7 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.shortening.shorten import polish
 from pirrht.steering.dubins import Dubins
@@ -119,7 +119,7 @@ def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
 @pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
 def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
     x = np.array(x)
-    homology, checker, goal = slit.space.homology, slit_tree.around.checker, slit.problem.scene.goal
+    homology, checker, goal = slit.space.homology, slit_tree.checker, slit.problem.scene.goal
     references = slit_tree.references(x)
     assert len({reference.id for reference in references}) == len(references) > 0
     for reference in references:

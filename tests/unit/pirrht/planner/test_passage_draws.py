@@ -7,8 +7,9 @@ import pytest
 from discs import block, scattered, scene_of
 
 from pirrht.freespace import FreeSpace
-from pirrht.planner.offers import LEAST, PassageSampler
+from pirrht.planner.expand import PassageSampler
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.straight_line import StraightLine
 
@@ -64,12 +65,12 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
 def test_what_has_become_a_vertex_is_not_offered_again():
     states = np.random.default_rng(0).random((5, 2))
     offers = PassageSampler(states)
-    assert offers.together(0) == LEAST
+    assert offers.together(0) == TUNING.offer_period
     offers.note(states[:3])
-    assert [k for k in range(LEAST) if offers.at(k) is not None] == [6, 8]
+    assert [k for k in range(TUNING.offer_period) if offers.at(k) is not None] == [6, 8]
     offers.note(np.vstack([states[:3], states[3:]]))
     assert not offers.waiting
-    assert all(offers.at(k) is None for k in range(2 * LEAST))
+    assert all(offers.at(k) is None for k in range(2 * TUNING.offer_period))
 
 
 def test_a_car_is_led_through_a_passage_both_ways():

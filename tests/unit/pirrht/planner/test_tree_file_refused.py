@@ -16,10 +16,11 @@ from tree_files import grown, packed, repacked, unpacked, unsigned
 
 import pirrht
 from pirrht.errors import NoReference, OptionError
-from pirrht.planner import archive
+from pirrht.planner import checks
 from pirrht.planner import file as tree_file
 from pirrht.planner.graph import Graph
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
 from sim import cli
 from sim.scenario import Scenario, prepare
@@ -100,7 +101,7 @@ def test_a_file_that_ends_too_early_is_refused(slit: Scenario, saved: bytes, sha
 def test_a_file_of_another_kind_is_refused_with_the_way_to_a_tree(slit: Scenario, tmp_path: Path, content: bytes):
     file = tmp_path / "bad.npz"
     file.write_bytes(content)
-    with pytest.raises(OptionError, match=r"bad\.npz is no tree of pirrht; make one with `pirrht plan SCENE -o FILE`$"):
+    with pytest.raises(OptionError, match=r"bad\.npz is no tree of pirrht; make one with `pirrht plan`$"):
         tree_file.load(file, slit.space, StraightLine())
 
 
@@ -190,12 +191,12 @@ def test_what_unpacks_to_more_than_a_tree_can_have_is_not_unpacked(slit: Scenari
     bomb = BytesIO()
     np.savez_compressed(bomb, cost=np.zeros(1 << 18))
     assert len(bomb.getvalue()) < 1 << 12
-    assert not archive.read_arrays(bomb)["cost"].any()
-    monkeypatch.setattr(archive, "MOST", 1 << 20)
+    assert not checks.read_arrays(bomb)["cost"].any()
+    monkeypatch.setattr(checks, "TUNING", TUNING._replace(file_bytes=1 << 20))
     with pytest.raises(OptionError, match="is no tree of pirrht"):
         tree_file.load(bomb, slit.space, StraightLine())
     with pytest.raises(ValueError, match="it unpacks to"):
-        archive.read_arrays(bomb)
+        checks.read_arrays(bomb)
 
 
 @pytest.mark.parametrize("kind", ["pipe", "folder", "device", "long name", "no text"])

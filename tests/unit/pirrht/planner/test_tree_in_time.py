@@ -13,11 +13,10 @@ from moving import SCENES, hall, moved
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.moving.collision import MovingObstacles
-from pirrht.planner.around import SHARED
-from pirrht.planner.extend import Vertices
 from pirrht.planner.file import load, save
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.in_time import InTime
 
 START = np.array([1.0, 2.5, 0.0])
@@ -217,9 +216,8 @@ def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_make
 
 def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
-    vertices = Vertices(tree.states[: tree.size], tree.in_goal[: tree.size])
-    once, parts = (tree.around.edges_from(START, vertices, tree.steering.asked, threads) for threads in (1, 3))
-    assert len(once.near) > 2 * SHARED
+    once, parts = (tree.choose_parent(START, tree.steering.asked, threads) for threads in (1, 3))
+    assert len(once.near) > 2 * TUNING.shared_edges
     for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
         assert np.array_equal(one, other)
 

@@ -131,10 +131,10 @@ def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeS
     for v in np.flatnonzero(~tree.in_goal[: tree.size])[::7]:
         for slot in range(int(tree.graph.nodes[v])):
             states = tree.states[tree.path_of(int(v), slot)]
-            path = tree.around.checker.until_goal(steering.connect(states[:-1], states[1:]))
+            path = tree.checker.until_goal(steering.connect(states[:-1], states[1:]))
             assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
             assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(class_at(tree.graph, int(v), slot))
-            assert np.all(tree.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+            assert np.all(tree.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
 
 
 def test_equal_seeds_grow_equal_trees(space: FreeSpace) -> None:

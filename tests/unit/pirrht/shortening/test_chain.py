@@ -11,7 +11,7 @@ from discs import scattered
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine

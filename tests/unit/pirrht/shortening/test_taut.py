@@ -8,7 +8,7 @@ from discs import block, disc, scattered, scene_of
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.planner.reference import Reference
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.shortening.polyline import taut_polyline
 from pirrht.steering.straight_line import StraightLine

@@ -17,7 +17,7 @@ from sim.rehearsal import BUSY_ROOM, ROOM
 from sim.systems import System, named
 
 KERNEL = SimpleNamespace(
-    data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.planner.extend"))}
+    data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.planner.expand"))}
 )
 
 

@@ -1,4 +1,4 @@
-"""Relaxation of the graph, a uniform-cost search over plain arrays, and the best classes at a state."""
+"""Algorithms 2 and 3 in kernels: nodes of a new vertex, the search over the queue, and the classes at a state."""
 
 from __future__ import annotations
 
@@ -18,9 +18,8 @@ from pirrht.jit.addresses import (
 )
 from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
-from pirrht.planner.nodes import Candidate, admits, append, joined
-from pirrht.planner.queue import pop, push
-from pirrht.planner.status import DONE, PAIRS_FULL
+from pirrht.planner.graph import STATUS
+from pirrht.planner.nodes import Candidate, admits, append, joined, pop, push
 from pirrht.topology.crossings import key_of_pairs
 
 
@@ -40,13 +39,13 @@ class Best(NamedTuple):
 
 @kernel
 def _fill(at, v, rules):  # type: ignore[no-untyped-def]
-    """ChooseParent: offer a vertex the nodes of all its successors; what must grow first, or DONE."""
+    """Offer a vertex the nodes of all its successors (Algorithm 2, lines 2 to 8); what must grow first, or done."""
     vertex = g.vertex_at(at, v)
     if g.is_root(vertex):
-        return DONE
+        return STATUS.done
     evicted = -1
-    while evicted != load_int64(at.size, g.REFILL_COUNT):  # an eviction moves nodes about: look until none happens
-        evicted = load_int64(at.size, g.REFILL_COUNT)
+    while evicted != load_int64(at.size, g.SIZE.refill):  # an eviction moves nodes about: look until none happens
+        evicted = load_int64(at.size, g.SIZE.refill)
         e = load_int32(vertex, g.FIRST_OUT)
         while e >= 0:
             edge = g.edge_at(at, e)
@@ -57,16 +56,16 @@ def _fill(at, v, rules):  # type: ignore[no-untyped-def]
                 key = load_int64(node, g.KEY) + load_int64(edge, g.EDGE_KEY)
                 cost = load_float64(node, g.COST) + load_float64(edge, g.EDGE_COST)
                 status = append(at, v, Candidate(cost, key, np.int64(h), np.int64(slot), np.int64(e)), rules)
-                if status != DONE:
+                if status != STATUS.done:
                     return status
                 slot += 1
             e = load_int32(edge, g.NEXT_OUT)
-    return DONE
+    return STATUS.done
 
 
 @inlined
 def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
-    """Offer a node to all predecessors of its vertex; what must grow first, or DONE."""
+    """Offer a node to all predecessors of its vertex (Algorithm 3, lines 11 to 16); what must grow first, or done."""
     vertex = g.vertex_at(at, v)
     e = load_int32(vertex, g.FIRST_IN)
     while e >= 0:
@@ -76,31 +75,31 @@ def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
             new_key, new_cost = key + load_int64(edge, g.EDGE_KEY), cost + load_float64(edge, g.EDGE_COST)
             slot = g.slot_of(vertex, key)  # an eviction may have moved it
             status = append(at, u, Candidate(new_cost, new_key, np.int64(v), np.int64(slot), np.int64(e)), rules)
-            if status != DONE:
+            if status != STATUS.done:
                 return status
         e = load_int32(edge, g.NEXT_IN)
-    return DONE
+    return STATUS.done
 
 
 @inlined
 def settle(at, rules):  # type: ignore[no-untyped-def]
-    """Rewire, lines 9-17: uniform-cost search until nothing improves; DONE, or what must grow if room runs out."""
-    while load_int64(at.size, g.QUEUE_COUNT) > 0 or load_int64(at.size, g.REFILL_COUNT) > 0:
+    """Search by uniform cost until no node improves (Algorithm 3, lines 8 to 17); what must grow first, or done."""
+    while load_int64(at.size, g.SIZE.queue) > 0 or load_int64(at.size, g.SIZE.refill) > 0:
         pruned = load_int64(at.pruned, 0)
-        while load_int64(at.size, g.REFILL_COUNT) > 0:
-            last = load_int64(at.size, g.REFILL_COUNT) - 1
+        while load_int64(at.size, g.SIZE.refill) > 0:
+            last = load_int64(at.size, g.SIZE.refill) - 1
             v = load_int32(at.refill, last)
             status = _fill(at, v, rules)
-            if status == PAIRS_FULL:
+            if status == STATUS.pairs_full:
                 store_int64(at.pruned, 0, pruned)  # what was refused will be refused, and counted, again
-            if status != DONE:
+            if status != STATUS.done:
                 return status
-            last = load_int64(at.size, g.REFILL_COUNT) - 1
+            last = load_int64(at.size, g.SIZE.refill) - 1
             if load_int32(at.refill, last) == v:
-                store_int64(at.size, g.REFILL_COUNT, last)
+                store_int64(at.size, g.SIZE.refill, last)
                 store_int8(at.waiting, v, 0)
             pruned = load_int64(at.pruned, 0)
-        if load_int64(at.size, g.QUEUE_COUNT) == 0:
+        if load_int64(at.size, g.SIZE.queue) == 0:
             break
         cost, v, key = pop(at)
         vertex = g.vertex_at(at, v)
@@ -108,17 +107,17 @@ def settle(at, rules):  # type: ignore[no-untyped-def]
         if slot < 0 or load_float64(g.node_at(vertex, slot), g.COST) != cost:
             continue
         status = _expand(at, cost, v, key, rules)
-        if status != DONE:
-            if status == PAIRS_FULL:
+        if status != STATUS.done:
+            if status == STATUS.pairs_full:
                 store_int64(at.pruned, 0, pruned)
             push(at, cost, v, key)
             return status
-    return DONE
+    return STATUS.done
 
 
 @kernel
 def relax(at, rules):  # type: ignore[no-untyped-def]
-    """What `settle` does and returns, asked from Python."""
+    """Run `settle` from Python."""
     return settle(at, rules)
 
 
@@ -154,7 +153,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
                     if cost >= best.cost[row]:
                         continue
                 marker, turn, many = joined(at, h, slot, pair_marker, pair_turn, first, end)
-                if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
+                if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                     continue
                 count = max(count, row + 1)
             elif cost >= best.cost[row]:
@@ -174,6 +173,6 @@ def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
         first, end = turns.first[i], turns.first[i + 1]
         for slot in range(load_int32(g.vertex_at(at, near[i]), g.COUNT)):
             marker, turn, many = joined(at, near[i], slot, pair_marker, pair_turn, first, end)
-            if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules.limit):
+            if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                 return True
     return False

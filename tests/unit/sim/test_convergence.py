@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
-from pirrht.planner.convergence import grow
 from sim.scenario import prepare
+from sim.scenario.convergence import grow
 
 
 @pytest.fixture(scope="module")

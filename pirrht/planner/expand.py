@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
@@ -16,20 +15,44 @@ from pirrht.jit.addresses import load_int32, load_int64, store_float64, store_in
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.pointers import as_tuple, caller
 from pirrht.planner import graph as g
+from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again
-from pirrht.planner.search import reaches, settle
-from pirrht.planner.status import ASK, DONE
+from pirrht.planner.rewire import reaches, settle
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
 
-RIM = 1e-3  # share of the goal's radius within which FCL and Python say whether a state lies in the disc
 
+class PassageSampler:
+    """States (k, n) that ought to become vertices; `waiting` says where those are that have not become any."""
 
-class Vertices(NamedTuple):
-    """What a tree knows of its vertices besides their edges and nodes; with room to grow."""
+    def __init__(self, states: Array) -> None:
+        self.states = states
+        self.waiting = {state.tobytes(): k for k, state in enumerate(states)}
+        self._open = np.ones(len(states), dtype=bool)
+        self._seen = 0
+        self._period = max(TUNING.offer_period, 2 * len(states))
 
-    states: Array  # (V, n), x and y first [m]
-    in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal's disc
+    def note(self, states: Array) -> None:
+        """Take the states (V, n) of all vertices from the list of those that are waited for."""
+        if self.waiting:
+            for state in states[self._seen :]:
+                k = self.waiting.pop(state.tobytes(), None)
+                if k is not None:
+                    self._open[k] = False
+        self._seen = len(states)
+
+    def at(self, draw: int) -> Array | None:
+        """The state (n,) that is offered as a draw of some number; None: this draw is uniform."""
+        place, uniform = divmod(draw % self._period, 2)
+        if uniform or place >= len(self.states) or not self._open[place]:
+            return None
+        offered: Array = self.states[place]
+        return offered
+
+    def together(self, draw: int) -> int:
+        """How many draws from this number on may be dealt with before `note` is asked for: none is offered twice."""
+        return self._period - draw % self._period if self.waiting else TUNING.batch
 
 
 @kernel
@@ -44,7 +67,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
     It costs what edge i of `edges` does and has `sign` times its turns; `weights` (M,) make the additive key.
     """
-    e, used, key = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT), np.int64(0)
+    e, used, key = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs), np.int64(0)
     turns = edges.turns
     for j in range(turns.first[i], turns.first[i + 1]):
         marker, turn = turns.marker[j], sign * turns.turn[j]
@@ -62,15 +85,15 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
     store_int32(first_out, g.FIRST_OUT, e)
     store_int32(first_in, g.FIRST_IN, e)
     store_int64(at.edge_first, e + 1, used)
-    store_int64(at.size, g.EDGE_COUNT, e + 1)
-    store_int64(at.size, g.PAIR_COUNT, used)
+    store_int64(at.size, g.SIZE.edges, e + 1)
+    store_int64(at.size, g.SIZE.pairs, used)
 
 
 @inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
     """Whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
-    used, paired = load_int64(at.size, g.EDGE_COUNT), load_int64(at.size, g.PAIR_COUNT)
+    used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
     return used + edges > at.edge_room or paired + pairs > at.pair_room
 
 
@@ -81,11 +104,11 @@ def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no
     `straight` (M,) [turns] is the H of the straight line from it; `out` and `back` are `Edges` to and from vertices
     near it, and with `rules.mirrored` the same but for a root. There must be room. Costs settle later.
     """
-    v = load_int64(at.size, g.VERTEX_COUNT)
+    v = load_int64(at.size, g.SIZE.vertices)
     root, sign = vertices.in_goal[v], 1
     for k in range(at.M):
         store_float64(at.straight, v * at.M + k, straight[k])
-    store_int64(at.size, g.VERTEX_COUNT, v + 1)
+    store_int64(at.size, g.SIZE.vertices, v + 1)
     if root:
         store_int32(g.vertex_at(at, v), g.COUNT, 1)
     else:
@@ -136,21 +159,21 @@ def proposer(
 
 @kernel
 def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
-    """Make vertices of the draws (k, n) from i on: the first not dealt with, and DONE, ASK or what must grow.
+    """Make vertices of the draws (k, n) from i on: the first not dealt with, and its status.
 
     `propose` is the address of a `proposer`, `values` its numbers.
     """
     straight = np.empty(at.M)
     gx, gy = around.goal_x, around.goal_y
     while i < draws.shape[0]:
-        x, v = draws[i], load_int64(at.size, g.VERTEX_COUNT)
+        x, v = draws[i], load_int64(at.size, g.SIZE.vertices)
         status = certify_point(around.field, x[0], x[1])
         if status == BLOCKED:
             i += 1
             continue
         away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
-        if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= RIM:
-            return i, ASK
+        if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
+            return i, STATUS.ask
         root = away < 1.0
         for k in range(x.shape[0]):
             vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
@@ -159,7 +182,7 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         size = v if forward else v + 1
         out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
         if unsure > 0:
-            return i, ASK
+            return i, STATUS.ask
         if forward and not reaches(at, straight, out, rules):
             i += 1
             continue
@@ -167,10 +190,10 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         if forward and not rules.mirrored:
             back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
         if unsure > 0 or lacks_room(at, out, back):
-            return i, ASK
+            return i, STATUS.ask
         insert(at, vertices, straight, out, back, around, rules)
         i += 1
         status = settle(at, rules)
-        if status != DONE:
+        if status != STATUS.done:
             return i, status
-    return i, DONE
+    return i, STATUS.done

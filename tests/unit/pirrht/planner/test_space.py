@@ -1,0 +1,279 @@
+"""A tree and its references in space: a box world of three dimensions, and linking numbers with a ring.
+
+World, steering and signature are doubles that use the three interfaces only. Start and goal lie on one side of the
+ring, so a path may pass it by, go through it and come back outside, or come back through it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+
+from pirrht.arrays import Array
+from pirrht.errors import NoReference
+from pirrht.geometry.certify import BLOCKED, FREE
+from pirrht.jit.jit import kernel
+from pirrht.planner.tree import HomologyTree
+from pirrht.steering.motion import Motion, MotionKernels
+from pirrht.steering.steering import Steering
+from pirrht.steering.trajectory import Trajectory
+from pirrht.topology.signature import Signature
+
+SIDE, RADIUS = 4.0, 0.4
+START, GOAL = np.array([0.8, 0.8, 2.0]), np.array([0.8, 3.2, 2.0])
+RING = np.array([2.0, 2.0, 2.0])  # centre of a square ring in the plane x = 2
+BEHIND = np.array([3.0, 2.0, 2.0])  # on the other side than start and goal
+HOLE, WIDTH = 0.7, 0.25  # half of its opening, and half of the square of its bars
+
+
+@kernel
+def through(a, b, ring, half):
+    """1 if the segment from a to b (3,) goes through the ring towards x, -1 if back."""
+    if (a[0] > ring[0]) == (b[0] > ring[0]):
+        return 0
+    share = (ring[0] - a[0]) / (b[0] - a[0])
+    y, z = a[1] + share * (b[1] - a[1]) - ring[1], a[2] + share * (b[2] - a[2]) - ring[2]
+    if max(abs(y), abs(z)) > half:
+        return 0
+    return 1 if b[0] > a[0] else -1
+
+
+class Ring(Signature):
+    """Linking number with a ring: the base is the straight line to the goal, closed paths count passages."""
+
+    M = 1  # type: ignore[assignment]
+    most_base = 1.0
+
+    def base(self, x: Array) -> Array:
+        return np.array([float(through(x, GOAL, RING, HOLE + WIDTH))])
+
+    def crossings(self, a: Array, b: Array) -> list[tuple[int, int]]:
+        turn = through(a, b, RING, HOLE + WIDTH) + int(self.base(b)[0] - self.base(a)[0])
+        return [(0, turn)] if turn else []
+
+
+class BoxWorld:
+    """A cube of SIDE m with a square ring of four bars, for a point that goes to a ball."""
+
+    def __init__(self) -> None:
+        goal = SimpleNamespace(center=GOAL, radius=RADIUS)
+        self.scene = SimpleNamespace(name="ring in space", goal=goal)
+        bars = []
+        for axis, sign in ((1, -1.0), (1, 1.0), (2, -1.0), (2, 1.0)):
+            center, half = RING.copy(), np.full(3, HOLE + 2.0 * WIDTH)
+            center[axis] += sign * (HOLE + WIDTH)
+            half[0], half[axis] = WIDTH, WIDTH
+            bars.append([center - half, center + half])
+        self.boxes = np.array(bars)
+
+    def free(self, x: Array) -> bool:
+        inside = np.all((self.boxes[:, 0] <= x) & (x <= self.boxes[:, 1]), axis=1)
+        return bool(np.all((x >= 0.0) & (x <= SIDE)) and not inside.any())
+
+    def in_goal(self, x: Array) -> bool:
+        return bool(np.linalg.norm(x - GOAL) <= RADIUS)
+
+    def passages(self) -> None:
+        """There are none: all draws are uniform."""
+
+
+class Surroundings(NamedTuple):
+    boxes: Array  # (k, 2, 3)
+    goal: Array  # (3,)
+    ring: Array  # (3,)
+    weights: Any  # (1,)
+
+
+class Record(NamedTuple):
+    tails: Array
+    heads: Array
+    cost: Array
+
+
+@dataclass(frozen=True)
+class Segments:
+    """k straight segments, as `Motions`."""
+
+    tails: Array
+    heads: Array
+    cost: Array
+
+    def points(self, spacing: float) -> list[Array]:
+        return [np.array(pair) for pair in zip(self.tails, self.heads, strict=True)]
+
+
+@kernel
+def _entry(a, b, goal):
+    """Share of a segment after which it enters the ball, infinity if never."""
+    d, f = b - a, a - goal
+    A, B, C = np.dot(d, d), np.dot(f, d), np.dot(f, f) - RADIUS * RADIUS
+    if C <= 0.0:
+        return 0.0
+    root = B * B - A * C
+    if A == 0.0 or root < 0.0:
+        return np.inf
+    share = (-B - np.sqrt(root)) / A
+    return share if 0.0 <= share <= 1.0 else np.inf
+
+
+@kernel
+def _hits(a, b, box):
+    low, high = 0.0, 1.0
+    for k in range(3):
+        d = b[k] - a[k]
+        if abs(d) < 1e-12:
+            if a[k] < box[0, k] or a[k] > box[1, k]:
+                return False
+            continue
+        s, t = (box[0, k] - a[k]) / d, (box[1, k] - a[k]) / d
+        low, high = max(low, min(s, t)), min(high, max(s, t))
+    return low <= high
+
+
+@kernel
+def _judge(motions, into_goal, around, status, enters):
+    for i in range(status.shape[0]):
+        a, b = motions.tails[i], motions.heads[i]
+        share = _entry(a, b, around.goal)
+        enters[i], status[i] = share < np.inf, FREE
+        if enters[i]:
+            if not into_goal[i]:
+                status[i] = BLOCKED
+                continue
+            for k in range(3):
+                b[k] = a[k] + share * (b[k] - a[k])
+            motions.cost[i] *= share
+        for j in range(around.boxes.shape[0]):
+            if _hits(a, b, around.boxes[j]):
+                status[i] = BLOCKED
+    return 0
+
+
+@kernel
+def _pairs(motions, i, around, to_goal, marker, turn, count):
+    a, b, half = motions.tails[i], motions.heads[i], HOLE + WIDTH
+    whole = through(a, b, around.ring, half) + through(b, around.goal, around.ring, half)
+    whole -= through(a, around.goal, around.ring, half)
+    if whole != 0:
+        marker[count], turn[count] = 0, whole
+        count += 1
+    return count
+
+
+@kernel
+def _most(motions):
+    return 1
+
+
+@kernel
+def _straight(around, x, out):
+    out[0] = through(x, around.goal, around.ring, HOLE + WIDTH)
+
+
+def _until_goal(path: Segments, around: Surroundings) -> Segments:
+    share = min(_entry(path.tails[-1], path.heads[-1], around.goal), 1.0)
+    heads, cost = path.heads.copy(), path.cost.copy()
+    heads[-1] = path.tails[-1] + share * (heads[-1] - path.tails[-1])
+    cost[-1] *= share
+    return Segments(path.tails, heads, cost)
+
+
+def _trajectory(steering: Any, path: Segments) -> Trajectory:
+    length = np.linalg.norm(path.heads - path.tails, axis=1)
+    velocity = (path.heads - path.tails) / np.maximum(length, 1e-300)[:, None]
+    total = float(length.sum())
+    return Trajectory(controls=velocity, durations=length, path=path, cost=float(path.cost.sum()), length=total)
+
+
+SEGMENTS = Motion(
+    MotionKernels(_judge, _pairs, _most, _straight),
+    lambda path: Record(path.tails, path.heads.copy(), path.cost.copy()),
+    lambda record, i, space: True,
+    _until_goal,
+    _trajectory,
+    lambda path, i, shares: path.tails[i] + shares[:, None] * (path.heads[i] - path.tails[i]),
+)
+
+
+class StraightInSpace(Steering):
+    """Straight lines at unit cost per meter."""
+
+    n, symmetric, motion = 3, True, SEGMENTS
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        return np.linalg.norm(np.asarray(heads) - tails, axis=-1)
+
+    def connect(self, tails: Array, heads: Array) -> Segments:
+        tails, heads = np.array(np.atleast_2d(tails)), np.array(np.atleast_2d(heads))
+        return Segments(tails, heads, self.distance(tails, heads))
+
+    def sample(self, scene: Any, rng: np.random.Generator) -> Array:
+        return rng.uniform(0.0, SIDE, 3)
+
+    def draws(self, space, rng, count, origin=None, goal_share=0.0) -> Array:  # type: ignore[no-untyped-def]
+        return rng.uniform(0.0, SIDE, (count, 3))
+
+    def offers(self, passages: Any, space: Any, origin: Array | None = None) -> Array:
+        return np.zeros((0, 3))
+
+    def roots(self, goal: Array) -> Array:
+        return goal[None]
+
+    def homology(self, space: Any) -> Ring:
+        return Ring()
+
+    def surroundings(self, space: BoxWorld) -> Surroundings:
+        return Surroundings(space.boxes, GOAL, RING, Ring().hash_weights)
+
+
+@pytest.fixture(scope="module")
+def tree() -> HomologyTree:
+    found = HomologyTree(BoxWorld(), StraightInSpace(), limit=1.2, rng=np.random.default_rng(0))  # type: ignore[arg-type]
+    found.grow(900)
+    return found
+
+
+def test_closed_paths_count_how_often_they_go_through_the_ring() -> None:
+    ring, left, right, up = Ring(), RING - (BEHIND - RING), BEHIND, np.array([0.0, 0.0, 1.8])
+    loop = np.array([left, right, right + up, left + up, left])
+    assert ring.along(loop).tolist() == [1]
+    assert ring.along(loop[::-1]).tolist() == [-1]
+    assert ring.along(np.array([left, right, left])).tolist() == [0]
+    assert ring.along(np.vstack([loop, loop[1:]])).tolist() == [2]
+    assert ring.key((1,)) + ring.key((-1,)) == ring.key((0,)) == 0
+
+
+def test_a_tree_in_space_finds_the_classes_on_both_sides_of_a_ring(tree: HomologyTree) -> None:
+    references = tree.references(START, polished=False)
+    assert references[0].id == "0"
+    assert {one.winding for one in references} == {(0,), (1,), (-1,)}
+    ring = Ring()
+    for one in references:
+        points = np.vstack([one.path.tails, one.path.heads[-1:]])
+        assert np.array_equal(points[0], START)
+        assert np.linalg.norm(points[-1] - GOAL) == pytest.approx(RADIUS)
+        assert tuple(ring.along(np.vstack([points, GOAL])).tolist()) == one.winding
+        assert one.signature == pytest.approx(1.0 + ring.base(START) + one.winding)
+        assert all(tree.space.free(a + s * (b - a)) for a, b in zip(points[:-1], points[1:], strict=True)
+                   for s in np.linspace(0.0, 1.0, 50))  # fmt: skip
+    assert references[0].cost <= references[1].cost <= references[2].cost
+
+
+def test_references_in_space_are_shortened_inside_their_class(tree: HomologyTree) -> None:
+    raw = {one.winding: one.cost for one in tree.references(START, polished=False)}
+    short = {one.winding: one.cost for one in tree.references(START)}
+    assert short.keys() == raw.keys()
+    assert all(short[winding] <= raw[winding] for winding in raw)
+    assert short[(0,)] == pytest.approx(np.linalg.norm(GOAL - START) - RADIUS, rel=0.01)
+
+
+def test_a_limit_below_one_passage_leaves_the_ring_alone() -> None:
+    one = HomologyTree(BoxWorld(), StraightInSpace(), limit=0.6, rng=np.random.default_rng(0))  # type: ignore[arg-type]
+    with pytest.raises(NoReference):  # from behind the ring, the straight line leads through it
+        one.references(BEHIND)
+    one.grow(300)
+    assert [reference.winding for reference in one.references(START, polished=False)] == [(0,)]
