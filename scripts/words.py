@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 UNCHECKED: tuple[str, ...] = (
     "pirrht/control", "pirrht/errors.py", "pirrht/estimation", "pirrht/exact", "pirrht/files.py",
     "pirrht/jit", "pirrht/outcome.py", "pirrht/planner",
-    "pirrht/plotting", "pirrht/problem.py", "pirrht/proposals", "pirrht/rollouts", "pirrht/shortening",
+    "pirrht/problem.py", "pirrht/proposals", "pirrht/rollouts", "pirrht/shortening",
     "pirrht/shown.py", "pirrht/steering", "pirrht/systems", "pirrht/topology",
 )  # packages that do not follow the terms yet  # fmt: skip
 

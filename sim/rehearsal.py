@@ -76,5 +76,4 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
 def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: Array) -> None:
     """Do what drives come to now and then: hold the tape of a class without a guide, ask FCL about an edge."""
     reference.trajectory.tape(times)
-    motion = tree.checker.motion
-    motion.ask(motion.record(reference.path), 0, scenario.space)
+    tree.checker.motion.free(reference.path, 0, scenario.space)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,11 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.methods import TUNING
-from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.replay import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
-from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
-from pirrht.plotting import axes as axes_of
-from pirrht.plotting import ground, lines
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -80,19 +77,19 @@ class Plan:
         else:
             value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
         which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
-        weight = self._weights().get(favourite := self.favourite or "")
+        weight = self.weights().get(favourite := self.favourite or "")
         most = f", most weight {shown.turns(favourite)} ({shown.share(weight)})" if weight is not None else ""
         return f"Plan(at {shown.vector(self.state)}: control {shown.vector(self.control)}, {value}{which}{most})"
 
     def _repr_html_(self) -> str:
-        by, estimate, rows = self._weights(), self.estimate, []
+        by, estimate, rows = self.weights(), self.estimate, []
         for id, reference in zip(self.ids, self.references, strict=False):
             ess = "" if estimate is None or id not in estimate.class_ess else f"{estimate.class_ess[id]:.1f}"
             weight = shown.share(by[id]) if id in by else ""
             rows.append([shown.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
         return shown.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
 
-    def _weights(self) -> dict[str, float]:
+    def weights(self) -> dict[str, float]:
         """Return the weight of every class under the law, else in the estimate; empty without either."""
         return {**({} if self.estimate is None else self.estimate.class_weights), **(self.shares or {})}
 
@@ -109,36 +106,7 @@ class Plan:
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.
         """
-        if self.space is None:
-            raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
-        axes = axes_of.on(axes, "plan.plot")
-        ground.draw(axes, self.space.scene, self.time)
-        ground.foreseen(axes, self.movers, self.time)
-        self._plot_samples(axes, samples)
-        by = self._weights()
-        labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in self.ids]
-        drawn = list(zip(self.references, labels, strict=False))
-        lines.classes(axes, [one.trajectory.points for one, _ in drawn], [label for _, label in drawn], "class: weight")
-        lines.dot(axes, self.state)
-        if len(self.control) == 2:
-            lines.arrow(axes, self.state[:2], self.state[:2] + 0.5 * self.control)  # where it leads to in 0.5 s
-        axes.set_title(f"{self.space.scene.name} at {self.time:.2f} s", fontsize=10)
-        return axes
-
-    def _plot_samples(self, axes: Any, count: int) -> None:
-        """Draw the heaviest samples, stronger the more they weigh, then as many of those that died."""
-        if self.estimate is None or self.replay is None or count < 1:
-            return
-        rollouts, weight = self.estimate.rollouts, self.estimate.weight
-        arrived = np.flatnonzero(rollouts.paths.outcome == Outcome.GOAL)
-        died = np.flatnonzero(rollouts.paths.outcome == Outcome.COLLISION)[:count]
-        best = arrived[np.argsort(-weight[arrived], kind="stable")[:count]]
-        share = weight[best] / max(float(weight[best].max(initial=0.0)), 1e-300)
-        for chosen, opacity in ((died, 0.08), (best, 0.08 + 0.52 * share)):
-            if len(chosen):
-                states, steps = self.replay.trace(rollouts, chosen)
-                paths = [path[: int(count) + 1, :2] for path, count in zip(states, steps, strict=True)]
-                lines.many(axes, paths, lines.SAMPLE, width=0.7, opacity=opacity, zorder=2)
+        return import_module("sim.plotting.prompt").plan(self, samples, axes)
 
     @property
     def tape(self) -> Array:

@@ -16,7 +16,7 @@ from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import favourite_path
 from pirrht.control.run_state import ClassFromStart, RunState, from_start
-from pirrht.errors import NoReference, NoSurvivingSample
+from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
@@ -127,12 +127,11 @@ class ProposalBuilder:
         clock = {"time": run.now} if self.integral.moving else {}
         anew = not memory.guides and not short()
         thorough = {one.whole for one in requests[: self.settings.tuning.thorough]} if anew else set()
-        turned = self._reversed(tree, x, run.now) if anew else {}
 
         def improved(one: GuideRequest) -> Any:
             last, other, reference = memory.guides.get(one.whole), memory.alternatives.get(one.whole), one.reference
             if one.whole in thorough and (one is requests[0] or not short()):
-                also = [*reference.others, *([turned[reference.winding]] if reference.winding in turned else [])]
+                also = reference.others
                 return guidance.first(x, times, one.key, reference.trajectory, also, pressed=short, **clock)
             if last is None and one is not requests[0] and short():
                 return None, None  # a new one takes ten times as long
@@ -149,17 +148,6 @@ class ProposalBuilder:
         memory.guides = {whole: guide for whole, guide, _ in pairs if guide and guide.valid}
         memory.alternatives = {whole: other for whole, _, other in pairs if other is not None}
         return [guide for _, guide, _ in pairs]
-
-    def _reversed(self, tree: HomologyTree | None, x: Array, now: float) -> dict[tuple[int, ...], Trajectory]:
-        """Return paths from x (n,) at a time [s] driven backwards, by winding; none if nothing reverses."""
-        turned = None if tree is None else tree.steering.backwards(tree.at(x, now))
-        if tree is None or turned is None:
-            return {}
-        try:
-            found = tree.references(turned, polished=self.settings.polished, threads=self.integral.threads)
-        except NoReference:
-            return {}
-        return {one.winding: tree.steering.reversing(one.trajectory) for one in found}
 
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:

@@ -7,7 +7,7 @@ Everything here is exact for such curves: no curve is divided into steps to be m
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,7 @@ from pirrht.jit.jit import inlined, kernel
 TWO_PI = 2.0 * np.pi
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Curves:
+class Curves(NamedTuple):
     """k planar curves that a steering method proposes, one row each."""
 
     start: Array  # (k, 3) x, y [m], heading of travel [rad]

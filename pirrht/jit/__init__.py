@@ -1,17 +1,16 @@
-"""How numeric functions become kernels; nothing here knows the method.
+"""Kernels: numeric functions as machine code; nothing here knows the method.
 
-jit           kernel, inlined, part, borrowing, jitable
-linking       what kernels call stays LLVM IR, what Python calls links it; uses numba's private interface
-libraries     the two kinds of code that makes
-cache         kernels on disk, named by what they compute
-disk          where they lie, and who may have written them
+jit           kernel, inlined, part, borrowing, jitable; calls by address
 addresses     array elements by address, since arrays in records cost reference counts
-copies        arrays element by element, since assignments to slices take long to compile
-linear        small systems of equations
+vectors       copies, small linear systems, sums of short rows in vector instructions
 float32       single precision and its bits, for loops over lanes
 streams       normal and uniform numbers by (seed, sample, draw)
 threads       independent kernel calls on several threads
-unbroken      signals wait while machine code is made or loaded
+names         a name for all that a kernel computes
+cache         kernels on disk by their names
+linking       parts stay LLVM IR, entries link them; uses numba's private interface
+libraries     the two kinds of code that linking makes; signals wait meanwhile
+plain         numba's public interface, for a numba whose private one has changed
 
 With NUMBA_DISABLE_JIT=1 kernels are plain Python. It may import nothing of the package.
 """

@@ -1,253 +1,97 @@
-"""Compiled kernels on disk, each found by what it computes: its code, and all that this refers to, without docstrings.
+"""Compiled kernels on disk, each under the name of all that it computes (`names`).
 
-A name is a digest of the bytecode of a function, of the numbers, records and functions that it refers to, of the types
-of its arguments, and of compiler and processor. So an edit costs the kernels that it touches and those that call them.
-A function that refers to something that could change unseen has no name, and what is made of it is not kept.
-
-A file begins with a digest of its content: nothing is unpickled unless it is what was written, by this user or root
-(`disk`). One process compiles a kernel; others that want it wait, and then find it.
+Loading a kernel runs code of its file. So nothing is read but from folders and files that belong to this user or to
+root and that nobody else may write to, and nothing is unpickled unless it has the digest with which its file begins.
+One process compiles a kernel; others that need it wait, and then find it.
 """
 
 from __future__ import annotations
 
-import ast
-import builtins
-import dis
-import enum
 import hashlib
 import logging
-import math
 import os
 import pickle
-import sys
+import stat
 import tempfile
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import cache
 from pathlib import Path
-from types import CodeType, FunctionType, ModuleType
 from typing import Any
+from uuid import uuid4
 
-import llvmlite
 import numba
-import numpy as np
-from numba import types
-from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
-from numba.extending import intrinsic
-
-from pirrht.jit import disk
-from pirrht.jit.unbroken import unbroken
 
 try:
     import fcntl
 except ImportError:  # a system without such locks: everyone compiles
     fcntl = None  # type: ignore[assignment]
 
-LENGTH = hashlib.sha256().digest_size
-HAS_DOCSTRING = 0x4000000  # of code objects, from Python 3.13 on
-_TRUSTED = (math, np)  # modules whose functions do what they did
-_PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
-_Intrinsic = type(intrinsic(lambda context: None))
+UNUSED = 30 * 86400.0  # a kernel that was not loaded for so long is removed [s]
+DAY = 86400.0  # precision of the time at which a kernel was loaded last [s]
+KERNELS, LOCKS, NOTES = "kernels", "locks", "notes"  # folders
+_LENGTH = hashlib.sha256().digest_size
+_PACKAGE = Path(__file__).resolve().parent.parent
+_FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"))
 _log = logging.getLogger("pirrht")
 _warned: set[str] = set()  # kinds of lines that this process has written
 
 
-class Unknown(Exception):
-    """What a function refers to could change unseen."""
+class Foreign(OSError):
+    """Somebody else owns a folder or a file of the cache, or may write to it."""
 
 
-def key_of(function: Callable[..., Any], kind: str, args: tuple[Any, ...], options: Any, context: Any) -> str | None:
-    """The name on disk of compiled code for argument types; None if there is none."""
-    code = identity(function)
-    if code is None:
-        return None
-    made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple(), *_makers())
-    whole = repr((code, kind, [_type(one) for one in args], sorted(options.items()), made))
-    name = "".join(c if c.isalnum() or c in "._" else "" for c in f"{function.__module__}.{function.__name__}")
-    return f"{name[-80:]}-{hashlib.sha256(whole.encode()).hexdigest()[:32]}"
-
-
-def identity(function: Callable[..., Any]) -> str | None:
-    """A name of what a function computes, the same in all processes; None if there is none."""
+def load(
+    key: str | None, made: Callable[[Any], Any], during: Callable[[str], AbstractContextManager[Any]] = nullcontext
+) -> Any:
+    """Return `made` of the content that is kept under a name, in a context; None if there is none that is whole."""
     try:
-        return _of_function(getattr(function, "py_func", function), ())
-    except Unknown:
-        return None
-
-
-_identities: dict[FunctionType, str] = {}
-
-
-def _of_function(function: Any, above: tuple[Any, ...]) -> str:
-    if not isinstance(function, FunctionType) or function in above:
-        raise Unknown
-    if function in _identities:
-        return _identities[function]
-    closed = [cell.cell_contents for cell in function.__closure__ or ()]
-    above = (*above, function)
-    values = [*closed, *(function.__defaults__ or ()), *_globals(function.__code__, function.__globals__)]
-    parts = [_text(function.__code__), *(_of(value, above) for value in values)]
-    _identities[function] = found = hashlib.sha256("\n".join(parts).encode()).hexdigest()
-    return found
-
-
-def _text(code: CodeType) -> str:
-    """All that code does, without where it stands and its docstring."""
-    constants = [_text(c) if isinstance(c, CodeType) else repr(c) for c in code.co_consts]
-    documented = code.co_flags & HAS_DOCSTRING if sys.version_info >= (3, 13) else not code.co_name.startswith("<")
-    if documented and isinstance(code.co_consts[0], str):
-        constants[0] = "None"
-    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount)
-    return repr((code.co_code.hex(), *names, code.co_kwonlyargcount, code.co_exceptiontable.hex(), constants))
-
-
-def _globals(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
-    """Values of the global names that code reads; of a module, the values that it takes out of it."""
-    steps = [step for step in dis.get_instructions(code) if step.opname != "PRECALL"]
-    for i, step in enumerate(steps):
-        if step.opname not in ("LOAD_GLOBAL", "LOAD_NAME"):
-            continue
-        if step.argval not in scope:
-            if hasattr(builtins, step.argval):
-                continue
-            raise Unknown
-        value, name = scope[step.argval], step.argval
-        while isinstance(value, ModuleType) and value not in _TRUSTED:
-            i += 1
-            if steps[i].opname not in ("LOAD_ATTR", "LOAD_METHOD") or not hasattr(value, steps[i].argval):
-                raise Unknown
-            value, name = getattr(value, steps[i].argval), steps[i].argval
-        yield name
-        yield value
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _globals(constant, scope)
-
-
-def _of(value: Any, above: tuple[Any, ...]) -> str:
-    """A text that changes with what kernels can read of a value."""
-    if isinstance(value, _PLAIN):
-        return f"{type(value).__name__} {value!r}"
-    if isinstance(value, np.ndarray) and value.dtype != object:
-        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
-    if isinstance(value, tuple):
-        record = "" if type(value) is tuple else _of_class(type(value))
-        return f"{record}({','.join(_of(v, above) for v in value)})"
-    if isinstance(value, slice):
-        return f"slice{_of((value.start, value.stop, value.step), above)}"
-    if isinstance(value, Dispatcher):
-        return f"{_of_function(value.py_func, above)} {sorted(value.targetoptions.items())}"
-    if isinstance(value, _Intrinsic):
-        return _of_intrinsic(value, above)
-    if isinstance(value, FunctionType):
-        return _of_function(value, above)
-    if isinstance(value, type):
-        return _of_class(value)
-    if isinstance(value, types.Type):
-        return _type(value)
-    if value in _TRUSTED or isinstance(value, np.ufunc) or getattr(value, "__module__", "") in ("math", "builtins"):
-        return getattr(value, "__name__", repr(value))
-    if getattr(value, "__module__", "").split(".")[0] == "numpy":
-        return str(getattr(value, "__qualname__", repr(value)))
-    raise Unknown
-
-
-def _of_class(value: type) -> str:
-    fields = getattr(value, "_fields", None)
-    if fields is not None:
-        return f"{value.__module__}.{value.__qualname__}{fields}"
-    if issubclass(value, enum.Enum):
-        return f"{value.__qualname__}{[(one.name, one.value) for one in value]}"
-    if value.__module__ in ("builtins", "numpy"):
-        return value.__qualname__
-    raise Unknown
-
-
-def _of_intrinsic(value: Any, above: tuple[Any, ...]) -> str:
-    """An intrinsic writes LLVM IR itself: all code of its module counts, and what its function closes over."""
-    define = value._defn
-    closed = [cell.cell_contents for cell in define.__closure__ or ()]
-    return f"{_code_of_module(define.__module__)} {define.__qualname__} {[_of(one, above) for one in closed]}"
-
-
-@cache
-def _code_of_module(name: str) -> str:
-    """A digest of a module's code without docstrings and comments."""
-    path = getattr(sys.modules[name], "__file__", None)
-    if name.split(".")[0] == "numba":
-        return name  # its version is in every key
-    if path is None or not os.path.exists(path):
-        raise Unknown
-    tree = ast.parse(Path(path).read_bytes())
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and ast.get_docstring(node) is not None:
-            node.body[0] = ast.Pass()
-    return hashlib.sha256(ast.dump(tree).encode()).hexdigest()
-
-
-@cache
-def _makers() -> tuple[str, ...]:
-    """Digests of the code that makes kernels and writes them down."""
-    return tuple(_code_of_module(f"pirrht.jit.{name}") for name in ("cache", "libraries", "linking"))
-
-
-def _type(kind: Any) -> str:
-    """A type of numba's with the names of fields, which its own text leaves out."""
-    if isinstance(kind, types.BaseNamedTuple):
-        return f"{_of_class(kind.instance_class)}[{','.join(map(_type, kind.types))}]"
-    if isinstance(kind, types.BaseTuple):
-        return f"({','.join(map(_type, kind.types))})"
-    return str(kind)
-
-
-def load(key: str | None, made: Callable[[Any], Any]) -> Any:
-    """What `made` makes of the content that is kept under a name; None if there is none that is whole."""
-    try:
-        content = None if key is None else disk.read(key)
-    except disk.Foreign as error:
+        content = None if key is None else _read(key)
+    except Foreign as error:
         _warn_once(str(error))
         return None
     if content is None:
         return None
     try:
-        if hashlib.sha256(content[LENGTH:]).digest() != content[:LENGTH]:
+        if not content.startswith(_digest(content[_LENGTH:])):
             raise ValueError
-        with unbroken("loading"):
-            return made(pickle.loads(content[LENGTH:]))
+        with during("loading"):
+            return made(pickle.loads(content[_LENGTH:]))
     except Exception:  # whatever rebuilding meets
-        path = disk.folder() / disk.KERNELS / str(key)
-        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled anew")
+        path = folder() / KERNELS / str(key)
+        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled again")
         return None
 
 
 def save(key: str | None, content: Callable[[], Any]) -> None:
-    """Keep something under a name; where that is not possible it is compiled anew by every process."""
+    """Keep something under a name; where that is not possible every process compiles it."""
     if key is None:
         return
     data = dumps(content())
     try:
-        disk.write(key, hashlib.sha256(data).digest() + data)
-        disk.tidy()
-    except disk.Foreign as error:
+        _write(key, _digest(data) + data)
+        _tidy()
+    except Foreign as error:
         _warn_once(str(error))
     except OSError as error:
         _warn_once(
-            f"compiled kernels cannot be kept in {disk.folder()} ({error.strerror}), so every "
-            "command compiles anew; set NUMBA_CACHE_DIR to a folder that may be written"
+            f"compiled kernels cannot be kept in {folder()} ({error.strerror}), so every command compiles anew; set "
+            "NUMBA_CACHE_DIR to a folder that may be written"
         )
 
 
 @contextmanager
 def locked(key: str | None) -> Iterator[None]:
-    """Hold the lock of a name until done or gone; where it cannot be had, go on without.
+    """Hold the lock of a name until done or gone; where there is none, go on without.
 
-    Kernels call each other in no circle, so that who waits for one is never waited for.
+    Kernels call each other in no circle, so that no two processes wait for each other.
     """
     stream = None
     if key is not None and fcntl is not None:
         with suppress(OSError):
-            stream = (disk.own(disk.LOCKS) / key).open("ab")
+            stream = (_own(LOCKS) / key).open("ab")
     if stream is None:
         yield
         return
@@ -259,25 +103,109 @@ def locked(key: str | None) -> Iterator[None]:
 
 
 def kept() -> bool:
-    """Whether what is compiled can be kept on disk for the next process."""
+    """Return whether compiled code can be kept on disk for the next process."""
     if numba.config.DISABLE_JIT:
         return False
     try:
-        tempfile.TemporaryFile(dir=disk.own(disk.KERNELS)).close()
+        tempfile.TemporaryFile(dir=_own(KERNELS)).close()
     except OSError:
         return False
     return True
 
 
 def noted(name: str) -> bool:
-    """Whether somebody has noted that all kernels of a name are there."""
-    return (disk.folder() / disk.NOTES / name).exists()
+    """Return whether a process has noted that all kernels of a name are there."""
+    return (folder() / NOTES / name).exists()
 
 
 def note(name: str) -> None:
     """Note that all kernels of a name are there; nothing where it cannot be written."""
     with suppress(OSError):
-        (disk.own(disk.NOTES) / name).touch()
+        (_own(NOTES) / name).touch()
+
+
+@cache
+def folder() -> Path:
+    """Return the folder of kernels: NUMBA_CACHE_DIR, else next to the package, else in the user's cache.
+
+    The variable is read from the environment, since a file of the current folder may change numba's own.
+    """
+    named = os.environ.get("NUMBA_CACHE_DIR")
+    if named:
+        return Path(named) / "pirrht"
+    home = _PACKAGE / "__pycache__"
+    with suppress(OSError):
+        home.mkdir(exist_ok=True)
+        if os.access(home, os.W_OK):
+            return home / "pirrht"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pirrht"
+
+
+def _own(part: str) -> Path:
+    """Make a folder of the cache, if need be; Foreign where somebody else may write there."""
+    for path in (folder(), folder() / part):
+        path.mkdir(mode=0o755, parents=True, exist_ok=True)
+        if _is_foreign(path.stat()) or not _is_owned(os.lstat(path)):
+            raise Foreign(
+                f"compiled kernels in {path} are not used, since another user may write there, so every command "
+                "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
+            )
+    return path
+
+
+def _read(key: str) -> bytes | None:
+    """Return the file of a kernel, None where there is none; Foreign where somebody else may have written it."""
+    try:
+        path = _own(KERNELS) / key
+        with os.fdopen(os.open(path, _FLAGS), "rb") as stream:
+            found = os.fstat(stream.fileno())
+            if _is_foreign(found):
+                raise Foreign(f"a compiled kernel is not used, since another user may have written it: {path}")
+            content = stream.read()
+        if time.time() - found.st_mtime > DAY:
+            os.utime(path)
+        return content
+    except Foreign:
+        raise
+    except OSError:
+        return None
+
+
+def _write(key: str, content: bytes) -> None:
+    """Write the file of a kernel so that nobody finds half of it."""
+    path = _own(KERNELS) / key
+    part = path.with_name(f"{path.name}.{uuid4().hex[:16]}.tmp")
+    try:
+        with open(part, "xb", opener=lambda name, flags: os.open(name, flags, 0o644)) as stream:
+            stream.write(content)
+        os.replace(part, path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
+@cache
+def _tidy() -> None:
+    """Remove, once per process, files that were not loaded for a month."""
+    now = time.time()
+    for path in [path for part in (KERNELS, LOCKS, NOTES) for path in (folder() / part).glob("*")]:
+        with suppress(OSError):
+            if now - path.stat().st_mtime > UNUSED:
+                path.unlink()
+
+
+def _is_owned(found: os.stat_result) -> bool:
+    """Return whether something belongs to this user or to root; where there are no owners it does."""
+    return not hasattr(os, "geteuid") or found.st_uid in (0, os.geteuid())
+
+
+def _is_foreign(found: os.stat_result) -> bool:
+    """Return whether somebody else may have written something."""
+    return hasattr(os, "geteuid") and (not _is_owned(found) or bool(found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)))
+
+
+def _digest(data: bytes) -> bytes:
+    return hashlib.sha256(data).digest()
 
 
 def _warn_once(line: str) -> None:

@@ -1,16 +1,11 @@
-"""How kernels are compiled and linked; this module and `libraries` change what numba does, `cache` asks it for names.
+"""Compile and link kernels with numba's private interface, which only this module and `libraries` use.
 
 Numba turns every function that a kernel calls into machine code of its own, with a wrapper for Python, and optimises it
 again in each of its callers. Here a function that is called from kernels stays LLVM IR (`Part`); what Python calls
 (`Entry`) links the parts that it needs, is optimised once and becomes machine code. Both are kept on disk (`cache`).
 
-What is used of numba, and what a change of it breaks (`tests/unit/pirrht/jit/test_linking.py` says which):
-* `CPUDispatcher.compile`, `get_call_template`, `get_overload`, `add_overload`: which code a call means.
-* `CompilerBase`, `DefaultPassBuilder`, `NativeLowering`: where the library of a function is made.
-* `JITCodeLibrary`: its linking, its finalization and its form on disk.
-* `FunctionIdentity._unique_ids`: names of machine code.
-* `BaseFunction.get_call_type`: types of operations, remembered.
-* `_OverloadFunctionTemplate._get_jit_decorator`: numba's own functions on arrays and numbers become parts.
+`USED` lists what is used of numba. Where a version of numba lacks some of it, importing this module fails, and `plain`
+compiles kernels with numba's public interface instead.
 """
 
 from __future__ import annotations
@@ -24,9 +19,11 @@ from itertools import count
 from secrets import randbits
 from typing import Any
 
+import numba
 from numba import jit, types
 from numba.core import event, sigutils
 from numba.core.bytecode import FunctionIdentity
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import register_pass
@@ -37,9 +34,22 @@ from numba.core.typed_passes import NativeLowering
 from numba.core.types.functions import BaseFunction
 from numba.core.typing.templates import _OverloadFunctionTemplate
 
-from pirrht.jit import cache
-from pirrht.jit.libraries import EntryLibrary, PartLibrary
-from pirrht.jit.unbroken import unbroken
+from pirrht.jit import cache, names
+from pirrht.jit.libraries import EntryLibrary, PartLibrary, unbroken
+
+USED = {
+    CPUDispatcher: "compile get_call_template get_overload add_overload",  # which code a call means
+    DefaultPassBuilder: "define_nopython_pipeline",  # where the library of a function is made
+    JITCodeLibrary: "finalize add_linking_library serialize_using_object_code enable_object_caching "
+    "_get_module_for_linking _ensure_finalized _raise_if_finalized _get_compiled_object",  # linking, form on disk
+    CompileResult: "_reduce _rebuild",
+    FunctionIdentity: "_unique_ids",  # names of machine code
+    BaseFunction: "get_call_type",  # types of operations, remembered
+    _OverloadFunctionTemplate: "_get_jit_decorator",  # numba's own functions on arrays and numbers become parts
+}
+_MISSING = [name for owner, all_of in USED.items() for name in all_of.split() if not hasattr(owner, name)]
+if _MISSING:
+    raise ImportError(f"numba {numba.__version__} has no {', '.join(_MISSING)}")
 
 VALUES = (types.Number, types.Boolean, types.Array, types.BaseTuple)
 KEPT = ("numba.cpython.builtins", "numba.np.arrayobj")  # modules of numba whose functions become parts
@@ -47,11 +57,10 @@ BITS = 48  # among a thousand processes two share a count with a chance of one i
 
 
 def count_from_chance() -> None:
-    """Let this process count what it compiles from a number of its own.
+    """Let this process count what it compiles from a random number.
 
-    Numba puts its count of compiled functions into the names of their code, and the linker takes the first code of a
-    name that it has seen. Numba's own functions, compiled by two processes that count alike, would be mistaken for each
-    other.
+    Numba puts its count into the names of code, and the linker takes the first code of a name. Numba's own functions,
+    compiled by two processes that count alike, would be mistaken for each other.
     """
     FunctionIdentity._unique_ids = count(randbits(BITS))
 
@@ -62,10 +71,7 @@ if hasattr(os, "register_at_fork"):  # not on Windows, where there is no fork
 
 
 def _remember_types() -> None:
-    """Let numba look up once, not each time, what an operation on numbers, arrays and records is.
-
-    It tries dozens of templates, and the answer depends on the operation and the types alone.
-    """
+    """Let numba search once for the templates of an operation: the answer depends on operation and types alone."""
     known: dict[Any, Any] = {}
     plain = BaseFunction.get_call_type
 
@@ -84,29 +90,25 @@ _remember_types()
 
 
 @contextmanager
-def _no_collection() -> Iterator[None]:
-    """Nothing is garbage while numba compiles, and looking for it would take a sixth of the time."""
-    was = gc.isenabled()
+def _compiling(dispatcher: CPUDispatcher, args: tuple[Any, ...]) -> Iterator[None]:
+    """Trigger the event of numba's own dispatchers, and collect no garbage: it would take a sixth of the time."""
+    collects = gc.isenabled()
     gc.disable()
     try:
-        yield
+        with event.trigger_event("numba:compile", data={"dispatcher": dispatcher, "args": args, "return_type": None}):
+            yield
     finally:
-        if was:
+        if collects:
             gc.enable()
 
 
-def _compiling(dispatcher: CPUDispatcher, args: tuple[Any, ...]) -> Any:
-    """The event by which others know that something is compiled, as numba's own dispatchers trigger it."""
-    return event.trigger_event("numba:compile", data={"dispatcher": dispatcher, "args": args, "return_type": None})
-
-
 class Name:
-    """Stands for the code of a part where numba expects a function that Python may call."""
+    """Represents the code of a part where numba expects a function that Python may call."""
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class PartLowering(NativeLowering):  # type: ignore[misc]
-    """Numba's lowering to LLVM IR, at which it stops."""
+    """Lowers to LLVM IR, and no further."""
 
     _name = "native_lowering"
 
@@ -126,17 +128,17 @@ class PartLowering(NativeLowering):  # type: ignore[misc]
 
 
 def _registered(context: Any, described: Any, library: PartLibrary) -> Name:
-    """The name by which calls of a part find its code."""
+    """Return the name by which calls of a part find its code."""
     name = Name()
     context.insert_user_function(name, described, [library])
     return name
 
 
 class PartCompiler(CompilerBase):  # type: ignore[misc]
-    """Numba's compiler up to LLVM IR."""
+    """Compiles up to LLVM IR."""
 
     def define_pipelines(self) -> list[Any]:
-        """Numba's own passes but for the last that matters."""
+        """Return numba's own passes, with `PartLowering` for its lowering."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.passes = [(PartLowering if one is NativeLowering else one, text) for one, text in passes.passes]
         return [passes]
@@ -149,7 +151,7 @@ class Part(CPUDispatcher):  # type: ignore[misc]
         super().__init__(function, {}, options | {"no_cpython_wrapper": True}, pipeline_class=PartCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Types of a call.
+        """Return types of a call.
 
         With a literal or a short whole number it is the call with any such number: otherwise a kernel would be compiled
         once for 0, once for 2 and once for an index out of an array of 32 bits.
@@ -157,21 +159,21 @@ class Part(CPUDispatcher):  # type: ignore[misc]
         return super().get_call_template(tuple(map(_widened, args)), {name: _widened(kws[name]) for name in kws})
 
     def compile(self, sig: Any) -> Any:
-        """The name of the code for a signature."""
+        """Return the name of the code for a signature."""
         args, _ = sigutils.normalize_signature(sig)
         return self.result_of(tuple(args)).entry_point
 
     def result_of(self, args: tuple[Any, ...]) -> Any:
-        """Code for argument types, and what is known of it."""
+        """Return code for argument types, and its description."""
         with global_compiler_lock:
             if args not in self.overloads:
                 self.overloads[args] = self._found_or_compiled(args)
             return self.overloads[args]
 
     def _found_or_compiled(self, args: tuple[Any, ...]) -> Any:
-        key = cache.key_of(self.py_func, "part", args, self.targetoptions, self.targetctx)
+        key = names.key_of(self.py_func, "part", args, self.targetoptions, self.targetctx)
         with cache.locked(key):
-            result = cache.load(key, lambda data: _restored(data, str(key)))
+            result = cache.load(key, lambda data: _restored(data, str(key)), unbroken)
             if result is not None:
                 return result
             _keys.append(key)
@@ -197,7 +199,7 @@ _known: dict[str, PartLibrary] = {}  # parts of this process by their names on d
 
 
 def _restored(data: Any, key: str) -> Any:
-    """A part from disk; None if another that it links is not there."""
+    """Return a part from disk; None if another that it links is not there."""
     state, described, signature = data
     context, typing = cpu_target.target_context, cpu_target.typing_context
     library = _library_of(key, state)
@@ -211,11 +213,10 @@ def _restored(data: Any, key: str) -> Any:
 
 
 def _library_of(key: str, state: Any = None) -> PartLibrary | None:
-    """The IR that is kept under a name, with all parts that it links."""
+    """Return the IR that is kept under a name, with all parts that it links."""
     if key in _known:
         return _known[key]
-    if state is None:
-        state = cache.load(key, lambda data: data[0])
+    state = state or cache.load(key, lambda data: data[0], unbroken)
     if state is None:
         return None
     name, bitcode, below, begin = state
@@ -242,23 +243,23 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
         self.part, self.by_address = Part(function, options), by_address
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Types of a call from a kernel."""
+        """Return types of a call from a kernel."""
         return self.part.get_call_template(args, kws)
 
     def get_overload(self, sig: Any) -> Any:
-        """The code of a call from a kernel."""
+        """Return the code of a call from a kernel."""
         return self.part.get_overload(sig)
 
     def compile(self, sig: Any) -> Any:
-        """What Python calls for a signature."""
+        """Return the entry point of a signature, which Python calls."""
         args, _ = sigutils.normalize_signature(sig)
-        with global_compiler_lock, _no_collection():
+        with global_compiler_lock:
             if tuple(args) not in self.overloads:
                 self.add_overload(self._found_or_linked(tuple(args)))
             return self.overloads[tuple(args)].entry_point
 
     def address(self, args: tuple[Any, ...]) -> int:
-        """The address of its machine code for argument types."""
+        """Return the address of its machine code for argument types."""
         self.compile(args)
         result = self.overloads[args]
         return int(result.library.get_pointer_to_function(result.fndesc.llvm_cfunc_wrapper_name))
@@ -266,17 +267,20 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
     def _found_or_linked(self, args: tuple[Any, ...]) -> Any:
         self.targetctx.refresh()  # else code from disk would find nothing of numba's runtime
         kind = "pointer" if self.by_address else "entry"
-        key = cache.key_of(self.py_func, kind, args, self.targetoptions, self.targetctx)
-        result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
+        key = names.key_of(self.py_func, kind, args, self.targetoptions, self.targetctx)
+        result = self._found(key)
         if result is None:
             with cache.locked(key):
-                result = cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data))
+                result = self._found(key)
                 if result is None:
                     with _compiling(self, args):
                         result = self._linked(self.part.result_of(args))
                     if not result.library.has_dynamic_globals:
                         cache.save(key, result._reduce)
         return result
+
+    def _found(self, key: str | None) -> Any:
+        return cache.load(key, lambda data: CompileResult._rebuild(self.targetctx, *data), unbroken)
 
     def _linked(self, part: Any) -> Any:
         context = self.targetctx
@@ -293,11 +297,18 @@ class Entry(CPUDispatcher):  # type: ignore[misc]
             if self.by_address:
                 ours.create_cfunc_wrapper(library, described, environment, None)
             entry = context.get_executable(library, described, environment)
-        begin = list(library._reload_init)
         return part._replace(
             library=library, fndesc=described, environment=environment, entry_point=entry, type_annotation="",
-            reload_init=begin,
+            reload_init=list(library._reload_init),
         )  # fmt: skip
+
+
+compiled = Entry  # as `plain` names it
+
+
+def addressed(function: Callable[..., Any], options: dict[str, Any]) -> Callable[[tuple[Any, ...]], int]:
+    """Return the function of argument types that compiles for them and returns the address of machine code."""
+    return Entry(function, options, by_address=True).address
 
 
 _parts: dict[Callable[..., Any], Part] = {}  # of functions that stay Python's: numba holds its types of them weakly
@@ -320,7 +331,7 @@ def keep_functions_of_numba(options: dict[str, Any]) -> None:
 
         def made(**given: Any) -> Callable[..., Any]:
             """Make a part of a function that can be kept; others stay numba's."""
-            return lambda one: Part(one, options | given) if cache.identity(one) else found(**given)(one)
+            return lambda one: Part(one, options | given) if names.identity(one) else found(**given)(one)
 
         return made
 
@@ -333,5 +344,5 @@ def _widened(kind: Any) -> Any:
 
 
 def _holds_array(kind: types.Type) -> bool:
-    """Whether values of a type hold arrays."""
+    """Return whether values of a type hold arrays."""
     return isinstance(kind, types.Array) or any(_holds_array(one) for one in getattr(kind, "types", ()))

@@ -1,150 +1,184 @@
-"""Sums of short rows inside kernels, a whole row at once.
+"""Rows of numbers inside kernels: copies, small linear systems, and sums of short rows in vector instructions.
 
-Numba's loops over a few numbers take them one by one, since what they write might be what they read, and a vector that
-is read after its numbers were written singly waits for all of them. Rows of a law are as long as a step has modes, and
-one instruction takes one.
+Numba assigns slices with a message for shapes that differ, which takes a seventh of the time that kernels compile. Its
+loops over a few numbers take them one by one, since an array that is written might overlap one that is read. A vector
+instruction takes a whole row of a control law, which is as long as a step has modes.
 """
 
 from __future__ import annotations
 
-from functools import cache
+import ctypes
+from functools import cache, partial, reduce
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
-from pirrht.jit.addresses import load_float64, store_float64
-from pirrht.jit.jit import DISABLED
+from pirrht.jit.jit import DISABLED, jitable, kernel
+
+
+@jitable
+def copy_row(source: NDArray[Any], out: NDArray[Any]) -> None:
+    """Write source (n,) to out (n,)."""
+    for i in range(out.shape[0]):
+        out[i] = source[i]
+
+
+@jitable
+def copy_rows(source: NDArray[Any], out: NDArray[Any]) -> None:
+    """Write source (k, n) to out (k, n)."""
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[i, j] = source[i, j]
+
+
+@kernel
+def solve(A, Y, X):  # type: ignore[no-untyped-def]
+    """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
+    m, width = A.shape[0], Y.shape[1]
+    work = A.copy()
+    copy_rows(Y, X)
+    for i in range(m):
+        pivot = i
+        for r in range(i + 1, m):
+            if abs(work[r, i]) > abs(work[pivot, i]):
+                pivot = r
+        for c in range(m):
+            work[i, c], work[pivot, c] = work[pivot, c], work[i, c]
+        for k in range(width):
+            X[i, k], X[pivot, k] = X[pivot, k], X[i, k]
+        for r in range(m):
+            if r != i:
+                factor = work[r, i] / work[i, i]
+                for c in range(i, m):
+                    work[r, c] -= factor * work[i, c]
+                for k in range(width):
+                    X[r, k] -= factor * X[i, k]
+    for i in range(m):
+        for k in range(width):
+            X[i, k] /= work[i, i]
 
 
 @cache
-def mixed(width: int) -> Any:
-    """The function (out, x, a, y, b), of addresses and numbers, that writes a x + b y of rows of so many numbers."""
-
-    def plain(out: int, x: int, a: float, y: int, b: float) -> None:
-        for j in range(width):
-            store_float64(out, j, a * load_float64(x, j) + b * load_float64(y, j))
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def mix(typing_context: Any, out: Any, x: Any, a: Any, y: Any, b: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            out, x, a, y, b = given
-            one = builder.fmul(_row(builder, width, x), _all(builder, width, a))
-            other = builder.fmul(_row(builder, width, y), _all(builder, width, b))
-            _write(builder, width, out, builder.fadd(one, other))
-            return context.get_dummy_value()
-
-        return types.none(types.intp, types.intp, types.float64, types.intp, types.float64), generate
-
-    return plain if DISABLED else mix
+def axpy(width: int) -> Any:
+    """Return the function (out, x, a, y, b), of addresses and numbers, that writes a x + b y of rows of that width."""
+    return _by_rows("axpy", width)
 
 
 @cache
-def summed(count: int, width: int) -> Any:
-    """The function (out, first, rows, factors), of addresses, that adds `count` rows times their factors to the first.
+def affine(count: int, width: int) -> Any:
+    """Return the function (out, first, rows, factors), of addresses, that writes first + sum_k factors_k rows_k.
 
-    Rows have `width` numbers; those that are added lie one after the other.
+    There are `count` rows of `width` numbers, one after the other.
     """
-
-    def plain(out: int, first: int, rows: int, factors: int) -> None:
-        _added(out, [load_float64(first, j) for j in range(width)], rows, factors, count)
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def add(typing_context: Any, out: Any, first: Any, rows: Any, factors: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            out, first, rows, factors = given
-            total = _row(builder, width, first)
-            for one in _weighed(builder, count, width, rows, factors):
-                total = builder.fadd(total, one)
-            _write(builder, width, out, total)
-            return context.get_dummy_value()
-
-        return types.none(types.intp, types.intp, types.intp, types.intp), generate
-
-    return plain if DISABLED else add
+    return _by_rows("affine", count, width)
 
 
 @cache
-def product(count: int, width: int) -> Any:
-    """The same without a first row: (out, rows, factors)."""
+def matvec(count: int, width: int) -> Any:
+    """Return the function (out, rows, factors), of addresses, that writes sum_k factors_k rows_k.
 
-    def plain(out: int, rows: int, factors: int) -> None:
-        _added(out, [0.0] * width, rows, factors, count)
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def multiply(typing_context: Any, out: Any, rows: Any, factors: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            out, rows, factors = given
-            total, *others = _weighed(builder, count, width, rows, factors)
-            for one in others:
-                total = builder.fadd(total, one)
-            _write(builder, width, out, total)
-            return context.get_dummy_value()
-
-        return types.none(types.intp, types.intp, types.intp), generate
-
-    return plain if DISABLED else multiply
+    There are `count` rows of `width` numbers, one after the other.
+    """
+    return _by_rows("matvec", count, width)
 
 
 @cache
-def bounded(width: int) -> Any:
-    """The function (x, bound), of an address and a number, that keeps so many numbers within plus and minus it."""
+def clip(width: int) -> Any:
+    """Return the function (x, bound), of an address and a number, that clips a row to plus and minus it."""
+    return _by_rows("clip", width)
 
-    def plain(x: int, bound: float) -> None:
-        for j in range(width):
-            store_float64(x, j, max(-bound, min(bound, load_float64(x, j))))
+
+def _by_rows(name: str, *shape: int) -> Any:
+    """Make the intrinsic of a name; uncompiled, the function on views of memory.
+
+    Its closure holds a name, not a function, so that kernels which call it are found on disk (`cache`).
+    """
+    if DISABLED:
+        return partial(_SUMS[name][1], *shape)
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def bind(typing_context: Any, x: Any, bound: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            x, bound = given
-            most, least = _all(builder, width, bound), _all(builder, width, builder.fneg(bound))
-            row = _row(builder, width, x)
-            row = builder.select(builder.fcmp_ordered("<", row, most), row, most)
-            row = builder.select(builder.fcmp_ordered(">", row, least), row, least)
-            _write(builder, width, x, row)
+    def by_rows(typing_context: Any, *given: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            _SUMS[name][2](_Vectors(builder, shape[-1]), *shape, *cgutils.unpack_tuple(builder, values[0]))
             return context.get_dummy_value()
 
-        return types.none(types.intp, types.float64), generate
+        return types.none(types.StarArgTuple(_SUMS[name][0])), generate
 
-    return plain if DISABLED else bind
-
-
-def _added(out: int, totals: list[float], rows: int, factors: int, count: int) -> None:
-    """Write totals and rows times their factors: what is not compiled does."""
-    width = len(totals)
-    for k in range(count):
-        for j in range(width):
-            totals[j] += load_float64(rows, k * width + j) * load_float64(factors, k)
-    for j in range(width):
-        store_float64(out, j, totals[j])
+    return by_rows
 
 
-def _weighed(builder: ir.IRBuilder, count: int, width: int, rows: Any, factors: Any) -> list[Any]:
-    """Rows times their factors."""
-    numbers = [_all(builder, width, builder.load(_at(builder, factors, k))) for k in range(count)]
-    return [builder.fmul(_row(builder, width, rows, k * width), number) for k, number in enumerate(numbers)]
+class _Vectors:
+    """Write LLVM IR on rows of one width."""
+
+    def __init__(self, builder: ir.IRBuilder, width: int) -> None:
+        self.builder, self.width, self.kind = builder, width, ir.VectorType(ir.DoubleType(), width)
+
+    def load(self, address: Any, index: int = 0) -> Any:
+        """Load the row that begins at an index."""
+        return self.builder.load(self.builder.bitcast(self._at(address, index), self.kind.as_pointer()), align=8)
+
+    def store(self, address: Any, row: Any) -> None:
+        """Store a row."""
+        self.builder.store(row, self.builder.bitcast(self._at(address, 0), self.kind.as_pointer()), align=8)
+
+    def fill(self, number: Any) -> Any:
+        """Return a row of one number."""
+        places, empty = ir.VectorType(ir.IntType(32), self.width), ir.Constant(self.kind, ir.Undefined)
+        first = self.builder.insert_element(empty, number, ir.Constant(ir.IntType(32), 0))
+        return self.builder.shuffle_vector(first, empty, ir.Constant(places, None))
+
+    def products(self, count: int, rows: Any, factors: Any) -> list[Any]:
+        """Return rows times their factors, all of which are loaded first: the output may overlap them."""
+        numbers = [self.fill(self.builder.load(self._at(factors, k))) for k in range(count)]
+        return [self.builder.fmul(self.load(rows, k * self.width), number) for k, number in enumerate(numbers)]
+
+    def _at(self, address: Any, index: int) -> Any:
+        pointer = self.builder.inttoptr(address, ir.DoubleType().as_pointer())
+        return self.builder.gep(pointer, [ir.Constant(ir.IntType(64), index)])
 
 
-def _at(builder: ir.IRBuilder, address: Any, index: int) -> Any:
-    pointer = builder.inttoptr(address, ir.DoubleType().as_pointer())
-    return builder.gep(pointer, [ir.Constant(ir.IntType(64), index)])
+def _write_axpy(to: _Vectors, width: int, out: Any, x: Any, a: Any, y: Any, b: Any) -> None:
+    to.store(out, to.builder.fadd(to.builder.fmul(to.load(x), to.fill(a)), to.builder.fmul(to.load(y), to.fill(b))))
 
 
-def _row(builder: ir.IRBuilder, width: int, address: Any, index: int = 0) -> Any:
-    """The row that begins there."""
-    row = ir.VectorType(ir.DoubleType(), width)
-    return builder.load(builder.bitcast(_at(builder, address, index), row.as_pointer()), align=8)
+def _write_sum(to: _Vectors, count: int, width: int, out: Any, *given: Any) -> None:
+    to.store(out, reduce(to.builder.fadd, [*map(to.load, given[:-2]), *to.products(count, *given[-2:])]))
 
 
-def _write(builder: ir.IRBuilder, width: int, address: Any, numbers: Any) -> None:
-    row = ir.VectorType(ir.DoubleType(), width)
-    builder.store(numbers, builder.bitcast(_at(builder, address, 0), row.as_pointer()), align=8)
+def _write_clip(to: _Vectors, width: int, x: Any, bound: Any) -> None:
+    row, upper, lower = to.load(x), to.fill(bound), to.fill(to.builder.fneg(bound))
+    row = to.builder.select(to.builder.fcmp_ordered("<", row, upper), row, upper)
+    to.store(x, to.builder.select(to.builder.fcmp_ordered(">", row, lower), row, lower))
 
 
-def _all(builder: ir.IRBuilder, width: int, number: Any) -> Any:
-    """A row of the same number."""
-    row, places = ir.VectorType(ir.DoubleType(), width), ir.VectorType(ir.IntType(32), width)
-    first = builder.insert_element(ir.Constant(row, ir.Undefined), number, ir.Constant(ir.IntType(32), 0))
-    return builder.shuffle_vector(first, ir.Constant(row, ir.Undefined), ir.Constant(places, None))
+def _view(address: int, *shape: int) -> NDArray[np.float64]:
+    """Return memory at an address as an array."""
+    row = (ctypes.c_double * int(np.prod(shape))).from_address(int(address))
+    return np.ctypeslib.as_array(row).reshape(shape)
+
+
+def _plain_axpy(width: int, out: int, x: int, a: float, y: int, b: float) -> None:
+    _view(out, width)[:] = a * _view(x, width) + b * _view(y, width)
+
+
+def _plain_sum(count: int, width: int, out: int, *given: int) -> None:
+    products = _view(given[-2], count, width) * _view(given[-1], count)[:, None]
+    _view(out, width)[:] = reduce(np.add, [*(_view(first, width) for first in given[:-2]), *products])
+
+
+def _plain_clip(width: int, x: int, bound: float) -> None:
+    np.clip(_view(x, width), -bound, bound, out=_view(x, width))
+
+
+_A, _F = types.intp, types.float64
+_SUMS: dict[str, tuple[tuple[Any, ...], Any, Any]] = {  # types of arguments, plain function, writer of LLVM IR
+    "axpy": ((_A, _A, _F, _A, _F), _plain_axpy, _write_axpy),
+    "affine": ((_A, _A, _A, _A), _plain_sum, _write_sum),
+    "matvec": ((_A, _A, _A), _plain_sum, _write_sum),
+    "clip": ((_A, _F), _plain_clip, _write_clip),
+}

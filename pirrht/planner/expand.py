@@ -12,8 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
 from pirrht.jit.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
-from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.pointers import as_tuple, caller
+from pirrht.jit.jit import as_tuple, caller, inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again
@@ -21,6 +20,7 @@ from pirrht.planner.rewire import reaches, settle
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
+from pirrht.topology.homology import write_base
 
 
 class PassageSampler:
@@ -133,7 +133,7 @@ def proposer(
     nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
 ) -> Callable[..., tuple[Edges, int]]:
     """Make what `grow` calls of a steering method (`steering.Compiled`, `count` numbers) and its motions."""
-    judge, write_straight = judge_with(motion), motion.straight
+    judge = judge_with(motion)
 
     def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]
         """Propose `Edges` between x (n,), which may be a root, and vertices near it; count those that are unsure.
@@ -151,7 +151,8 @@ def proposer(
         if not forward:
             into_goal[:] = root
         tails, heads = (here, others) if forward else (others, here)
-        write_straight(around, x, straight)
+        goal = (around.goal_x, around.goal_y)
+        write_base(around.markers, around.tracks, goal, around.speed, x, straight)
         return judge(around, connect(tails, heads, numbers), into_goal, near)
 
     return propose

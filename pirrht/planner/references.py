@@ -19,15 +19,15 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.geometry.certify import FREE
 from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.threads import mapped
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
 from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING
 from pirrht.shortening.shorten import polish, resume, resumes
-from pirrht.steering.along_legs import Legs
 from pirrht.steering.edges import Edges
+from pirrht.steering.legs import Legs
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import key_of_pairs
@@ -110,7 +110,7 @@ class ReferenceQuery(NamedTuple):
         """
         tree = self.tree
         steering, storage, weights = tree.steering, tree.storage, tree.homology.hash_weights
-        edges = tree.choose_parent(x, steering.asked, self.threads)  # line 1
+        edges = tree.choose_parent(x, steering.min_neighbours, self.threads)  # line 1
         several = self.shortened and not known and steering.timed
         best = Best.room(tree.classes or max(1, int(tree.graph.nodes[edges.near[edges.free]].sum())))
         count = best_classes(storage.places, tree.homology.base(x), edges, weights, tree.rules, best)
@@ -177,7 +177,7 @@ class ReferenceQuery(NamedTuple):
         """Shorten some of the paths, in place."""
         tree = self.tree
         each = [(i, motions) for i in fresh for motions in (paths[i].motions, *paths[i].others)]
-        short = mapped(lambda one: polish(one[1], tree.steering, tree.space), each, self.threads)
+        short = mapped(lambda one: polish(one[1], tree.steering, tree.checker), each, self.threads)
         for i in fresh:
             own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
             own.sort(key=lambda motions: float(motions.cost.sum()))

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
+from importlib import import_module
 from typing import Any, cast
 
 import numpy as np
@@ -18,7 +19,7 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
-from pirrht.jit.pointers import address_of
+from pirrht.jit.jit import address_of
 from pirrht.jit.threads import mapped
 from pirrht.planner import references
 from pirrht.planner.expand import PassageSampler, grow, insert, near_count, proposer
@@ -90,7 +91,7 @@ class HomologyTree:
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
         self._compiled = steering.compiled
-        self._remembering = steering.remembering(self.checker.around)
+        self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
@@ -332,9 +333,7 @@ class HomologyTree:
             OptionError: matplotlib is not installed.
             NoReference: no allowed class reaches the goal from x.
         """
-        from pirrht.plotting import tree as drawing  # pictures are optional
-
-        return drawing.draw(self, x, axes)
+        return import_module("sim.plotting.prompt").tree(self, x, axes)
 
 
 def _repeated(x: Array, count: int) -> Array:

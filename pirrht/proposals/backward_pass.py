@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel, part
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.forward_pass import passes_of
 from pirrht.proposals.step_map import step_of

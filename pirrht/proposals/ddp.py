@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.moving.broad_phase_cache import held_of
 from pirrht.proposals.backward_pass import backward_of
 from pirrht.proposals.clearance_cost import touches

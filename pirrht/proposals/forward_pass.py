@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.step_map import step_of
 from pirrht.rollouts.general.kind import KernelSpec, diffusion_of

@@ -14,8 +14,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import two_walls
-from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase_cache import held_of
 from pirrht.moving.distances import WALL
 from pirrht.moving.exits import walls_along, with_walls

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import kernel, part
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 

@@ -10,14 +10,13 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import FREE
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import kernel
 from pirrht.shortening.timed_relaxation import INSIDE, WEIGHTS, relax
-from pirrht.steering.along_legs import Legs, entered, free_leg
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
+from pirrht.steering.legs import Legs, entered, free_leg
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
@@ -29,9 +28,8 @@ PATIENCE = 2  # knots that are tried without success before a straight way is as
 BENDS = 0.6  # share of the knots of the second round that go where the path bends
 
 
-def taut_in_time(path: Legs, steering: InTime, space: FreeSpace) -> Legs:
+def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
-    checker = EdgeChecker.of(space, steering)
     joined = _joined(path.knots, steering, checker, far=True)
     best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
     for count, margins in ROUNDS:
@@ -56,7 +54,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
     for margin in AGAIN:
         moved = knots.copy()
         if margin > 0.0:
-            numbers, radius = steering.compiled.numbers, checker.space.scene.robot_radius
+            numbers, radius = steering.numbers, checker.space.scene.robot_radius
             relax(checker.around, numbers, moved, margin, radius, len(WEIGHTS) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
@@ -75,7 +73,7 @@ def _into(place: Array, goal: Goal) -> Array:
 def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """Move the knots of a path; None unless the result is free, of the class and cheaper."""
     knots = _meshed(path.knots, count)
-    relax(checker.around, steering.compiled.numbers, knots, margin, checker.space.scene.robot_radius, 0)
+    relax(checker.around, steering.numbers, knots, margin, checker.space.scene.robot_radius, 0)
     found = _joined(knots, steering, checker, far=False)
     if found is None or found.cost.sum() >= path.cost.sum():
         return None
@@ -86,7 +84,7 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     """Join some of the knots (k, 3) by legs that are all free up to the goal's disc; None if one is not."""
     kept, goal = knots.copy(), checker.space.scene.goal
     kept[-1, :2] = _into(kept[-1, :2], goal)
-    count = _shortcut(checker.around, steering.compiled.numbers, kept, far)
+    count = _shortcut(checker.around, steering.numbers, kept, far)
     path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
     return path if checker.inspect(path, last).free.all() else None

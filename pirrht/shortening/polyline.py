@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
@@ -27,11 +26,11 @@ HALVINGS = 6
 SLIDES = 12  # halvings of a leg along which a corner slides
 
 
-def taut_polyline(points: Array, space: FreeSpace) -> Array:
+def taut_polyline(points: Array, around: Surroundings) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     room = max(ROOM[0], ROOM[1] * len(points))
     out = np.empty((room + MORE_ROOM, 2))
-    short = out[: _taut(Surroundings.of(space), np.ascontiguousarray(points), room, out)].copy()
+    short = out[: _taut(around, np.ascontiguousarray(points), room, out)].copy()
     return short if _length(short) <= _length(points) else points
 
 

@@ -14,8 +14,8 @@ import math
 import numpy as np
 
 from pirrht.geometry.field import clearance
-from pirrht.jit.copies import copy_rows
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_rows
 from pirrht.moving.distances import FASTEST, WALL, of_body, outside_of, piece_of, pose_of, wall_of_body
 
 NEAR = 0.6  # what stays so far from all knots is not asked for while they move [m]

@@ -1,9 +1,9 @@
 """Connect two states optimally where there are no obstacles (the paper's TPBVP).
 
 `steering` is the interface, one file each its members: `straight_line` for the single integrator, `dubins` for the
-unicycle, `rover` for two inputs, `double_integrator` for a mass, `tracked` for systems without their own, and `in_time`
-among moving obstacles, where `useful` draws states. `motion` is a compiled kind of motions, as the tree and the
-shortening take it: `along_arcs`, `along_cubics` and `along_legs`. `edges` judges motions, `trajectory` adds controls.
+unicycle, `double_integrator` for a mass, `tracked` for systems without their own, and `in_time` among moving obstacles,
+where `useful` draws states. `motion` is a kind of motions as kernels: `arcs`, `cubics` and `legs`. `edges` judges them,
+`trajectory` adds controls, `tuning` has the numbers.
 
 A new system takes one file here: a `Steering` and, if its paths are no arcs, its `Motion`. It imports the geometry, the
 topology, the free space, the systems and the problem, not the tree.

@@ -20,10 +20,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.along_cubics import CUBICS, CubicRecord, Cubics
-from pirrht.steering.steering import Compiled, Steering, insert, rows
+from pirrht.steering.cubics import CUBICS, Cubics
+from pirrht.steering.steering import CompiledSteering
+from pirrht.steering.tuning import TUNING
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
 from pirrht.systems.dynamics import check_positive
 
@@ -66,52 +67,31 @@ def accelerations(tail, head, T):  # type: ignore[no-untyped-def]
     )
 
 
-ALONG = (0.5, 1.0)  # shares of the top speed with which states in passages drive
+@inlined
+def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    """Cost of the optimum; a change of velocity alone costs sqrt(2 q r) |dv| at least."""
+    q, r = numbers
+    dv = math.hypot(head[2] - tail[2], head[3] - tail[3])
+    return np.inf if math.sqrt(2.0 * q * r) * dv > limit else optimum(tail, head, q, r)[1]
 
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     """Connect each pair by one motion; the numbers are q and r."""
-    k, q, r = tails.shape[0], numbers[0], numbers[1]
+    k, (q, r) = tails.shape[0], numbers
     path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
     for i in range(k):
-        tail = (tails[i, 0], tails[i, 1], tails[i, 2], tails[i, 3])
-        head = (heads[i, 0], heads[i, 1], heads[i, 2], heads[i, 3])
+        tail, head = as_tuple(tails[i], 4), as_tuple(heads[i], 4)
         duration[i], cost[i] = optimum(tail, head, q, r)
         c = accelerations(tail, head, duration[i])
         for d in range(4):
             path[i, d], path[i, 4 + d] = tail[d], c[d]
         rates[i, 0], rates[i, 1] = q, r
-    return CubicRecord(path, duration, cost, heads, rates)
-
-
-@kernel
-def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
-    """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first.
-
-    A change of velocity alone costs sqrt(2 q r) |dv| at least: costs above `limit` are not computed.
-    """
-    count, found, q, r = chosen.shape[0], 0, numbers[0], numbers[1]
-    here, turn = (x[0], x[1], x[2], x[3]), math.sqrt(2.0 * q * r)
-    for i in range(states.shape[0]):
-        limit = least[count - 1] if found == count else np.inf
-        dv = math.hypot(states[i, 2] - x[2], states[i, 3] - x[3])
-        if turn * dv > limit:
-            continue
-        there = (states[i, 0], states[i, 1], states[i, 2], states[i, 3])
-        _, d = optimum(here, there, q, r) if forward else optimum(there, here, q, r)
-        found = insert(chosen, least, found, d, i)
-
-
-@kernel
-def _costs(tails, heads, q, r, out):  # type: ignore[no-untyped-def]
-    for i in range(out.shape[0]):
-        tail = (tails[i, 0], tails[i, 1], tails[i, 2], tails[i, 3])
-        _, out[i] = optimum(tail, (heads[i, 0], heads[i, 1], heads[i, 2], heads[i, 3]), q, r)
+    return Cubics(path, duration, cost, tails, heads, rates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MassSteering(Steering):
+class MassSteering(CompiledSteering):
     """The double integrator's optimum for the integral of q + (r/2) |a|^2 (Webb and van den Berg 2013).
 
     The root is the goal point with a free velocity, which is written as not a number.
@@ -130,8 +110,9 @@ class MassSteering(Steering):
     top: float = 2.0
 
     n = 4
-    symmetric = False
     motion = CUBICS
+    cost = _cost
+    optimum = _connect
 
     def __post_init__(self) -> None:
         check_positive(self, "q", "r", "top")
@@ -154,22 +135,9 @@ class MassSteering(Steering):
         return cls(q=q, r=r, top=1.5 * across / (4.5 * r * across**2 / q) ** 0.25)
 
     @property
-    def compiled(self) -> Compiled:
-        """The optimum as kernels; their numbers are q and r."""
-        return Compiled(_nearest, _connect, (self.q, self.r))
-
-    def distance(self, tails: Array, heads: Array) -> Array:
-        """Least cost from tails to heads, (..., 4) x 2 -> (...,) [cost]. Not symmetric."""
-        tails, heads = np.broadcast_arrays(tails, heads)
-        out = np.empty(tails.shape[:-1])
-        _costs(rows(tails, 4), rows(heads, 4), self.q, self.r, out.reshape(-1))
-        return out
-
-    def connect(self, tails: Array, heads: Array) -> Cubics:
-        """The cheapest motions from tails (k, 4) to heads (k, 4)."""
-        tails, heads = rows(np.atleast_2d(tails), 4), rows(np.atleast_2d(heads), 4)
-        found = _connect(tails, heads, self.compiled.numbers)
-        return Cubics(**found._asdict(), tails=tails)
+    def numbers(self) -> tuple[float, ...]:
+        """Return q [cost/s] and r [cost s^3/m^2]."""
+        return self.q, self.r
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (4,): uniform in the workspace, in direction and in speed up to `top`."""
@@ -184,7 +152,11 @@ class MassSteering(Steering):
     def states_along(self, way: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])
-        states = [np.hstack([way[:, :2], sign * share * self.top * turned]) for share in ALONG for sign in (1.0, -1.0)]
+        states = [
+            np.hstack([way[:, :2], sign * share * self.top * turned])
+            for share in TUNING.passage_speeds
+            for sign in (1.0, -1.0)
+        ]
         return np.stack(states, axis=1).reshape(-1, 4)
 
     def roots(self, goal: Array) -> Array:

@@ -16,18 +16,16 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.arcs import TWO_PI, Curves
 from pirrht.geometry.scene import Scene
-from pirrht.jit.copies import copy_row
 from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_row
 from pirrht.problem import Problem
-from pirrht.steering.along_arcs import Arcs
-from pirrht.steering.steering import Compiled, Steering, insert, rows
+from pirrht.steering.steering import CompiledSteering
+from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
 
-ROOTS = 16  # headings at the goal point
 
-
-class PoseSteering(Steering):
+class PoseSteering(CompiledSteering):
     """A steering method whose vertices are poses x, y [m] and heading [rad], (3,)."""
 
     n = 3
@@ -45,79 +43,13 @@ class PoseSteering(Steering):
         return states
 
     def roots(self, goal: Array) -> Array:
-        """Evenly spread headings at the goal point (2,) [m]: states (16, 3)."""
-        headings = np.arange(ROOTS) * (TWO_PI / ROOTS) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (ROOTS, 2)), headings])
+        """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
+        count = TUNING.root_headings
+        headings = np.arange(count) * (TWO_PI / count) - np.pi
+        return np.column_stack([np.broadcast_to(goal, (count, 2)), headings])
 
 
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dubins(PoseSteering):
-    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
-
-    Raises:
-        OptionError: V or rho is not a positive number.
-    """
-
-    V: float = 1.0  # speed [m/s]
-    rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
-
-    def __post_init__(self) -> None:
-        """Refuse what is not a positive number."""
-        check_positive(self, "V", "rho")
-
-    @classmethod
-    def of(cls, problem: Problem) -> Dubins:
-        """Take the Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
-
-        Raises:
-            OptionError: the dynamics is another.
-        """
-        car = problem.dynamics
-        if not isinstance(car, Unicycle):
-            raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
-        return cls(V=car.V, rho=car.rho)
-
-    @property
-    def radius(self) -> float:
-        """Least turning radius [m]."""
-        return self.V * self.rho
-
-    @property
-    def compiled(self) -> Compiled:
-        """Dubins curves as kernels; their numbers are the turning radius [m] and the cost per meter [cost/m]."""
-        return Compiled(_nearest, _connect, (self.radius, self.cost_per_meter))
-
-    @property
-    def cost_per_meter(self) -> float:
-        """Time per meter: cost is time [s/m]."""
-        return 1.0 / self.V
-
-    @property
-    def speed(self) -> float:
-        """The constant V [m/s]."""
-        return self.V
-
-    def distance(self, tails: Array, heads: Array) -> Array:
-        """Least time from tails to heads, (..., 3) x 2 -> (...,) [s]. Not symmetric."""
-        tails, heads = np.broadcast_arrays(tails, heads)
-        out = np.empty(tails.shape[:-1])
-        _lengths(rows(tails, 3), rows(heads, 3), self.radius, out.reshape(-1))
-        out *= self.cost_per_meter
-        return out
-
-    def connect(self, tails: Array, heads: Array) -> Curves:
-        """The shortest curves from tails (k, 3) to heads (k, 3), (k, 3) pieces; cost in [s]."""
-        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
-        arcs = _connect(tails, heads, self.compiled.numbers)
-        return Curves(**arcs._asdict(), tails=tails)
-
-    def controls(self, heading: Array, curvature: Array) -> Array:
-        """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
-        u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
-        return u
 
 
 @inlined
@@ -219,34 +151,86 @@ def shortest(tail, head, radius, curvature, length):  # type: ignore[no-untyped-
     return best * radius
 
 
-@kernel
-def _lengths(tails, heads, radius, out):  # type: ignore[no-untyped-def]
-    for i in range(out.shape[0]):
-        out[i] = length_between(tails[i], heads[i], radius, np.inf)
+@inlined
+def sideways(x, move, step, numbers, out):  # type: ignore[no-untyped-def]
+    """Write a pose (3,) after a step to the side [turning radii], in heading [rad], or both, to out (3,)."""
+    move += move >= 4
+    side, turn = (move // 3 - 1) * step * numbers[0], (move % 3 - 1) * step
+    out[0], out[1], out[2] = x[0] - side * math.sin(x[2]), x[1] + side * math.cos(x[2]), x[2] + turn
+
+
+@inlined
+def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    """Cost of the shortest curve; infinity if it is not below `limit`. The chord is a lower bound."""
+    gap = math.sqrt((head[0] - tail[0]) ** 2 + (head[1] - tail[1]) ** 2)
+    most = limit / numbers[1]
+    return np.inf if gap - 4.0 * EPS * numbers[0] > most else numbers[1] * length_between(tail, head, numbers[0], most)
 
 
 @kernel
 def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
-    """Three pieces each; the numbers are the turning radius and the cost per meter."""
+    """Connect each pair by three pieces; the numbers are the turning radius and the cost per meter."""
     k, radius = tails.shape[0], numbers[0]
     start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
     for i in range(k):
         copy_row(tails[i], start[i])
         shortest(tails[i], heads[i], radius, curvature[i], length[i])
         cost[i] = numbers[1] * length[i].sum()
-    return Arcs(start, curvature, length, cost, heads)
+    return Curves(start, curvature, length, cost, tails, heads)
 
 
-@kernel
-def _nearest(states, x, numbers, forward, chosen, length):  # type: ignore[no-untyped-def]
-    """Fill `chosen` with the nearest states, nearest first; of equally near ones the earlier comes first."""
-    count, radius, here = chosen.shape[0], numbers[0], (x[0], x[1], x[2])
-    found = 0
-    for i in range(states.shape[0]):
-        gap = math.sqrt((states[i, 0] - x[0]) ** 2 + (states[i, 1] - x[1]) ** 2)
-        limit = length[count - 1] if found == count else np.inf
-        if gap - 4.0 * EPS * radius > limit:
-            continue
-        there = (states[i, 0], states[i, 1], states[i, 2])  # numbers: an array's references would be counted
-        d = length_between(here, there, radius, limit) if forward else length_between(there, here, radius, limit)
-        found = insert(chosen, length, found, d, i)
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dubins(PoseSteering):
+    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
+
+    Raises:
+        OptionError: V or rho is not a positive number.
+    """
+
+    V: float = 1.0  # speed [m/s]
+    rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
+
+    cost = _cost
+    optimum = _connect
+    shift = sideways
+    moves = 8
+
+    def __post_init__(self) -> None:
+        check_positive(self, "V", "rho")
+
+    @classmethod
+    def of(cls, problem: Problem) -> Dubins:
+        """Take the Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
+
+        Raises:
+            OptionError: the dynamics is another.
+        """
+        car = problem.dynamics
+        if not isinstance(car, Unicycle):
+            raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
+        return cls(V=car.V, rho=car.rho)
+
+    @property
+    def radius(self) -> float:
+        """Least turning radius [m]."""
+        return self.V * self.rho
+
+    @property
+    def numbers(self) -> tuple[float, ...]:
+        """Return the turning radius [m] and the cost per meter [cost/m]."""
+        return self.radius, self.cost_per_meter
+
+    @property
+    def cost_per_meter(self) -> float:
+        """Time per meter: cost is time [s/m]."""
+        return 1.0 / self.V
+
+    @property
+    def speed(self) -> float:
+        """The constant V [m/s]."""
+        return self.V
+
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
+        u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
+        return u

@@ -14,8 +14,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
-from pirrht.steering.along_arcs import ARCS
-from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings
+from pirrht.steering.arcs import ARCS
+from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings, copied
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns, summed
 
@@ -56,17 +56,13 @@ class EdgeChecker:
     """Judges motions with the clearance field, and asks FCL where the field cannot certify."""
 
     space: FreeSpace
+    around: Surroundings
     motion: Motion = ARCS
-    around: Any = None  # `Surroundings` of the space, or what else the kernels of the motion take
-
-    def __post_init__(self) -> None:
-        if self.around is None:
-            object.__setattr__(self, "around", Surroundings.of(self.space))
 
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
         """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, motion=steering.motion, around=steering.surroundings(space))
+        return cls(space=space, around=Surroundings.of(space, steering.homology(space)), motion=steering.motion)
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
@@ -74,41 +70,54 @@ class EdgeChecker:
         A motion that enters the goal is an edge only if its head is a root (`into_goal`, (k,)); it ends, and is paid
         for, where it first enters the disc. From there its class counts along the straight line to the goal.
         """
-        record = self.motion.record(motions)
-        near = np.arange(len(into_goal)) if near is None else near
-        edges, unsure = judge_with(self.motion.kernels)(self.around, record, into_goal, near)
+        cut, near = copied(motions), np.arange(len(into_goal)) if near is None else near
+        edges, unsure = judge_with(self.motion.kernels)(self.around, cut, into_goal, near)
         for i in np.flatnonzero(edges.status == UNSURE).tolist() if unsure else ():
-            if self.motion.ask(record, i, self.space):
+            if self.motion.free(cut, i, self.space):
                 edges.status[i] = FREE
         return edges
 
-    def until_goal(self, path: Motions) -> Any:
+    def until_goal(self, path: Any) -> Any:
         """Cut a path of consecutive motions where the last first enters the goal's disc."""
-        return self.motion.until_goal(path, self.around)
+        last, kernels = len(path.cost) - 1, self.motion.kernels
+        s = kernels.entry(path, last, self.around)
+        if s < np.inf:
+            path = copied(path)
+            kernels.cut(path, last, s)
+        return path
 
 
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
-    """Build the kernel (around, record, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
-    judge, pairs, most, _ = kernels
+    """Build the kernel (around, motions, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
+    entry, cut, certify, _, pairs, most, _, prepare = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
         """Judge k motions without FCL, count unsure ones, cut them at the goal; `into_goal` and `near` are (k,)."""
         k, M = into_goal.shape[0], around.weights.shape[0]
-        status, enters, first = np.empty(k, np.int8), np.empty(k, np.bool_), np.empty(k + 1, np.int64)
-        unsure = judge(motions, into_goal, around, status, enters)
-        room = most(motions) * M  # pairs that one motion can have
+        status, first, unsure = np.empty(k, np.int8), np.empty(k + 1, np.int64), 0
+        room, prepared = most(motions) * M, prepare(motions, around)  # pairs that one motion can have
         marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
         total, used = np.zeros(M, np.int16), 0
         for i in range(k):
-            first[i] = used
+            first[i], status[i] = used, BLOCKED
+            if not motions.cost[i] < np.inf:
+                continue
+            s = entry(motions, i, around)
+            enters = s < np.inf
+            if enters:
+                if not into_goal[i]:
+                    continue
+                cut(motions, i, s)
+            status[i] = certify(motions, i, around, prepared)
+            unsure += status[i] == UNSURE
             if status[i] == BLOCKED:
                 continue
             if used + room > marker.shape[0]:
                 marker = np.concatenate((marker, np.empty_like(marker)))
                 turn = np.concatenate((turn, np.empty_like(turn)))
-            used = summed(total, marker, turn, used, pairs(motions, i, around, enters[i], marker, turn, used))
+            used = summed(total, marker, turn, used, pairs(motions, i, around, enters, marker, turn, used))
         first[k] = used
         turns = Turns(first, marker[:used].copy(), turn[:used].copy())
         return Edges(near, status, motions.cost, turns), unsure

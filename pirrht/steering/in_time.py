@@ -19,34 +19,38 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.along_legs import LEGS, LegRecord, Legs, TimedSurroundings
-from pirrht.steering.steering import Compiled, Steering, insert, rows
+from pirrht.steering.legs import LEGS, Legs
+from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.tuning import TUNING
 from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import BaseCache
 
-FASTER = 5.0  # speeds up to so many times the best one, if the robot has no limit of its own
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 
 
 @inlined
-def _cost(ax, ay, s, bx, by, t, numbers):  # type: ignore[no-untyped-def]
+def _cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
     """Cost and duration of a leg; the time of its end may be open."""
     q, r, speed, pace = numbers
-    dx, dy = bx - ax, by - ay
+    dx, dy = head[0] - tail[0], head[1] - tail[1]
     square = dx * dx + dy * dy
-    dt = math.sqrt(square) / pace if math.isnan(t) else t - s
-    if math.isnan(s) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
+    dt = math.sqrt(square) / pace if math.isnan(head[2]) else head[2] - tail[2]
+    if math.isnan(tail[2]) or not dt >= 0.0 or square > (speed * dt) ** 2 * (1.0 + LATE):
         return np.inf, 0.0
     if dt == 0.0:
-        return (0.0 if math.isnan(t) else np.inf), 0.0
+        return (0.0 if math.isnan(head[2]) else np.inf), 0.0
     return q * dt + 0.5 * r * square / dt, dt
+
+
+@inlined
+def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
+    return _cost_and_duration(tail, head, numbers)[0]
 
 
 @kernel
@@ -55,27 +59,16 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     k = tails.shape[0]
     path, cost = np.empty((k, 6)), np.empty(k)
     for i in range(k):
-        ax, ay, s, bx, by, t = tails[i, 0], tails[i, 1], tails[i, 2], heads[i, 0], heads[i, 1], heads[i, 2]
-        cost[i], dt = _cost(ax, ay, s, bx, by, t, numbers)
-        path[i, 0], path[i, 1], path[i, 2] = ax, ay, s
-        path[i, 3], path[i, 4], path[i, 5] = bx, by, s + dt if math.isnan(t) else t
-    return LegRecord(path, cost, heads)
-
-
-@kernel
-def _nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
-    """Fill `chosen` with the states of least cost, cheapest first; of equal ones the earlier comes first."""
-    found = 0
-    for i in range(states.shape[0]):
-        if forward:
-            d, _ = _cost(x[0], x[1], x[2], states[i, 0], states[i, 1], states[i, 2], numbers)
-        else:
-            d, _ = _cost(states[i, 0], states[i, 1], states[i, 2], x[0], x[1], x[2], numbers)
-        found = insert(chosen, least, found, d, i)
+        cost[i], dt = _cost_and_duration(as_tuple(tails[i], 3), as_tuple(heads[i], 3), numbers)
+        for c in range(3):
+            path[i, c], path[i, 3 + c] = tails[i, c], heads[i, c]
+        if math.isnan(heads[i, 2]):
+            path[i, 5] = tails[i, 2] + dt
+    return Legs(path, cost, tails, heads)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class InTime(Steering):
+class InTime(CompiledSteering):
     """Legs of a point in space and time, for a robot that is one or for proposals of another that track them.
 
     Args:
@@ -96,10 +89,11 @@ class InTime(Steering):
     slack: float = 0.0
 
     n = 3
-    symmetric = False
-    asked = 500  # in haste one goes farther than to the cheapest neighbours
+    min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
     motion = LEGS
+    cost = _cost
+    optimum = _connect
 
     def __post_init__(self) -> None:
         check_positive(self, "q", "r")
@@ -138,7 +132,7 @@ class InTime(Steering):
     @property
     def limit(self) -> float:
         """The limit of speeds [m/s]."""
-        return self.speed or FASTER * self.pace
+        return self.speed or TUNING.fastest * self.pace
 
     @property
     def cost_per_meter(self) -> float:
@@ -146,21 +140,13 @@ class InTime(Steering):
         return self.q / self.pace + 0.5 * self.r * self.pace
 
     @property
-    def compiled(self) -> Compiled:
-        """Ways as kernels; their numbers are q, r, the limit of speeds and the best one."""
-        return Compiled(_nearest, _connect, (self.q, self.r, self.limit, self.pace))
+    def numbers(self) -> tuple[float, ...]:
+        """Return q, r, the limit of speeds and the best speed."""
+        return self.q, self.r, self.limit, self.pace
 
     def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""
         return replace(space.homology, speed=self.pace)
-
-    def surroundings(self, space: FreeSpace) -> TimedSurroundings:
-        """Collect what kernels take of a scene."""
-        return TimedSurroundings.of(space, self.homology(space))
-
-    def remembering(self, around: TimedSurroundings) -> TimedSurroundings:
-        """Add room for the bases of a graph's vertices; for one thread at a time."""
-        return around._replace(bases=BaseCache.room(around.tracks.J))
 
     def at(self, x: Array, time: float) -> Array:
         """Place and time (3,) [m, m, s] of a system's state x (n,) at a time [s]."""
@@ -171,18 +157,6 @@ class InTime(Steering):
         if np.shape(x)[-1] < self.n:
             raise OptionError(f"a state among bodies that move is x, y and t; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., :3], dtype=float)
-
-    def distance(self, tails: Array, heads: Array) -> Array:
-        """Cost of the ways from tails to heads, (..., 3) x 2 -> (...,) [cost]; infinite where there is none."""
-        tails, heads = np.broadcast_arrays(tails, heads)
-        cost: Array = _connect(rows(tails, 3), rows(heads, 3), self.compiled.numbers).cost.reshape(tails.shape[:-1])
-        return cost
-
-    def connect(self, tails: Array, heads: Array) -> Legs:
-        """The ways from tails (k, 3) to heads (k, 3) [m, m, s]."""
-        tails, heads = rows(np.atleast_2d(tails), 3), rows(np.atleast_2d(heads), 3)
-        found = _connect(tails, heads, self.compiled.numbers)
-        return Legs(path=found.path, cost=found.cost, tails=tails, heads=heads)
 
     def roots(self, goal: Array) -> Array:
         """The goal point (2,) [m] at any time, (1, 3)."""
@@ -206,7 +180,7 @@ class InTime(Steering):
         A `goal_share` of them is moved into the goal's disc.
         """
         begun = self.origin(space.scene) if origin is None else origin
-        return drawn(self.compiled.numbers, space, begun, self.horizon(space.scene), rng, count, goal_share)
+        return drawn(self.numbers, space, begun, self.horizon(space.scene), rng, count, goal_share)
 
     def origin(self, scene: Scene) -> Array:
         """The start of a scene at 0, (3,) [m, m, s]."""
@@ -219,7 +193,7 @@ class InTime(Steering):
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
         """Places across and along passages at many times (l, 3) [m, m, s], free then."""
         begun = self.origin(space.scene) if origin is None else origin
-        return offered(self.compiled.numbers, passages, space, begun)
+        return offered(self.numbers, passages, space, begun)
 
     def trajectory(self, path: Legs) -> Trajectory:
         """Velocities along a path, or only its times for a system that tracks it."""

@@ -12,32 +12,46 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
 from pirrht.jit.jit import inlined
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.crossings import Cuts, straight_turns
+from pirrht.topology.crossings import Cuts
+from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import BaseCache
+from pirrht.topology.tracks import MarkerTrajectories
 
 
 class Surroundings(NamedTuple):
-    """A scene as kernels that judge or shorten motions take it."""
+    """A scene as kernels that judge or shorten motions take it; nothing in it moves for motions without times."""
 
     field: Field
     cuts: Cuts
-    markers: Array  # (M, 2) [m]
-    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker
+    markers: Array  # (M - J, 2) of static obstacles [m]
+    weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
     goal_x: float  # goal point [m]
     goal_y: float
     reach: float  # radius of the goal's disc [m]
-    radius: float  # least turning radius of what is shortened [m]
+    traffic: MovingObstacleArrays
+    tracks: MarkerTrajectories  # of J moving markers
+    speed: float  # of bases [m/s]
+    bases: BaseCache  # kept ones
 
     @classmethod
-    def of(cls, space: FreeSpace, radius: float = 0.0) -> Surroundings:
-        """Take those of an examined scene, for paths that turn no tighter than `radius` [m]."""
-        goal, homology = space.scene.goal, space.homology.static
-        numbers = (float(v) for v in (*goal.center, goal.radius, radius))
-        return cls(space.field, homology.cuts, homology.markers, homology.hash_weights, *numbers)
+    def of(cls, space: FreeSpace, homology: Homology) -> Surroundings:
+        """Take an examined scene and the classes of paths in it."""
+        x, y = space.scene.goal.center.tolist()
+        return cls(
+            field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
+            goal_y=y, reach=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
+            speed=homology.speed, bases=BaseCache.room(homology.J, 0),
+        )  # fmt: skip
+
+    def caching(self) -> Surroundings:
+        """Add room for the bases of a growing graph's vertices; for one thread at a time."""
+        return self._replace(bases=BaseCache.room(self.tracks.J)) if self.tracks.J else self
 
 
 class Motions(Protocol):
-    """k motions between two states each, as steering methods propose them; the rest is up to their kind."""
+    """k motions between two states each: a NamedTuple of arrays with k rows, which kernels take."""
 
     @property
     def cost(self) -> Array:
@@ -56,34 +70,34 @@ class Motions(Protocol):
 
 
 @inlined
-def write_straight(around, x, out):  # type: ignore[no-untyped-def]
-    """Write H of the straight line from a state x (n,) to the goal point to `out` (M,) [turns]."""
-    markers = around.markers
-    for k in range(out.shape[0]):
-        out[k] = straight_turns(x[0], x[1], markers[k, 0], markers[k, 1], around.goal_x, around.goal_y)
+def unprepared(motions, around):  # type: ignore[no-untyped-def]
+    """Prepare nothing for `certify`."""
+    return 0
 
 
 class MotionKernels(NamedTuple):
-    """Kernels for a record of motions, into which nothing else looks."""
+    """Kernels of one kind of motions. Places on a motion are numbers of a measure of its own: [m], [s] or a share."""
 
-    # (motions, into_goal (k,), around, status (k,), enters (k,)): FREE, BLOCKED or UNSURE by the clearance field, and
-    # whether a motion enters the goal's disc; one that does is cut there and so is its cost, or BLOCKED if not
-    # `into_goal`. How many are unsure.
-    judge: Callable[..., int]
+    entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
+    cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
+    certify: Callable[..., int]  # (motions, i, around, prepared): FREE, BLOCKED or UNSURE by the clearance field
+    sure: Callable[..., bool]  # (motions, i, around): whether that is FREE; it need not tell blocked from unsure
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]
     most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
-    straight: Callable[..., None] = write_straight  # (around, x (n,), out (M,)): H of the base from a state [turns]
+    between: Callable[..., bool]  # (motions, i, share, out (n,)): write the state after a share of it, if that is known
+    prepare: Callable[..., Any] = unprepared  # (motions, around): for `certify`, once for all motions
 
 
 class Motion(NamedTuple):
     """A kind of motions: how the tree judges `Motions` of it, and makes references of them."""
 
     kernels: MotionKernels
-    record: Callable[[Any], Any]  # Motions as the record of arrays that the kernels take, which they may change
-    ask: Callable[[Any, int, FreeSpace], bool]  # FCL's own word on motion i of a record
-    until_goal: Callable[[Any, Any], Any]  # a path (consecutive motions) that ends where it enters the disc
+    free: Callable[[Any, int, FreeSpace], bool]  # FCL's verdict on motion i
     trajectory: Callable[[Any, Any], Trajectory]  # (steering, path): the controls that drive a path, and their times
-    # (path, i, shares (l,)): states (l, n) that motion i passes after shares of it; (0, n) where that cannot be told
-    between: Callable[[Any, int, Array], Array]
+
+
+def copied(motions: Any) -> Any:
+    """Copy motions, so that kernels may cut them."""
+    return type(motions)(*(np.array(part, dtype=float, order="C") for part in motions))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +14,9 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined
-from pirrht.steering.along_arcs import ARCS
-from pirrht.steering.motion import Motion, Motions, Surroundings
+from pirrht.jit.jit import as_tuple, inlined, kernel
+from pirrht.steering.arcs import ARCS
+from pirrht.steering.motion import Motion, Motions
 from pirrht.steering.trajectory import Trajectory
 
 
@@ -23,8 +24,16 @@ class Compiled(NamedTuple):
     """A steering method as kernels, for growth that need not come back to Python."""
 
     nearest: Callable[..., None]  # (states (k, n), x (n,), numbers, forward, chosen (c,), work (c,)): as `nearest`
-    connect: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): optimal motions as the record of their kernels
-    numbers: tuple[float, ...]  # what both read
+    connect: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): optimal motions
+    numbers: tuple[float, ...]  # parameters of both
+
+
+@inlined
+def along_axes(x, move, step, numbers, out):  # type: ignore[no-untyped-def]
+    """Write x (n,) after a step along one of its axes to out (n,)."""
+    for k in range(out.shape[0]):
+        out[k] = x[k]
+    out[move // 2] += step * (1 - 2 * (move % 2))
 
 
 class Steering(ABC):
@@ -36,10 +45,17 @@ class Steering(ABC):
 
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
-    drives: bool = True  # whether references come with the controls that drive them; else guides must find those
-    asked: int = 0  # how many vertices a reference is looked for from at least
+    drives: bool = True  # whether references come with the controls that drive them; else proposals must find those
+    min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
-    motion: Motion = ARCS  # what `connect` makes
+    motion: Motion = ARCS  # kind of what `connect` makes
+    # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
+    shift: ClassVar[Callable[..., None]] = along_axes
+
+    @property
+    def moves(self) -> int:
+        """Return the number of moves that `shift` knows."""
+        return 2 * self.n
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -47,50 +63,34 @@ class Steering(ABC):
 
     @abstractmethod
     def connect(self, tails: Array, heads: Array) -> Motions:
-        """The k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP): along arcs, `Curves`."""
+        """Return the k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP): along arcs, `Curves`."""
 
     @abstractmethod
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A random state (n,) of the workspace, x and y first [m] (the paper's Sampling)."""
+        """Draw a state (n,) of the workspace, x and y first [m] (the paper's Sampling)."""
 
     @abstractmethod
     def roots(self, goal: Array) -> Array:
-        """States (k, n) at the goal point (2,) [m] that the tree starts from."""
+        """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
     def homology(self, space: FreeSpace) -> Any:
         """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
         return space.homology.static
 
-    def surroundings(self, space: FreeSpace) -> Any:
-        """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
-        return Surroundings.of(space)
-
-    def remembering(self, around: Any) -> Any:
-        """Add a cache for a growing graph to surroundings; for one thread at a time."""
-        return around
-
     def at(self, x: Array, time: float) -> Array:
-        """State to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
+        """Return the state to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""
         return x
 
     def vertex_of(self, x: Array) -> Array:
         """Take the part of a system's state (..., n) that a vertex of the tree has; here all of it."""
         return x
 
-    def backwards(self, x: Array) -> Array | None:
-        """Return the state (n,) whose paths `reversing` turns into such from x (n,); None: nothing reverses."""
-        return None
-
-    def reversing(self, trajectory: Trajectory) -> Trajectory:
-        """Drive a trajectory backwards, from the state that faces the other way."""
-        return trajectory
-
     def at_rest(self, x: Array) -> Array:
         """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""
         return x
 
     def states_along(self, way: Array, scene: Scene) -> Array:
-        """States (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
+        """Return states (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
 
         Here all but the position is drawn, from one seed; steering methods with headings override it.
         """
@@ -122,21 +122,17 @@ class Steering(ABC):
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """States (l, n) that a tree in an examined scene draws first; here those along its passages.
+        """Return states (l, n) that a tree in an examined scene draws first; here those along its passages.
 
         `origin` is the robot's state (n,); None: the scene's start.
         """
         return self.states_along(passages.axis, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
-        """Indices of the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.
+        """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.
 
-        Cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
+        Indices, cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
         """
-        if (compiled := self.compiled) is not None:
-            chosen = np.empty(min(count, len(states)), dtype=np.int64)
-            compiled.nearest(states, x, compiled.numbers, forward, chosen, np.empty(len(chosen)))
-            return chosen
         cost = self.distance(x, states) if forward else self.distance(states, x)
         if count >= len(states):
             return np.argsort(cost, kind="stable")
@@ -145,21 +141,74 @@ class Steering(ABC):
 
     @property
     def compiled(self) -> Compiled | None:
-        """`nearest` and `connect` as kernels, with which a tree grows faster; None if there are none."""
+        """Return `nearest` and `connect` as kernels, with which a tree grows faster; None if there are none."""
         return None
 
     def trajectory(self, path: Any) -> Trajectory:
-        """The controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
+        """Return the controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
         return self.motion.trajectory(self, path)
 
 
+class CompiledSteering(Steering):
+    """A steering method by two kernels of parameters `numbers`."""
+
+    # (tail, head, numbers, limit): cost of the optimum between states, tuples (n,); any number above `limit` may be
+    # infinity instead. Inlined.
+    cost: ClassVar[Callable[..., float]]
+    optimum: ClassVar[Callable[..., Any]]  # (tails (k, n), heads (k, n), numbers): the optimal motions
+
+    @property
+    @abstractmethod
+    def numbers(self) -> tuple[float, ...]:
+        """Return the parameters of both kernels."""
+
+    @property
+    def compiled(self) -> Compiled:
+        """Return the method as kernels."""
+        return Compiled(nearest_with(type(self).cost, self.n), type(self).optimum, self.numbers)
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""
+        tails, heads = (np.array(states, dtype=float) for states in np.broadcast_arrays(tails, heads))
+        out = np.empty(tails.shape[:-1])
+        _costs_with(type(self).cost, self.n)(rows(tails, self.n), rows(heads, self.n), self.numbers, out.reshape(-1))
+        return out
+
+    def connect(self, tails: Array, heads: Array) -> Any:
+        """Return the k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP)."""
+        return type(self).optimum(rows(tails, self.n), rows(heads, self.n), self.numbers)
+
+    def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
+        """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from."""
+        chosen = np.empty(min(count, len(states)), dtype=np.int64)
+        self.compiled.nearest(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
+        return chosen
+
+
 def rows(states: Array, n: int) -> Array:
-    """States (..., n) as contiguous rows (k, n), as kernels read them."""
+    """Return states (..., n) as contiguous rows (k, n), as kernels read them."""
     return np.ascontiguousarray(states, dtype=float).reshape(-1, n)
 
 
+@cache
+def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
+    """Build the kernel that finds the states of (k, n) of least cost, cheapest first; of equal ones the earlier."""
+
+    @kernel
+    def nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
+        """Write the indices to `chosen` (c,) and their costs to `least` (c,)."""
+        count, found, here = chosen.shape[0], 0, as_tuple(x, n)
+        for i in range(states.shape[0]):
+            limit, there = least[count - 1] if found == count else np.inf, as_tuple(states[i], n)
+            d = cost(here, there, numbers, limit) if forward else cost(there, here, numbers, limit)
+            found = _insert(chosen, least, found, d, i)
+
+    found: Callable[..., None] = nearest
+    return found
+
+
 @inlined
-def insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
+def _insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
     """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
     if found < chosen.shape[0]:
         found += 1
@@ -170,4 +219,16 @@ def insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
         least[at], chosen[at] = least[at - 1], chosen[at - 1]
         at -= 1
     least[at], chosen[at] = d, i
+    return found
+
+
+@cache
+def _costs_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
+    @kernel
+    def costs(tails, heads, numbers, out):  # type: ignore[no-untyped-def]
+        """Write the cost from each of tails (k, n) to each of heads (k, n) to `out` (k,)."""
+        for i in range(out.shape[0]):
+            out[i] = cost(as_tuple(tails[i], n), as_tuple(heads[i], n), numbers, np.inf)
+
+    found: Callable[..., None] = costs
     return found

@@ -15,11 +15,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.arcs import Curves
-from pirrht.geometry.scene import Scene
 from pirrht.problem import Problem
-from pirrht.steering.steering import Compiled, Steering
-from pirrht.steering.straight_line import StraightLine
+from pirrht.steering.straight_line import Lines
 from pirrht.steering.trajectory import Trajectory
 
 SPEEDS = np.geomspace(1e-3, 1e3, 6001)  # at which the cost per meter is asked [m/s]
@@ -27,7 +24,7 @@ PROBES = 8  # states at which a constant speed is asked
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Tracked(Steering):
+class Tracked(Lines):
     """Straight lines at one pace between positions, for systems that move otherwise.
 
     Args:
@@ -42,8 +39,6 @@ class Tracked(Steering):
     slack: float
     m: int
 
-    n = 2
-    symmetric = True
     drives = False
 
     @classmethod
@@ -65,43 +60,13 @@ class Tracked(Steering):
         rate = 2.0 * rate if _actuated(problem) else rate  # at the best speed control costs as much as time does
         return cls(pace=pace, cost_per_meter=rate / pace, slack=_delay(problem, pace), m=d.m)
 
-    @property
-    def line(self) -> StraightLine:
-        """The steering of the point."""
-        return StraightLine(pace=self.pace, cost_rate=self.cost_per_meter * self.pace)
-
-    @property
-    def compiled(self) -> Compiled:
-        """Straight lines as kernels."""
-        return self.line.compiled
-
     def vertex_of(self, x: Array) -> Array:
         """The position (..., 2) [m] of a state (..., n)."""
         return np.ascontiguousarray(x[..., :2])
 
-    def distance(self, tails: Array, heads: Array) -> Array:
-        """Cost of the way from tails to heads, (..., 2) x 2 -> (...,) [cost]."""
-        return self.line.distance(tails, heads)
-
-    def connect(self, tails: Array, heads: Array) -> Curves:
-        """One straight piece each from tails (k, 2) to heads (k, 2) [m]."""
-        return self.line.connect(tails, heads)
-
-    def roots(self, goal: Array) -> Array:
-        """The goal point (2,) [m] itself, (1, 2)."""
-        return self.line.roots(goal)
-
-    def states_along(self, way: Array, scene: Scene) -> Array:
-        """The points (k, 2) [m] themselves."""
-        return self.line.states_along(way, scene)
-
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A point (2,) [m], uniform in the workspace."""
-        return self.line.sample(scene, rng)
-
     def trajectory(self, path: Any) -> Trajectory:
-        """Times along a path, without controls that would drive it."""
-        found = self.line.trajectory(path)
+        """Return the times along a path, without controls that would drive it."""
+        found = self.motion.trajectory(self, path)
         still = np.zeros((len(found.durations), self.m))
         return replace(found, controls=still, slack=self.slack)
 

@@ -11,8 +11,8 @@ from figures import style
 from pirrht.arrays import Array
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
-from pirrht.plotting import ground
-from pirrht.plotting.ground import outline
+from sim.plotting import ground
+from sim.plotting.ground import outline
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:
@@ -28,7 +28,7 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] =
     for obstacle in scene.obstacles:
         axes.add_patch(Polygon(outline(obstacle), closed=True, fc=style.WALL, ec="none", zorder=6))
     ground.bodies(axes, scene.movers, time, zorder=6)
-    ground.foreseen(axes, foreseen, time, zorder=5.9)
+    ground.predicted(axes, foreseen, time, zorder=5.9)
     goal = tuple(scene.goal.center)
     axes.add_patch(Circle(goal, scene.goal.radius, fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.7, zorder=1))
     axes.set_aspect("equal")

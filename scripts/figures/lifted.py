@@ -13,9 +13,9 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting.ground import outline
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
+from sim.plotting.ground import outline
 from sim.scenario import Scenario
 
 PANELS = 2

@@ -22,7 +22,7 @@ from numba.core import event
 from tqdm import tqdm
 
 import pirrht
-from pirrht.jit import cache
+from pirrht.jit import cache, names
 from pirrht.problem import Problem
 from sim.systems import BUILT_IN, System, named
 
@@ -96,7 +96,7 @@ def key_of(system: System, problem: Problem) -> str | None:
     d = problem.dynamics
     parts = [system.name, str((d.n, d.m, d.stratonovich, bool(problem.scene.movers))), _sources()]
     for function in _functions(problem):
-        name = cache.identity(function)
+        name = names.identity(function)
         if name is None:
             return None
         parts.append(name)
@@ -184,6 +184,7 @@ def compile_shortening(dynamics_name: str) -> None:
     """Compile what shortens paths in static scenes."""
     from pirrht.freespace import FreeSpace
     from pirrht.shortening.shorten import polish
+    from pirrht.steering.edges import EdgeChecker
     from sim.rehearsal import ROOM
 
     system = named(dynamics_name)
@@ -192,7 +193,7 @@ def compile_shortening(dynamics_name: str) -> None:
     start = steering.vertex_of(problem.dynamics.state_of(ROOM.start))
     goal = start.copy()
     goal[:2] = ROOM.goal.center
-    polish(steering.connect(start[None], goal[None]), steering, FreeSpace.of(ROOM))
+    polish(steering.connect(start[None], goal[None]), steering, EdgeChecker.of(FreeSpace.of(ROOM), steering))
 
 
 def _end_with_input() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.plotting.ground import hull
+from sim.plotting.ground import hull
 
 Lines = NDArray[np.floating[Any]]
 

@@ -12,8 +12,8 @@ from pirrht.arrays import Array, IntArray
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.moving.collision import radius_of
-from pirrht.plotting.ground import fading, outline
 from sim.drawing.strokes import at_most
+from sim.plotting.ground import fading, outline
 
 CORNERS = 32  # of what is round: its outline then lies within half a percent of the radius
 ROUGH = 20  # corners of what is round, of an outline

@@ -21,13 +21,13 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.plotting import ground
-from pirrht.plotting.ground import MOVER
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
+from sim.plotting import ground
+from sim.plotting.ground import MOVER
 from sim.scenario import Scenario
 from sim.scenario.convergence import Convergence
 

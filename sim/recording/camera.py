@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
-from pirrht.plotting.ground import outline
 from sim.drawing import strokes
 from sim.drawing.labels import Eye, Labels, Lines
 from sim.drawing.strokes import lift
+from sim.plotting.ground import outline
 from sim.recording.subject import Subject
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"

@@ -24,12 +24,12 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import OTHER
 from pirrht.geometry.scene import Scene
-from pirrht.plotting.ground import outline
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, fade, mix
 from sim.drawing.labels import Labels
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
+from sim.plotting.ground import outline
 from sim.recording.camera import in_time
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
 from sim.recording.stream import Stream

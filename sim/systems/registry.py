@@ -89,7 +89,6 @@ SYSTEMS = (
     System(
         name="rover",
         dynamics=_dynamics("systems.rover:Rover"),
-        steering=_steering("steering.rover:RoverSteering"),
         R=np.diag([2.0, 0.5]),
         urge=_at_speed,
         heeds=("noise", "speed"),

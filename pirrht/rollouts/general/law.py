@@ -14,7 +14,7 @@ import numpy as np
 
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
-from pirrht.jit.vectors import bounded, mixed, product, summed
+from pirrht.jit.vectors import affine, axpy, clip, matvec
 from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
 from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -124,10 +124,10 @@ def nearest_of(n: int, angles: int) -> Any:
 @cache
 def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
     """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
-    said_by_few, said_by_many = summed(n, m), summed(n, most)
-    bind_few, bind_many = bounded(m), bounded(most)
-    times_few, times_many = product(m, m), product(most, most)
-    mix_few, mix_many = mixed(m), mixed(most)
+    said_by_few, said_by_many = affine(n, m), affine(n, most)
+    bind_few, bind_many = clip(m), clip(most)
+    times_few, times_many = matvec(m, m), matvec(most, most)
+    mix_few, mix_many = axpy(m), axpy(most)
 
     @part
     def said(out, row, beside, modes):  # type: ignore[no-untyped-def]

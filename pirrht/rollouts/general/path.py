@@ -27,10 +27,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_float64
-from pirrht.jit.copies import copy_row, copy_rows
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.linear import solve
 from pirrht.jit.streams import antithetic, stream
+from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.moving.broad_phase import begin_list
 from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances

@@ -14,8 +14,8 @@ from pirrht import Outcome
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
-from pirrht.plotting import ground, lines
 from sim.drawing.colors import PALETTE
+from sim.plotting import ground, lines
 from sim.scenario import Scenario
 
 matplotlib.use("Agg")

@@ -9,10 +9,10 @@ import pytest
 from drives import Drive, columns, record
 from rerun.chunk import RrdReader
 
-from pirrht.plotting.ground import outline
 from sim.drawing.labels import BELOW, CELL, HEIGHT, LETTER, PADDING
 from sim.drawing.strokes import lift
 from sim.mjcf import load
+from sim.plotting.ground import outline
 from sim.recording.camera import from_above, pixels_per_metre
 from sim.recording.layout import layout
 from sim.recording.options import Look

@@ -13,10 +13,10 @@ from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
-from pirrht.plotting.ground import MOMENTS, outline
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.mjcf import load
+from sim.plotting.ground import MOMENTS, outline
 from sim.recording.layout import layout
 from sim.recording.options import Look
 from sim.recording.reasons import Bystanders, reasons, words_of

@@ -19,7 +19,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.rover import RoverSteering
+from pirrht.steering.tracked import Tracked
 from pirrht.systems.rover import Rover
 from sim.scenario import prepare
 
@@ -125,7 +125,7 @@ def alone_in_a_room(b: float) -> Controller:
     scene = scene_of([], start=(0.6, 1.5), goal=(2.4, 1.5), side=3.0)
     problem = Problem(dynamics=Rover(b=b), scene=scene, R=np.diag([2.0, 0.5]))
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, RoverSteering.of(problem), rng=np.random.default_rng(0))
+    tree = HomologyTree(space, Tracked.of(problem), rng=np.random.default_rng(0))
     tree.grow(200)
     return Controller(problem, space, tree, Sampling(samples=1000, threads=1), rng=np.random.default_rng(1))
 

@@ -20,7 +20,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
-from pirrht.steering.rover import RoverSteering
+from pirrht.steering.tracked import Tracked
 from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.rover import Rover, towards_goal
 
@@ -37,9 +37,9 @@ def integral() -> PathIntegral:
 
 def reference(corner: Array) -> Trajectory:
     """Over a pose (3,) into the goal."""
-    steering = RoverSteering.of(integral().problem)
-    poses = np.vstack([X, corner, [2.6, 1.5, 0.3]])
-    return steering.trajectory(steering.connect(poses[:-1], poses[1:]))
+    steering = Tracked.of(integral().problem)
+    places = np.vstack([X, corner, [2.6, 1.5, 0.3]])[:, :2]
+    return steering.trajectory(steering.connect(places[:-1], places[1:]))
 
 
 @cache
@@ -87,7 +87,7 @@ def test_a_guide_whose_last_step_ends_on_the_rim_meets_no_wall_there():
     """Straight ahead at the best speed of 1 m/s, 0.7 m and a hair in steps of 0.1 s up to a disc of 0.1 m."""
     guidance, x = integral().guidance, np.array([1.8, 0.6, np.arctan2(0.9, 0.8)])
     x[:2] = np.array([2.6, 1.5]) - (0.8 + 2e-5) * np.array([np.cos(x[2]), np.sin(x[2])])
-    steering = RoverSteering.of(integral().problem)
+    steering = Tracked.of(integral().problem)
     trajectory = steering.trajectory(steering.connect(x[None], np.array([[2.6, 1.5, x[2]]])))
     assert isinstance(guidance, DDPGuidance)
     guide = guidance.improve(x, times(), integral().space.homology.key((0,)), trajectory)

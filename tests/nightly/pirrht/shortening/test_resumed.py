@@ -1,26 +1,25 @@
-"""Paths that go on from earlier ones: of arcs, and lines that guides track."""
+"""Paths that go on from earlier ones: of a foreign steering method, and lines that proposals track."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from discs import scattered
+from unit.pirrht.shortening.test_chain import Foreign
 
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.shortening.shorten import REACH, resumed_along_arcs
-from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.rover import RoverSteering
+from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.tracked import Tracked
-from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
+from pirrht.systems.unicycle import Unicycle
 
 
-def rover(seed: int) -> HomologyTree:
-    problem = Problem(dynamics=Rover(), scene=scattered(seed), R=np.diag([2.0, 0.5]))
-    return grown(problem, RoverSteering.of(problem), seed)
+def foreign(seed: int) -> HomologyTree:
+    problem = Problem(dynamics=Unicycle(rho=0.4), scene=scattered(seed), R=np.eye(1))
+    return grown(problem, Foreign(Dubins.of(problem)), seed)
 
 
 def grown(problem: Problem, steering: Steering, seed: int) -> HomologyTree:
@@ -36,7 +35,7 @@ def lines(seed: int) -> HomologyTree:
 
 
 @pytest.mark.parametrize("seed", [0, 3])
-@pytest.mark.parametrize("made", [rover, lines])
+@pytest.mark.parametrize("made", [foreign, lines])
 def test_paths_go_on_from_earlier_ones_in_their_class_and_hardly_dearer(made, seed):
     """20 small moves of seed 1: against paths that are shortened anew at most 5 % dearer, and free as FCL sees it."""
     tree, rng, compared = made(seed), np.random.default_rng(1), 0
@@ -57,18 +56,3 @@ def test_paths_go_on_from_earlier_ones_in_their_class_and_hardly_dearer(made, se
             np.testing.assert_allclose(found.path.tails[1:], found.path.heads[:-1], atol=1e-9)
             compared += winding in paths and found.cost != anew[winding]
     assert compared >= 10
-
-
-def test_a_path_that_is_out_of_reach_or_all_but_over_is_not_resumed():
-    tree = rover(0)
-    start = np.array(tree.space.scene.start, dtype=float)
-    path, checker = tree.references(start)[0].path, EdgeChecker.of(tree.space, tree.steering)
-    assert isinstance(tree.steering, RoverSteering)
-    assert resumed_along_arcs(start, path, tree.steering, checker) is not None
-    beside = np.array([*tree.space.scene.obstacles[0].position[:2], 0.0])
-    assert resumed_along_arcs(beside, path, tree.steering, checker) is None
-    x, y = tree.space.scene.goal.center
-    near = tree.references(np.array([x - tree.space.world.radius - 0.3, y, 0.0]))
-    short = [found.path for found in near if found.path.length.sum() < REACH]
-    assert short
-    assert all(resumed_along_arcs(start, path, tree.steering, checker) is None for path in short)

@@ -10,12 +10,12 @@ from figures import braids, ground, snapshots
 from figures.effort import Effort
 from moving import hall, moved
 
-from pirrht.plotting import ground as map_of
-from pirrht.plotting.ground import outline
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import tubes
 from sim.figures import draw
 from sim.mjcf import load
+from sim.plotting import ground as map_of
+from sim.plotting.ground import outline
 from sim.scenario import prepare
 
 SMALL = Effort(vertices=250, samples=20, max_time=0.1)

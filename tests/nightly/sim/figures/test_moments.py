@@ -10,9 +10,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from pirrht.plotting.ground import MOVER
 from sim.drawing.colors import ClassColors
 from sim.figures import draw
+from sim.plotting.ground import MOVER
 from sim.scenario import Scenario, prepare
 
 

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 from repository import environment
 
-from pirrht.jit import cache
-from pirrht.jit.cache import identity
+from pirrht.jit import names
 from pirrht.jit.jit import DISABLED, as_jitable, kernel
+from pirrht.jit.names import identity
 
 pytestmark = pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 
@@ -198,8 +198,8 @@ def test_code_that_writes_code_counts_but_for_docstrings(
     for name, source in (("before", WRITES), ("after", WRITES.replace(*edit))):
         (tmp_path / f"{name}.py").write_text(source)
         monkeypatch.setitem(sys.modules, name, SimpleNamespace(__file__=str(tmp_path / f"{name}.py")))
-        digests.append(cache._code_of_module(name))
-    cache._code_of_module.cache_clear()
+        digests.append(names._code_of_module(name))
+    names._code_of_module.cache_clear()
     assert (digests[0] == digests[1]) is same
 
 

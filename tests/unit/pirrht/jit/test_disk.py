@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pirrht.jit import cache, disk
+from pirrht.jit import cache
 
 KEY = "kernels.four-0123"
 NOBODY = 65534
@@ -30,12 +30,12 @@ class Trap:
 @pytest.fixture
 def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of kernels in which there is one that runs code when it is loaded."""
-    monkeypatch.setattr(disk, "folder", lambda: tmp_path / "pirrht")
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "pirrht")
     monkeypatch.setattr(cache, "_warned", set())
     content = pickle.dumps(Trap(tmp_path / "ran"))
     before = os.umask(0)  # a user who lets everybody write: not to what is run
     try:
-        disk.write(KEY, hashlib.sha256(content).digest() + content)
+        cache._write(KEY, hashlib.sha256(content).digest() + content)
     finally:
         os.umask(before)
     return tmp_path / "pirrht" / "kernels"
@@ -93,8 +93,8 @@ def test_a_kernel_that_is_a_pipe_is_none(kernels: Path):
 def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(cache.numba.config, "CACHE_DIR", str(tmp_path))  # as .numba_config.yaml does
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
-    disk.folder.cache_clear()
+    cache.folder.cache_clear()
     try:
-        assert disk.folder() == tmp_path / "mine" / "pirrht"
+        assert cache.folder() == tmp_path / "mine" / "pirrht"
     finally:
-        disk.folder.cache_clear()
+        cache.folder.cache_clear()

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from numba.core import codegen, compiler, typed_passes
+from numba.core import compiler, typed_passes
 from numba.core.bytecode import FunctionIdentity
-from numba.core.registry import CPUDispatcher
-from numba.core.typing import templates
 from repository import environment
 
 from pirrht.jit import linking
@@ -94,7 +93,7 @@ def test_a_function_is_called_alike_from_python_and_from_kernels():
 @pytest.fixture
 def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels are compiled, whatever lies on disk."""
-    monkeypatch.setattr(linking.cache, "key_of", lambda *_: None)
+    monkeypatch.setattr(linking.names, "key_of", lambda *_: None)
 
 
 @pytest.mark.usefixtures("nothing_kept")
@@ -158,27 +157,62 @@ def test_code_that_links_a_part_without_a_name_is_not_kept():
     assert not part.library.parts[0].bound
 
 
-def test_numba_has_what_linking_uses_of_its_own():
-    """Each line is one use: what is missing here is what a new version of numba has changed."""
-    for name in ("compile", "get_call_template", "get_overload", "add_overload"):
-        assert callable(getattr(CPUDispatcher, name))
-    lowering = typed_passes.NativeLowering
+def test_the_passes_of_numba_have_one_lowering():
     passes = compiler.DefaultPassBuilder.define_nopython_pipeline(_State()).passes
-    assert [one for one, _ in passes].count(lowering) == 1
-    for name in (
-        "finalize", "add_linking_library", "serialize_using_object_code", "enable_object_caching",
-        "_get_module_for_linking", "_ensure_finalized", "_raise_if_finalized", "_get_compiled_object",
-    ):  # fmt: skip
-        assert callable(getattr(codegen.JITCodeLibrary, name))
-    assert {"_reduce", "_rebuild"} <= set(dir(compiler.CompileResult))
-    assert isinstance(next(FunctionIdentity._unique_ids), int)
-    assert callable(templates._OverloadFunctionTemplate._get_jit_decorator)
+    assert [one for one, _ in passes].count(typed_passes.NativeLowering) == 1
 
 
 class _State:
-    """What a builder of passes asks of a compilation."""
+    """State that a builder of passes reads."""
 
     func_ir = None
 
     class flags:  # noqa: N801
         no_rewrites, enable_ssa, auto_parallel = False, True, type("Off", (), {"enabled": False})
+
+
+PUBLIC = """
+import sys
+sys.modules["pirrht.jit.linking"] = None  # as if it failed to import
+import numpy as np
+from pirrht.jit.jit import address_of, caller, inlined, jitable, kernel, part
+from pirrht.jit.vectors import axpy, copy_row
+
+@jitable
+def squared(x):
+    return x * x
+
+@inlined
+def more(x):
+    return squared(x) + 1.0
+
+@part
+def first(row):
+    return more(row[0])
+
+call, add = caller(1.0), axpy(2)
+
+@kernel
+def whole(address, row, out):
+    copy_row(row, out)
+    add(out.ctypes.data, row.ctypes.data, 2.0, row.ctypes.data, 1.0)
+    return first(row) + call(address, (row,))
+
+def last(row):
+    return squared(row[1])
+
+row, out = np.array([3.0, 4.0]), np.zeros(2)
+print(whole(address_of(last, (row,)), row, out), *out)
+"""
+
+
+def test_without_the_private_interface_kernels_are_compiled_with_the_public_one():
+    done = subprocess.run([sys.executable, "-c", PUBLIC], env=environment(), capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["26.0", "9.0", "12.0"]
+    assert "compiled anew by every command" in done.stderr
+
+
+def test_an_import_names_parts_of_numba_that_are_missing(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.delattr(FunctionIdentity, "_unique_ids")
+    with pytest.raises(ImportError, match=r"numba .* has no _unique_ids"):
+        importlib.reload(linking)

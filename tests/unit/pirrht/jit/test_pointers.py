@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from repository import environment
 
-from pirrht.jit.jit import DISABLED, jitable, kernel
-from pirrht.jit.pointers import address_of, as_tuple, caller
+from pirrht.jit.jit import DISABLED, address_of, as_tuple, caller, jitable, kernel
 
 HALVES = """
 import numpy as np
 from numba.core import event
 from pirrht.jit.jit import kernel
-from pirrht.jit.pointers import address_of, caller
+from pirrht.jit.jit import address_of, caller
 
 call = caller(np.empty(0))
 

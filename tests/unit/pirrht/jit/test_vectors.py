@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pirrht.jit.jit import kernel
-from pirrht.jit.vectors import bounded, mixed, product, summed
+from pirrht.jit.vectors import affine, axpy, clip, matvec
 
 SHAPES = [(2, 2), (3, 2), (4, 4), (5, 6), (1, 1)]
 
@@ -16,7 +16,7 @@ def drawn(*shape):
 
 @pytest.mark.parametrize(("count", "width"), SHAPES)
 def test_rows_times_factors_are_added_in_their_order(count, width):
-    add, multiply = summed(count, width), product(count, width)
+    add, multiply = affine(count, width), matvec(count, width)
 
     @kernel
     def both(whole, without, first, rows, factors):
@@ -38,7 +38,7 @@ def test_rows_times_factors_are_added_in_their_order(count, width):
 
 @pytest.mark.parametrize("width", [1, 2, 3, 4, 6])
 def test_rows_are_mixed_and_kept_within_bounds_number_by_number(width):
-    mix, bind = mixed(width), bounded(width)
+    mix, bind = axpy(width), clip(width)
 
     @kernel
     def both(out, x, y):
@@ -53,7 +53,7 @@ def test_rows_are_mixed_and_kept_within_bounds_number_by_number(width):
 
 
 def test_a_row_may_be_written_where_it_was_read():
-    multiply = product(2, 2)
+    multiply = matvec(2, 2)
 
     @kernel
     def turned(matrix, row):

@@ -216,7 +216,7 @@ def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_make
 
 def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
-    once, parts = (tree.choose_parent(START, tree.steering.asked, threads) for threads in (1, 3))
+    once, parts = (tree.choose_parent(START, tree.steering.min_neighbours, threads) for threads in (1, 3))
     assert len(once.near) > 2 * TUNING.shared_edges
     for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
         assert np.array_equal(one, other)

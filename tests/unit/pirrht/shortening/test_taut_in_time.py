@@ -14,9 +14,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
 from pirrht.shortening.shorten import polish, resume
 from pirrht.shortening.timed_relaxation import BAND, modelled
-from pirrht.steering.along_legs import Legs
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
+from pirrht.steering.legs import Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
@@ -25,7 +25,7 @@ STEERING = InTime()
 def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
     """Knots of the polished path."""
     path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
-    return np.asarray(polish(path, steering, space).knots)
+    return np.asarray(polish(path, steering, EdgeChecker.of(space, steering)).knots)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -43,7 +43,7 @@ def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_
 def test_the_slope_of_the_model_is_that_of_its_value():
     """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
     space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
-    around, near = steering.surroundings(space), np.arange(space.moving.J)
+    around, near = EdgeChecker.of(space, steering).around, np.arange(space.moving.J)
     t = np.linspace(0.017, 3.3, 13)
     knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
     n = 2 * (len(knots) - 1)
@@ -53,9 +53,9 @@ def test_the_slope_of_the_model_is_that_of_its_value():
         moved = knots.copy()
         moved[1:, :2] += change[:-1].reshape(-1, 2)
         moved[:, 2] += (t - t[0]) / (t[-1] - t[0]) * change[-1]
-        return modelled(around, near, steering.compiled.numbers, moved, 50.0, 0.3, np.empty((0, BAND)), none, none)
+        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, np.empty((0, BAND)), none, none)
 
-    modelled(around, near, steering.compiled.numbers, knots, 50.0, 0.3, matrix, border, slope)
+    modelled(around, near, steering.numbers, knots, 50.0, 0.3, matrix, border, slope)
     numeric = [(value(1e-6 * row) - value(-1e-6 * row)) / 2e-6 for row in np.eye(n + 1)]
     assert slope == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(slope).max())
 
@@ -125,7 +125,11 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
     """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
     space = FreeSpace.of(SCENES["crossing"]())
     knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
-    path = polish(EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])), STEERING, space)
+    path = polish(
+        EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])),
+        STEERING,
+        EdgeChecker.of(space, STEERING),
+    )
     return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
 
 

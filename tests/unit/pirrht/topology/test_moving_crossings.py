@@ -13,6 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import copied
 from pirrht.topology.homology import Homology
 from pirrht.topology.moving_crossings import BaseCache, outside, row_of, turns_between, whole_turns
 from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
@@ -46,7 +47,7 @@ def summed_turns(space: FreeSpace, knots: np.ndarray) -> tuple[int, ...]:
     """What the edges of a path add, whether they are free or not."""
     homology, checker = STEERING.homology(space), EdgeChecker.of(space, STEERING)
     legs = STEERING.connect(knots[:-1], knots[1:])
-    record, total = checker.motion.record(legs), np.zeros(homology.M, dtype=int)
+    record, total = copied(legs), np.zeros(homology.M, dtype=int)
     marker, turn = np.empty(homology.M, np.int32), np.empty(homology.M, np.int16)
     for i in range(len(legs.cost)):
         count = checker.motion.kernels.pairs(record, i, checker.around, i == len(legs.cost) - 1, marker, turn, 0)

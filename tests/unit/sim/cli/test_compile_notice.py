@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pirrht.geometry.scene import Scene
-from pirrht.jit import cache, disk
+from pirrht.jit import cache
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import warm
@@ -43,7 +43,7 @@ def key_of(system: System, room=ROOM) -> str | None:
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache of kernels."""
-    monkeypatch.setattr(disk, "folder", lambda: tmp_path)
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
     return tmp_path
 
 
@@ -95,11 +95,11 @@ def test_a_robot_whose_kernels_cannot_be_kept_has_no_note(folder):
     notice.known(system, problem)
     notice.done("plan", "sample")
     assert not notice.noted("sample")
-    assert not (folder / disk.NOTES).exists()
+    assert not (folder / cache.NOTES).exists()
 
 
 def test_where_nothing_can_be_written_notes_are_left_out(folder):
-    (folder / disk.NOTES).touch()  # a file where the folder should be
+    (folder / cache.NOTES).touch()  # a file where the folder should be
     notice = warm.Notice()
     notice.known(named("rover"), named("rover").problem(ROOM, named("rover").settings))
     notice.done("plan")

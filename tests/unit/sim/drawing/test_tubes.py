@@ -12,8 +12,8 @@ from moving import moved, oblique
 from pirrht.arrays import Array
 from pirrht.geometry.motion import Mover
 from pirrht.moving.collision import radius_of
-from pirrht.plotting.ground import MOMENTS, outline
 from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
+from sim.plotting.ground import MOMENTS, outline
 
 PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
 BODIES = [*oblique().movers, PATROL, replace(PATROL, motion=PATROL.motion.after(0.7))]

@@ -41,15 +41,15 @@ def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3
             axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
 
 
-def foreseen(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
+def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
     """Outline moving obstacles soon after a time [s], the paler the later."""
     from matplotlib.patches import Polygon
 
     for mover in movers:
         for after, strength in fading(mover, time):
             for solid in mover.at(time + after):
-                look = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": strength, "zorder": zorder}
-                axes.add_patch(Polygon(outline(solid), closed=True, **look))
+                style = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": strength, "zorder": zorder}
+                axes.add_patch(Polygon(outline(solid), closed=True, **style))
 
 
 def fading(mover: Mover, time: float) -> list[tuple[float, float]]:

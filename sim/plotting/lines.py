@@ -6,10 +6,22 @@ from collections.abc import Sequence
 from typing import Any
 
 from pirrht.arrays import Array
+from pirrht.errors import OptionError
 
 # Six hues that stay apart for colour-blind eyes; a class has that of its rank, cheapest first.
 PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
 TREE, SAMPLE = "#55aacc", "#70747a"
+
+
+def axes_for(axes: Any | None, method: str) -> Any:
+    """Return the axes; None: those of a new figure. An OptionError names the extra if matplotlib is missing."""
+    if axes is not None:
+        return axes
+    try:
+        from matplotlib import pyplot
+    except ImportError:
+        raise OptionError(f"{method} needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+    return pyplot.subplots(figsize=(7.0, 5.0), layout="constrained")[1]
 
 
 def color(place: int) -> str:

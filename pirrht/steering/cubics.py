@@ -1,0 +1,154 @@
+"""Move a mass with an acceleration linear in time: the cubic paths of the double integrator's optimum."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.certify import FREE
+from pirrht.geometry.cubics import (
+    Cubic,
+    certify_cubic,
+    entry_of_cubic,
+    greatest_force,
+    place,
+    positions,
+    speeds,
+    stride,
+)
+from pirrht.geometry.field import clearance
+from pirrht.jit.jit import inlined, kernel
+from pirrht.steering.motion import Motion, MotionKernels
+from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.tuning import TUNING
+from pirrht.topology.crossings import crossed
+
+
+class Cubics(NamedTuple):
+    """k motions of a mass with accelerations c0 + c1 s, one row each."""
+
+    path: Array  # (k, 8): p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3]
+    duration: Array  # (k,) [s]
+    cost: Array  # (k,) integral of q + (r/2) |a|^2 [cost]
+    tails: Array  # (k, 4) first states
+    heads: Array  # (k, 4) last states; a free velocity is not a number
+    rates: Array  # (k, 2): q [cost/s] and r
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each motion as a polyline (l, 2) [m] with points at most `spacing` [m] apart."""
+        lines = []
+        for i, T in enumerate(self.duration.tolist()):
+            c = self.curve(i)
+            count = max(1, math.ceil(_top_speed(c, T) * T / spacing))
+            lines.append(np.asarray(positions(c, np.linspace(0.0, T, count + 1))))
+        return lines
+
+    def curve(self, i: int) -> Cubic:
+        """Motion i."""
+        return Cubic(*self.path[i].tolist())
+
+    def states_at(self, i: int, times: Array) -> Array:
+        """States (l, 4) that motion i passes at times (l,) [s]."""
+        c = self.curve(i)
+        return np.column_stack([positions(c, times), np.column_stack(speeds(c, times))])
+
+    def length(self) -> Array:
+        """Lengths of the paths (k,) [m], by Gauss-Legendre quadrature."""
+        nodes, weights = np.polynomial.legendre.leggauss(16)
+        times = 0.5 * self.duration[:, None] * (nodes + 1.0)
+        first, linear, square = (self.path[:, k : k + 2, None] for k in (2, 4, 6))
+        vx, vy = np.moveaxis(first + times[:, None] * (linear + 0.5 * times[:, None] * square), 1, 0)
+        return np.asarray(0.5 * self.duration * (np.hypot(vx, vy) @ weights))
+
+
+def _top_speed(c: Cubic, T: float) -> float:
+    """A speed that a curve of T [s] nowhere exceeds [m/s]."""
+    return math.hypot(c.vx, c.vy) + T * float(greatest_force(c, 0.0, T))
+
+
+@inlined
+def _cubic(motions, i):  # type: ignore[no-untyped-def]
+    p = motions.path
+    return Cubic(p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5], p[i, 6], p[i, 7])
+
+
+@inlined
+def _entry(motions, i, around):  # type: ignore[no-untyped-def]
+    return entry_of_cubic(_cubic(motions, i), motions.duration[i], around.goal_x, around.goal_y, around.reach)
+
+
+@inlined
+def _cut(motions, i, s):  # type: ignore[no-untyped-def]
+    """End motion i after s [s]; its cost is the integral of q + (r/2) |c0 + c1 s|^2."""
+    c, q, r = _cubic(motions, i), motions.rates[i, 0], motions.rates[i, 1]
+    still, cross = c.ax * c.ax + c.ay * c.ay, c.ax * c.jx + c.ay * c.jy
+    square = still + s * (cross + s * (c.jx * c.jx + c.jy * c.jy) / 3.0)
+    motions.duration[i], motions.cost[i] = s, s * (q + 0.5 * r * square)
+
+
+@inlined
+def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
+    return certify_cubic(around.field, _cubic(motions, i), motions.duration[i])
+
+
+@inlined
+def _sure(motions, i, around):  # type: ignore[no-untyped-def]
+    return _certify(motions, i, around, 0) == FREE
+
+
+@kernel
+def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
+    c, duration = _cubic(motions, i), motions.duration[i]
+    most, s = greatest_force(c, 0.0, duration), 0.0
+    ax, ay = place(c, 0.0)
+    while s < duration:
+        room = max(clearance(around.field, ax, ay), TUNING.shortest_side)
+        s = min(s + stride(c, s, most, room), duration)
+        bx, by = place(c, s)
+        if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
+            bx, by = motions.heads[i, 0], motions.heads[i, 1]
+        count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+        ax, ay = bx, by
+    return count
+
+
+@inlined
+def _most(motions):  # type: ignore[no-untyped-def]
+    return 3  # a cubic path crosses a straight cut no more often
+
+
+@inlined
+def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
+    c, s = _cubic(motions, i), share * motions.duration[i]
+    out[0], out[1] = place(c, s)
+    out[2], out[3] = speeds(c, s)
+    return True
+
+
+def _free(motions: Cubics, i: int, space: FreeSpace) -> bool:
+    """Bisect by FCL's clearances, at a speed that the path nowhere exceeds."""
+    c, T = motions.curve(i), float(motions.duration[i])
+    v = max(_top_speed(c, T), 1e-9)
+    return space.collision.bisect_free(lambda length: np.array(place(c, length / v)), T * v)
+
+
+def _trajectory(steering: Any, path: Cubics) -> Trajectory:
+    """Take mean accelerations of short pieces of time."""
+    controls, durations = [], []
+    for row, T in zip(path.path, path.duration, strict=True):
+        count = max(1, math.ceil(T / TUNING.control_piece))
+        middle = (np.arange(count) + 0.5) * T / count
+        controls.append(row[4:6] + middle[:, None] * row[6:8])
+        durations.append(np.full(count, T / count))
+    return Trajectory(
+        controls=np.vstack(controls), durations=np.concatenate(durations), path=path, cost=float(path.cost.sum()),
+        length=float(path.length().sum()),
+    )  # fmt: skip
+
+
+CUBICS = Motion(MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between), _free, _trajectory)
