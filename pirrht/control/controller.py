@@ -124,7 +124,7 @@ class Controller(Policy):
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
-        return self.proposals.batch(x, references, self.tree, self.run, budget or TimeBudget())
+        return self.proposals.batch(x, references, self.run, budget or TimeBudget())
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.

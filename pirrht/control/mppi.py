@@ -21,7 +21,7 @@ import numpy as np
 from pirrht import shown
 from pirrht.arrays import Array
 from pirrht.control.budget import TimeBudget
-from pirrht.control.plan import Plan, shifted
+from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
@@ -138,3 +138,10 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
         return np.asarray(per_meter * np.maximum(away, 0.0))
 
     return beyond
+
+
+def shifted(times: Array, tape: Array, then: Array) -> Array:
+    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
+    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
+    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
+    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

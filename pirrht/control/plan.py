@@ -157,10 +157,3 @@ class Plan:
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
         return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
-
-
-def shifted(times: Array, tape: Array, then: Array) -> Array:
-    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
-    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
-    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
-    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

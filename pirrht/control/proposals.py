@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,28 +14,20 @@ from pirrht.control.methods import ControlSettings
 from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.prediction import favourite_path
-from pirrht.control.run_state import ClassFromStart, RunState, from_start
+from pirrht.control.run_state import RunState, from_start
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
 from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.trajectory import Trajectory, running_cost
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GuideRequest:
-    """A class that a guide is required of."""
-
-    whole: ClassFromStart
-    key: int  # additive, of the path ahead
-    reference: Reference
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,9 +45,7 @@ class ProposalBuilder:
         """Check whether classes may have unequal numbers of samples, by contributions in earlier plans."""
         return self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
 
-    def batch(
-        self, x: Array, references: Sequence[Reference], tree: HomologyTree | None, run: RunState, budget: TimeBudget
-    ) -> Batch:
+    def batch(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         integral, d = self.integral, self.integral.problem.dynamics
         trajectories = [reference.trajectory for reference in references]
@@ -65,33 +54,27 @@ class ProposalBuilder:
             still = Tape(times, np.zeros((len(times) - 1, d.m)))
             proposals = [Proposal(lead=still, count=integral.sampling.samples)]
             return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
-        requests = [
-            GuideRequest(whole=whole, key=run.homology.key(one.winding), reference=one)
-            for whole, one in zip(from_start(run, references), references, strict=True)
-        ]
-        names = [run.homology.name(one.whole) for one in requests]
+        classes = from_start(run, references)
+        names, keys = [run.homology.name(one) for one in classes], [run.homology.key(one.winding) for one in references]
         controls = integral.proposals.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
-        counts = [integral.sampling.samples] * len(requests)
+        counts = [integral.sampling.samples] * len(classes)
         if integral.guidance is not None:
-            guides = self._guides(integral.guidance, x, times, requests, tree, run, budget)
+            guides = self._guides(integral.guidance, x, times, references, run, budget)
             pairs = zip(controls, guides, strict=True)
             controls = [one if guide is None else LinearFeedback(guide) for one, guide in pairs]
             counts = integral.guidance.counts(guides, integral.sampling.samples)
-            predicted, worth = (
-                [0.0] * len(counts),
-                [count > TUNING.few for count in counts],
-            )  # costs of guides are too rough
-            run.memory.sampled = {one.whole for one, enough in zip(requests, worth, strict=True) if enough}
+            predicted, worth = [0.0] * len(counts), [count > TUNING.few for count in counts]  # costs are too rough
+            run.memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
         if self.allocates:
             counts = run.memory.allocation.counts(names, predicted, worth, integral.sampling.samples)
-        rows = zip(controls, counts, names, requests, strict=True)
-        proposals = [Proposal(lead=one, count=count, name=name, key=r.key) for one, count, name, r in rows]
+        rows = zip(controls, counts, names, keys, strict=True)
+        proposals = [Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows]
 
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
-            other = run.memory.alternatives.get(requests[k].whole)
-            return integral.proposals.beside(x, trajectories[k], run.now) if other is None else LinearFeedback(other)
+            other = run.memory.optima.get(classes[k], [])[1:]
+            return LinearFeedback(other[0]) if other else integral.proposals.beside(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -115,39 +98,29 @@ class ProposalBuilder:
         return None if guided and estimate.survivors == 0 else estimate
 
     def _guides(
-        self, guidance: Any, x: Array, times: Array, requests: Sequence[GuideRequest],
-        tree: HomologyTree | None, run: RunState, budget: TimeBudget,
-    ) -> list[Any]:  # fmt: skip
+        self, guidance: DDPGuidance, x: Array, times: Array, references: Sequence[Reference],
+        run: RunState, budget: TimeBudget,
+    ) -> list[DDPGuide | None]:  # fmt: skip
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
-        The first guides of a run are improved from several initialisations. If time is short, new classes get none,
+        The first guides of a run are improved from all initialisations. If time is short, new classes get none,
         except the cheapest, which is improved as long as there is time.
         """
-        memory, short, elapsed = run.memory, budget.short, run.since_plan
-        clock = {"time": run.now} if self.integral.moving else {}
-        anew = not memory.guides and not short()
-        thorough = {one.whole for one in requests[: self.settings.tuning.thorough]} if anew else set()
+        memory, short, classes = run.memory, budget.short, from_start(run, references)
+        anew = not memory.optima and not short()
 
-        def improved(one: GuideRequest) -> Any:
-            last, other, reference = memory.guides.get(one.whole), memory.alternatives.get(one.whole), one.reference
-            if one.whole in thorough and (one is requests[0] or not short()):
-                also = reference.others
-                return guidance.first(x, times, one.key, reference.trajectory, also, pressed=short, **clock)
-            if last is None and one is not requests[0] and short():
-                return None, None  # a new one takes ten times as long
-            guide = guidance.improve(x, times, one.key, reference.trajectory, last, elapsed, pressed=short, **clock)
-            if other is None:
-                return guide, None
-            other = guidance.onward(x, times, one.key, other, elapsed, **clock)
-            if other is not None and other.valid and (guide is None or not guide.valid or other.priced < guide.priced):
-                guide, other = other, guide
-            return guide, guidance.alternative(guide, [other])
+        def improved(k: int) -> list[DDPGuide]:
+            one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
+            if not last and late:
+                return []  # new ones take ten times as long
+            paths = [one.trajectory, *one.others]
+            query = guidance.query(x, times, run.homology.key(one.winding), run.now)
+            thorough = anew and k < self.settings.tuning.thorough and not late
+            return guidance.optima(query, paths, last, run.since_plan, thorough=thorough, short=short)
 
-        found = mapped(improved, requests, self.integral.threads)
-        pairs = [(one.whole, *both) for one, both in zip(requests, found, strict=True)]
-        memory.guides = {whole: guide for whole, guide, _ in pairs if guide and guide.valid}
-        memory.alternatives = {whole: other for whole, _, other in pairs if other is not None}
-        return [guide for _, guide, _ in pairs]
+        found = mapped(improved, range(len(references)), self.integral.threads)
+        memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
+        return [some[0] if some else None for some in found]
 
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:

@@ -104,7 +104,7 @@ def _remaining_guides(
     """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
     references: list[Reference] = []
     driven = run.path.winding()
-    for whole, guide in run.memory.guides.items():
+    for whole, (guide, *_) in run.memory.optima.items():
         if whole not in run.memory.sampled or whole in known:
             continue
         rest = guide.rest(run.since_plan, tree.space.scene.goal.center)
@@ -155,7 +155,7 @@ def continue_among(space: FreeSpace, run: RunState) -> None:
     """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
     path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
     path.enter(space.homology)
-    rests = {whole: guide.rest(run.since_plan, goal) for whole, guide in memory.guides.items()}
+    rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
     guides = _heirs(space, path, {whole: rest.points for whole, rest in rests.items() if rest is not None})
     lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
     paths = guides | _heirs(space, path, lines)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -34,8 +34,7 @@ class ClassMemory:
 
     Attributes:
         paths: shortened references of the last plan, from which shortening goes on.
-        guides: valid guides of the last plan, from which their improvement goes on.
-        alternatives: second local optima of classes.
+        optima: valid guides of the last plan, best first, from which their improvement goes on.
         sampled: classes whose guides had more than a few samples.
         allocation: of samples, by what earlier ones contributed.
         mixture: feedback of the last plan, into which the next one is pooled.
@@ -44,8 +43,7 @@ class ClassMemory:
     """
 
     paths: dict[ClassFromStart, Motions] = field(default_factory=dict)
-    guides: dict[ClassFromStart, Any] = field(default_factory=dict)
-    alternatives: dict[ClassFromStart, DDPGuide] = field(default_factory=dict)
+    optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)
     sampled: set[ClassFromStart] = field(default_factory=set)
     allocation: Allocation = field(default_factory=Allocation)
     mixture: ClassMixture | None = None
@@ -54,7 +52,7 @@ class ClassMemory:
 
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
-        self.guides, self.alternatives, self.sampled = {}, {}, set()
+        self.optima, self.sampled = {}, set()
         self.allocation, self.mixture = Allocation(), None
 
     def renamed(
@@ -68,13 +66,11 @@ class ClassMemory:
             paths: present classes of paths that are still free.
             names: present names of all these classes.
         """
-        mixture = self.mixture
+        mixture, before = self.mixture, self.allocation
         return ClassMemory(
-            paths=kept(self.paths, paths), guides=kept(self.guides, guides),
-            alternatives=kept(self.alternatives, guides), sampled={guides[one] for one in self.sampled & guides.keys()},
-            allocation=Allocation(
-                contribution=kept(self.allocation.contribution, names), shares=kept(self.allocation.shares, names)
-            ),
+            paths=kept(self.paths, paths), optima=kept(self.optima, guides),
+            sampled={guides[one] for one in self.sampled & guides.keys()},
+            allocation=Allocation(kept(before.contribution, names), kept(before.shares, names)),
             mixture=None if mixture is None else mixture.with_classes(kept(mixture.classes, names)),
             followed=names.get(self.followed or ""),
         )  # fmt: skip

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -120,116 +119,103 @@ class DDPGuidance:
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
-        self._from(self._query(x, np.arange(3.0), 0, 0.0), (self.starts.empty(2), 1), self.tuning.warm)
+        self._from(self.query(x, np.arange(3.0), 0, 0.0), (self.starts.empty(2), 1), self.tuning.warm)
 
     def improve(
         self, x: Array, times: Array, key: int, trajectory: Trajectory, last: DDPGuide | None = None,
-        elapsed: float = 0.0, time: float = 0.0, pressed: Callable[[], bool] | None = None,
+        elapsed: float = 0.0, time: float = 0.0,
     ) -> DDPGuide | None:  # fmt: skip
-        """Make a guide from x (n,) in the class with this additive key; None if it does not arrive within `times`.
+        """Return the best local optimum from x (n,) in a class; see `optima`."""
+        query = self.query(x, times, key, time)
+        return next(iter(self.optima(query, [trajectory], [] if last is None else [last], elapsed)), None)
+
+    def optima(
+        self, query: Query, paths: Sequence[Trajectory], last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
+        thorough: bool = False, short: Callable[[], bool] = lambda: False,
+    ) -> list[DDPGuide]:  # fmt: skip
+        """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
+
+        Improved is what is left of the last plan's optima, and if the first of them leaves the class or touches
+        something, the initialisations of the class; but where noise has carried the robot into a wall's zone the first
+        leads out of it. If nothing valid is found, samples follow the reference with feedback.
 
         Args:
-            times: ends of the rollout steps, (T+1,) from 0 [s].
-            trajectory: the reference.
-            last: the guide of the class made `elapsed` [s] ago.
-            time: now, on the clock of moving obstacles [s].
-            pressed: whether time is short, so that a reference is improved no further; None: it never is.
-
-        If the improvement leaves the class or touches something, samples follow a faster start or the reference itself,
-        with feedback; but where noise has carried the robot into a wall's zone the last guide leads out of it.
+            paths: the reference, and other paths of the class.
+            last: optima of the class found `elapsed` [s] ago.
+            thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
+            short: whether time is short, so that nothing more is improved.
         """
-        guide = None if last is None else self.onward(x, times, key, last, elapsed, time)
-        if guide is not None and (guide.valid or not self._clearance(x, time) > 0.0):
-            return guide
-        return self._anew(self._query(x, times, key, time), trajectory, pressed)[0]
-
-    def _anew(
-        self, query: Query, trajectory: Trajectory, pressed: Callable[[], bool] | None
-    ) -> tuple[DDPGuide | None, list[DDPGuide | None]]:
-        """Make a guide from a reference; return those of faster starts as well."""
-        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
-        stages = self.tuning.cold[1:] if self.problem.dynamics.noisy_position else self.tuning.cold
-        guide = self._from(query, self._begun(query, trajectory), in_time(stages, pressed))
-        faster: list[DDPGuide | None] = []
-        if guide is None or guide.valid:
-            return guide, faster
-        for start in self._faster(query, trajectory):
-            if pressed is not None and pressed():
-                break
-            guide = self._from(query, start, self.tuning.perturbed)
-            faster.append(guide)
-            if guide is not None and guide.valid:
-                return guide, faster
-        return self._from(query, self._begun(query, trajectory), UNIMPROVED), faster
-
-    def onward(
-        self, x: Array, times: Array, key: int, last: DDPGuide, elapsed: float, time: float = 0.0
-    ) -> DDPGuide | None:
-        """Improve the rest of an earlier guide (arguments of `improve`)."""
-        start = self.starts.shifted(last, times, elapsed)
-        return self._from(self._query(x, times, key, time), start, self.tuning.warm)
-
-    def first(
-        self, x: Array, times: Array, key: int, trajectory: Trajectory, also: Sequence[Trajectory] = (),
-        time: float = 0.0, pressed: Callable[[], bool] | None = None,
-    ) -> tuple[DDPGuide | None, DDPGuide | None]:  # fmt: skip
-        """Make a guide from the reference, or from another start if that costs less, and an alternative optimum.
-
-        Args:
-            also: other references of the class.
-            pressed: whether time is short, so that no more starts are tried; None: it never is.
-        """
-        query = self._query(x, times, key, time)
-        own, faster = self._anew(query, trajectory, pressed)
-        found, rest = [own, *faster], self._faster(query, trajectory, len(faster))
-        perturbed = self.starts.perturbed(x, trajectory, times) if self.tasks[1.0].curved else ()
-        for start in chain(perturbed, (self._begun(query, one) for one in also), rest):
-            if pressed is not None and pressed():
-                break
-            found.append(self._from(query, start, self.tuning.perturbed))
+        starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
+        found = [self._from(query, start, self.tuning.warm) for start in starts]
+        first = found[0] if found else None
+        if first is None or not (first.valid or self._clearance(query) <= 0.0):
+            fresh = self._improved(query, paths, thorough, short)
+            first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         valid = [one for one in found if one is not None and one.valid]
-        best = min(valid, key=lambda one: one.priced, default=own)
-        # Prices are off the value of a class by about lambda.
-        if own is not None and own.valid and best is not None:
-            best = best if best.priced < own.priced - self.problem.temperature else own
-        return best, self.alternative(best, valid)
+        if not valid:
+            return [] if first is None else [first]
+        best, t = min(valid, key=lambda one: one.priced), self.tuning
+        if first is not None and first.valid and first.priced <= best.priced + self.problem.temperature:
+            best = first  # prices are off the value of a class by about lambda
+        most = best.priced + t.alternative * self.problem.temperature
+        others = [one for one in valid if one is not best and one.priced < most and best.log_ratio_to(one) > t.apart]
+        return [best, *sorted(others, key=lambda one: one.priced)[:1]]
 
-    def alternative(self, guide: DDPGuide | None, others: Sequence[DDPGuide | None]) -> DDPGuide | None:
-        """Return the cheapest other guide of a class that has some weight and that samples of this one do not reach."""
-        if guide is None or not guide.valid:
-            return None
-        most = guide.priced + self.tuning.alternative * self.problem.temperature
-        near = [one for one in others if one is not None and one.valid and one is not guide and one.priced < most]
-        apart = [one for one in near if guide.log_ratio_to(one) > self.tuning.apart]
-        return min(apart, key=lambda one: one.priced, default=None)
+    def _improved(
+        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
+    ) -> list[DDPGuide]:
+        """Return valid guides from the initialisations of a class; without any, one along the reference."""
+        found: list[DDPGuide | None] = []
+        for start, stages in self._initialisations(query, paths, thorough, short):
+            if found and short():
+                break
+            found.append(self._from(query, start, stages))
+            if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
+                break
+        valid = [one for one in found if one is not None and one.valid]
+        if valid or found[0] is None:
+            return valid
+        unimproved = self._from(query, self._begun(query, paths[0]), UNIMPROVED)
+        return [] if unimproved is None else [unimproved]
+
+    def _initialisations(
+        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
+    ) -> Iterator[tuple[tuple[Course, int], Iterable[Stage]]]:
+        """Yield the initialisations of a class and the stages of their improvement, the reference first.
+
+        Optimisation is local. Without noise it is best to pass a closing gap at the last moment; under much noise no
+        local improvement leads from there to passing in good time, so that faster starts are tried. Turning about has
+        several optima as well, and so have paths of one class that lie apart.
+        """
+        # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
+        t, noisy = self.tuning, self.problem.dynamics.noisy_position
+        yield self._begun(query, paths[0]), in_time(t.cold[1:] if noisy else t.cold, short)
+        if query.setup.traffic.J > 0:
+            yield from ((self._begun(query, paths[0].faster(scale)), t.perturbed) for scale in t.time_scales)
+        if thorough and self.tasks[1.0].curved:
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, paths[0], query.times))
+        if thorough:
+            yield from ((self._begun(query, path), t.perturbed) for path in paths[1:])
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         return begun(query.x, trajectory, query.times)
 
-    def _faster(self, query: Query, trajectory: Trajectory, made: int = 0) -> Iterator[tuple[Course, int]]:
-        """Start faster than the reference where obstacles move; not the first that are made.
-
-        Without noise it is best to pass a closing gap at the last moment. Under much noise no local improvement leads
-        from there to passing in good time.
-        """
-        if self.setup.traffic.J > 0:
-            scales = self.tuning.time_scales[made:]
-            yield from (self._begun(query, trajectory.faster(times_as_fast)) for times_as_fast in scales)
-
-    def _query(self, x: Array, times: Array, key: int, time: float) -> Query:
+    def query(self, x: Array, times: Array, key: int, time: float) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        if self.setup.traffic.J == 0:
-            return Query(self.setup, times, x, times, key)
+        setup = self.setup
+        if setup.traffic.J == 0:
+            return Query(setup, times, x, times, key)
         clock = np.ascontiguousarray(times + time)
-        return Query(self.setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
+        return Query(setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
 
-    def _clearance(self, x: Array, time: float) -> float:
-        """Return the clearance of the robot's centre at x (n,) and a time [s], [m]."""
-        free = float(clearance(self.setup.arena.field, x[0], x[1]))
-        if self.setup.traffic.J > 0:
-            free = min(free, float(moving_clearance(self.setup.traffic, x[0], x[1], time)))
+    def _clearance(self, query: Query) -> float:
+        """Return the clearance of the robot's centre, [m]."""
+        (x, y), setup = query.x[:2], query.setup
+        free = float(clearance(setup.arena.field, x, y))
+        if setup.traffic.J > 0:
+            free = min(free, float(moving_clearance(setup.traffic, x, y, float(query.clock[0]))))
         return free
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
@@ -288,10 +274,10 @@ class DDPGuidance:
         return {"half_spaces": gates, "wall_drift": (slopes, bends)}
 
 
-def in_time(stages: Sequence[Stage], pressed: Callable[[], bool] | None) -> Iterator[Stage]:
+def in_time(stages: Sequence[Stage], short: Callable[[], bool]) -> Iterator[Stage]:
     """Yield the stages until time is short, and then one that makes a guide without improving it."""
     for stage in stages:
-        if pressed is not None and pressed():
+        if short():
             yield from UNIMPROVED
             return
         yield stage

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.jit import vectors
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
-from pirrht.jit.vectors import affine, axpy, clip, matvec
 from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
 from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
@@ -124,44 +124,44 @@ def nearest_of(n: int, angles: int) -> Any:
 @cache
 def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
     """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
-    said_by_few, said_by_many = affine(n, m), affine(n, most)
-    bind_few, bind_many = clip(m), clip(most)
-    times_few, times_many = matvec(m, m), matvec(most, most)
-    mix_few, mix_many = axpy(m), axpy(most)
+    affine_few, affine_many = vectors.affine(n, m), vectors.affine(n, most)
+    clip_few, clip_many = vectors.clip(m), vectors.clip(most)
+    matvec_few, matvec_many = vectors.matvec(m, m), vectors.matvec(most, most)
+    axpy_few, axpy_many = vectors.axpy(m), vectors.axpy(most)
 
     @part
-    def said(out, row, beside, modes):  # type: ignore[no-untyped-def]
+    def affine(out, row, beside, modes):  # type: ignore[no-untyped-def]
         """Write a + K beside, a law's row at a state that is `beside` (n,) its own."""
         if modes == most:
-            said_by_many(out, row, row + 8 * most, beside)
+            affine_many(out, row, row + 8 * most, beside)
         else:
-            said_by_few(out, row, row + 8 * m, beside)
+            affine_few(out, row, row + 8 * m, beside)
 
     @part
-    def bind(row, bound, modes):  # type: ignore[no-untyped-def]
+    def clip(row, bound, modes):  # type: ignore[no-untyped-def]
         """Keep all of a row within plus and minus a bound."""
         if modes == most:
-            bind_many(row, bound)
+            clip_many(row, bound)
         else:
-            bind_few(row, bound)
+            clip_few(row, bound)
 
     @part
-    def times(out, matrix, row, modes):  # type: ignore[no-untyped-def]
+    def matvec(out, matrix, row, modes):  # type: ignore[no-untyped-def]
         """Write a matrix, which lies transposed, times a row."""
         if modes == most:
-            times_many(out, matrix, row)
+            matvec_many(out, matrix, row)
         else:
-            times_few(out, matrix, row)
+            matvec_few(out, matrix, row)
 
     @part
-    def mix(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
+    def axpy(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
         """Write a x + b y."""
         if modes == most:
-            mix_many(out, x, a, y, b)
+            axpy_many(out, x, a, y, b)
         else:
-            mix_few(out, x, a, y, b)
+            axpy_few(out, x, a, y, b)
 
-    return said, bind, times, mix
+    return affine, clip, matvec, axpy
 
 
 LOST = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
@@ -174,7 +174,7 @@ def aims(kind: KernelSpec) -> Any:
     n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
     leadable, gated, gaining = takes_law(kind), is_gated(kind), kind.gaining
     fixed, angles, homing_of = n - rows, kind.angles, kind.homing
-    nearest, (said, bind, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
+    nearest, (affine, clip, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
 
     @part
     def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
@@ -202,7 +202,7 @@ def aims(kind: KernelSpec) -> Any:
             if (angles >> k) & 1:
                 beside[k] = wrapped(beside[k])
         out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
-        said(out, row, beside.ctypes.data, modes)
+        affine(out, row, beside.ctypes.data, modes)
         if gated:
             at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
             sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
@@ -211,7 +211,7 @@ def aims(kind: KernelSpec) -> Any:
             for j in range(m):  # one by one, as they were written last
                 wide[g, j] = max(-steep, min(steep, wide[g, j]))
         else:
-            bind(out, steep, modes)
+            clip(out, steep, modes)
 
     @part
     def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
@@ -229,47 +229,59 @@ def aims(kind: KernelSpec) -> Any:
             scratch.a[g, j] = bx * sx + by * sy
 
     @part
-    def aim(setup, leads, scratch, keep, goal, radius, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
+    def along_law(setup, leads, scratch, g, i, share, modes, headed):  # type: ignore[no-untyped-def]
+        """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
+        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.arena
+        s = step_of(leads, scratch, g, i, share, modes)
+        if s < leads.led[g]:
+            any_law(leads, scratch, g, s, modes)
+        else:
+            if not headed:
+                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.pace, home)
+                headed = True
+            for j in range(modes):
+                wide[g, j] = home[j] if j < m else 0.0
+        for j in range(m):
+            a[g, j] = wide[g, j]
+        return headed
+
+    @part
+    def without_law(scratch, g, modes):  # type: ignore[no-untyped-def]
+        """Write zeros."""
+        for j in range(m):
+            scratch.a[g, j] = 0.0
+        for j in range(modes if leadable else 0):
+            scratch.wide[g, j] = 0.0
+
+    @part
+    def add(leads, scratch, g, i):  # type: ignore[no-untyped-def]
+        """Add the control sequence, and wall drift where nothing else has it."""
+        a, count = scratch.a, leads.ways.count[g]
+        held = i < leads.active[g]
+        pushing = noisy_position and leads.reach > 0.0 and count == 0 and (leads.led[g] == 0 or gated)
+        for j in range(m if held else 0):
+            a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
+            for k in range(m if gaining else 0):
+                a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
+        for j in range(m if pushing else 0):
+            a[g, j] += scratch.pushed[j]
+        for j in range(m if leadable and (held or pushing or count > 0) else 0):
+            scratch.wide[g, j] = a[g, j]
+
+    @part
+    def aim(setup, leads, scratch, ratio, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
         """Write them after a share of step i of the grid; if nothing is weighed, only that of the one followed, h."""
-        x, a, wide, lost, home = scratch.x, scratch.a, scratch.wide, scratch.lost, scratch.home
-        led, count, ratio = leads.led, leads.ways.count, keep.ratio
-        weigh = ratio.shape[0] > 0
-        near_walls = noisy_position and leads.reach > 0.0
-        headed = False  # computed once, if a reference asks for it
-        for g in range(0 if weigh else h, a.shape[0] if weigh else h + 1):
+        lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
+        for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
             lost[g] = lost[g] or (leadable and weigh and ratio[g] < ratio[h] - LOST)
             if lost[g]:  # never of h
                 continue
-            if noisy_position and count[g] > 0:
-                along_way(leads, scratch, g, goal, walls)
-            elif leadable and led[g] > 0:
-                s = step_of(leads, scratch, g, i, share, modes)
-                if s < led[g]:
-                    any_law(leads, scratch, g, s, modes)
-                else:
-                    if not headed:
-                        homing_of(x, setup.parameters, scratch.B, goal, radius, setup.pace, home)
-                        headed = True
-                    for j in range(modes):
-                        wide[g, j] = home[j] if j < m else 0.0
-                for j in range(m):
-                    a[g, j] = wide[g, j]
+            if noisy_position and leads.ways.count[g] > 0:
+                along_way(leads, scratch, g, setup.arena.goal, walls)
+            elif leadable and leads.led[g] > 0:
+                headed = along_law(setup, leads, scratch, g, i, share, modes, headed)
             else:
-                for j in range(m):
-                    a[g, j] = 0.0
-                for j in range(modes if leadable else 0):
-                    wide[g, j] = 0.0
-            held, pushing = i < leads.active[g], near_walls and count[g] == 0 and (led[g] == 0 or gated)
-            if held:
-                for j in range(m):
-                    a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
-                    for k in range(m if gaining else 0):
-                        a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
-            if pushing:
-                for j in range(m):
-                    a[g, j] += scratch.pushed[j]
-            if leadable and (held or pushing or count[g] > 0):
-                for j in range(m):
-                    wide[g, j] = a[g, j]
+                without_law(scratch, g, modes)
+            add(leads, scratch, g, i)
 
     return aim

@@ -47,7 +47,7 @@ def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     n, m, noisy_position, leadable = kind.n, kind.m, kind.noisy_position, takes_law(kind)
 
-    _, _, times, mix = rows_of(n, m, kind.modes)
+    _, _, matvec, axpy = rows_of(n, m, kind.modes)
 
     @part
     def add_log_ratios(keep, leads, scratch, h, i, dt, until, modes):  # type: ignore[no-untyped-def]
@@ -65,8 +65,8 @@ def log_ratios(kind: KernelSpec) -> Any:
                     gained, row = 0.0, rows_at + pitch * (law.shape[1] * g + scratch.stage[g])
                     noise, size = scratch.fresh.ctypes.data + 8 * (modes + modes % 2) * (i % ABREAST), dt
                     if g != h:  # from what was drawn under h, the noise that g would have had to draw
-                        mix(white.ctypes.data, drawn.ctypes.data, 1.0, wide_at + 8 * wide.shape[1] * g, -dt, modes)
-                        times(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
+                        axpy(white.ctypes.data, drawn.ctypes.data, 1.0, wide_at + 8 * wide.shape[1] * g, -dt, modes)
+                        matvec(scratch.off.ctypes.data, row + 8 * inverse, white.ctypes.data, modes)
                         noise, size = scratch.off.ctypes.data, 1.0
                     for j in range(modes):
                         one = load_float64(noise, j)
@@ -86,7 +86,8 @@ def recorder(kind: KernelSpec) -> Any:
     Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
     (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of what walls push.
     """
-    m, gaining, gated, steady = kind.m, kind.gaining, is_gated(kind), is_steady(kind)
+    m, noisy_position, gaining = kind.m, kind.noisy_position, kind.gaining
+    gated, steady = is_gated(kind), is_steady(kind)
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
@@ -111,35 +112,38 @@ def recorder(kind: KernelSpec) -> Any:
                 scratch.column[j, 0] -= pushing
 
     @part
-    def settle(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
+    def relax(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
         """Add the half owed to the last step."""
-        taken(scratch, h, counted, False)
-        to_controls(scratch, inverse)
-        for j in range(m):
-            led_by[last, j] += 0.5 * owed * scratch.carried[j, 0]
+        if owed > 0.0:
+            taken(scratch, h, counted, False)
+            to_controls(scratch, inverse)
+            for j in range(m):
+                led_by[last, j] += 0.5 * owed * scratch.carried[j, 0]
 
     @part
-    def record(keep, inverse, scratch, h, counted, where, until, near_walls, inside):  # type: ignore[no-untyped-def]
-        """Add a step of `until` seconds; of a path's first one also the lead without walls."""
-        (i, whole, first), y, carried = where, scratch.y, scratch.carried
+    def record(keep, inverse, scratch, leads, h, where, until, inside):  # type: ignore[no-untyped-def]
+        """Add a step of `until` seconds, of a path's first one also the lead without walls; return the share owed."""
+        (i, whole, first), carried, near_walls = where, scratch.carried, noisy_position and leads.reach > 0.0
+        owes = near_walls and inside and i < keep.led_by.shape[0]
         if i < keep.applied.shape[0]:
             for j in range(m):
-                scratch.column[j, 0] = y[j]
+                scratch.column[j, 0] = scratch.y[j]
             to_controls(scratch, inverse)
             for j in range(m):
                 keep.applied[i, j] += carried[j, 0] / whole
         if i < keep.led_by.shape[0]:
-            for start in range(2 if first else 1):
-                taken(scratch, h, counted, start == 1 and near_walls)
+            taken(scratch, h, leads.counted, False)
+            to_controls(scratch, inverse)
+            for j in range(m):
+                keep.led_by[i, j] += (0.5 if owes else 1.0) * carried[j, 0] * until / whole
+            if first:
+                taken(scratch, h, leads.counted, near_walls)
                 to_controls(scratch, inverse)
                 for j in range(m):
-                    if start == 1:
-                        keep.base[j] = carried[j, 0]
-                    else:
-                        share = 0.5 if near_walls and inside else 1.0
-                        keep.led_by[i, j] += share * carried[j, 0] * until / whole
+                    keep.base[j] = carried[j, 0]
+        return until / whole if owes else 0.0
 
-    return settle, record
+    return relax, record
 
 
 class Kept(NamedTuple):
@@ -163,7 +167,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     covariance, move = covariance_of(kind), motion(kind)
     length_of, push_of, draw = length_for(kind), walls_for(kind), noise_for(kind)
     aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
-    settle, record = recorder(kind)
+    relax, record = recorder(kind)
 
     @part
     def begin(setup, leads, origin, keep, scratch, arena):  # type: ignore[no-untyped-def]
@@ -205,6 +209,25 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             drift(x, p, scratch.f)
         return rates
 
+    @part
+    def prepare(setup, leads, scratch, known, before, left, now, i):  # type: ignore[no-untyped-def]
+        """Evaluate the state: covariance per second, the step's length, moving obstacles near, the nearest walls."""
+        rates, drifted, close, walls = known
+        rates = look(setup, scratch, rates, drifted)
+        dt, close = length_of(setup, leads, scratch, rates, before, left, now, i, close)
+        if noisy_position and leads.reach > 0.0:
+            walls = push_of(leads, scratch, setup.arena, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
+        return rates, dt, close, walls
+
+    @part
+    def turned(setup, leads, scratch, i, share):  # type: ignore[no-untyped-def]
+        """Return the additive key of moving obstacles that are passed by a share of step i of the grid."""
+        if not moving:
+            return np.int64(0)
+        moved = scratch.moved
+        goal, end = setup.arena.goal, min(share, 1.0)
+        return key_among(leads.marks, goal, i, end, moved[0], moved[1], scratch.side, scratch.spot)
+
     @borrowing
     def one_path(setup, leads, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
         """Simulate one sample around reference h and write `Kept`.
@@ -212,64 +235,44 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
             probability that no wall was met on the way, where that is weighed.
         """
-        arena, p, times, counted = setup.arena, setup.parameters, leads.times, leads.counted
-        goal, radius, x, moved = arena.goal, arena.radius, scratch.x, scratch.moved
-        T, weigh = leads.control.shape[1], keep.ratio.shape[0] > 0
-        bent = bending and setup.bridge and leads.least < np.inf
+        arena, times, x, moved = setup.arena, leads.times, scratch.x, scratch.moved
+        T, bent = leads.control.shape[1], bending and setup.bridge and leads.least < np.inf
         modes = most if bent else m
         begin(setup, leads, origin, keep, scratch, arena)
-        near_walls, walls, drifted = noisy_position and leads.reach > 0.0, NO_WALLS, False
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)
-        state, work, key, lasting = stream(origin.seed, first), 0.0, np.int64(0), 0.0
+        state, work, key, log_survival = stream(origin.seed, first), 0.0, np.int64(0), 0.0
         owed, last = 0.0, 0  # share of a step of the grid for which half of the guide is missing in `led_by`
-        before, room, rates, now, close = distances(arena, x[0], x[1]), 0.0, covariance(scratch.B), 0.0, 0
+        known, before, room = (covariance(scratch.B), False, 0, NO_WALLS), distances(arena, x[0], x[1]), 0.0
         body_key = np.int64(leads.marks.opening if moving else 0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             clear(keep, i)
             while left > 0.0 and exit == INSIDE:
-                rates = look(setup, scratch, rates, drifted)
-                if moving:
-                    now = origin.time + times[i] + done
-                dt, close = length_of(setup, leads, scratch, arena, rates, before, left, now, i, close)
+                now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
+                rates, dt, close, walls = prepare(setup, leads, scratch, known, before, left, now, i)
                 left -= dt
-                if near_walls:
-                    cov = (rates[0] * dt, rates[1] * dt, rates[2] * dt)
-                    walls = push_of(leads, scratch, arena, cov, close)
-                aim(setup, leads, scratch, keep, goal, radius, walls, h, i, done / whole, modes)
-                if owed > 0.0:
-                    settle(keep.led_by, setup.inverse, scratch, h, counted, owed, last)
-                    owed = 0.0
+                aim(setup, leads, scratch, keep.ratio, walls, h, i, done / whole, modes)
+                relax(keep.led_by, setup.inverse, scratch, h, leads.counted, owed, last)
                 state = draw(leads, scratch, state, sign, h, i, dt, modes)
-                way = move(setup, leads, scratch, arena, dt, rates, bent)
-                drifted, rates = bent and not way[0], way[3]
+                way = move(setup, leads, scratch, dt, rates, bent)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
                 state, exit, share, until, missed, before, room, close = judge(
                     setup, leads, scratch, arena, dt, now, i, way, before, room, close, state
                 )
-                lasting += missed
-                if moving:
-                    at_share = (done + (until if until > 0.0 else dt * share)) / whole
-                    body_key += key_among(
-                        leads.marks, goal, i, min(at_share, 1.0), moved[0], moved[1], scratch.side, scratch.spot
-                    )
-                if weigh:
-                    add_log_ratios(keep, leads, scratch, h, i, dt, until, modes)
-                where = (i, whole, i == 0 and done == 0.0)
-                record(keep, setup.inverse, scratch, h, counted, where, until, near_walls, exit == INSIDE)
-                if i < keep.led_by.shape[0] and near_walls and exit == INSIDE:
-                    owed, last = until / whole, i
-                work += (q(x, p) if varying_rate else setup.rate) * dt * share
+                known = way[3], bent and not way[0], close, walls
+                body_key += turned(setup, leads, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
+                add_log_ratios(keep, leads, scratch, h, i, dt, until, modes)
+                owed = record(keep, setup.inverse, scratch, leads, h, where, until, exit == INSIDE)
+                last, log_survival = i, log_survival + missed
+                work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share
                 done += until
                 copy_row(moved, x)
             for j in range(n if keep.states.shape[0] > 0 else 0):
                 keep.states[i + 1, j] = x[j]
-            if moving and (exit != INSIDE or i + 1 == T):
-                key += body_key
             if exit != INSIDE:
-                return work, key, exit, i + 1, done, lasting
-        return work, key, 0, T, times[T] - times[T - 1], lasting
+                return work, key + body_key, exit, i + 1, done, log_survival
+        return work, key + body_key, 0, T, times[T] - times[T - 1], log_survival
 
     return one_path, scratch_for(kind)

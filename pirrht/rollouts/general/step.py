@@ -31,8 +31,8 @@ def length_for(kind: KernelSpec) -> Any:
     noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
 
     @part
-    def length_of(setup, leads, scratch, arena, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, dt = rates, scratch.x, left
+    def length_of(setup, leads, scratch, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
+        (xx, xy, yy), x, arena, dt = rates, scratch.x, setup.arena, left
         if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
@@ -91,7 +91,7 @@ def noise_for(kind: KernelSpec) -> Any:
     n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     leadable = takes_law(kind)
     abreast = leadable and not noisy_position
-    _, _, times, mix = rows_of(n, m, kind.modes)
+    _, _, matvec, axpy = rows_of(n, m, kind.modes)
 
     @part
     def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
@@ -111,9 +111,9 @@ def noise_for(kind: KernelSpec) -> Any:
         if stage[h] < leads.led[h] and not noisy_position:
             _, _, shape, _, _ = columns_of(n, modes)
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-            times(out, row + 8 * shape, independent, modes)
+            matvec(out, row + 8 * shape, independent, modes)
             source = out
-        mix(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
+        axpy(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
@@ -200,35 +200,47 @@ def motion(kind: KernelSpec) -> Any:
             f[j] = 0.5 * (f[j] + moved[j])
 
     @part
-    def move(setup, leads, scratch, arena, dt, rates, bent):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, moved, f, y, p = rates, scratch.x, scratch.moved, scratch.f, scratch.y, setup.parameters
-        goal, radius = arena.goal, arena.radius
+    def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
+        """Check whether the step enters the goal straight ahead, and return its share until then."""
+        x, f, arena = scratch.x, scratch.f, setup.arena
+        within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
+        if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
+            return False, 1.0
+        exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+        return exit == GOAL, ahead
+
+    @part
+    def at_middle(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
+        """Take drift and noise of the middle of the step; return the covariance per second."""
+        x, moved, f, p = scratch.x, scratch.moved, scratch.f, setup.parameters
+        for j in range(n):
+            moved[j] = x[j] + 0.5 * f[j] * dt
+        shaken(scratch, 0.5)
+        if varying:
+            noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
+            rates = covariance(scratch.B)
+        if drifting and (noisy_position or not setup.bridge):
+            drift(moved, p, f)
+        return rates
+
+    @part
+    def move(setup, leads, scratch, dt, rates, bent):  # type: ignore[no-untyped-def]
+        x, moved, f, y = scratch.x, scratch.moved, scratch.f, scratch.y
         arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
         if not noisy_position and setup.bridge:
-            within = radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
-            if (x[0] - goal[0]) ** 2 + (x[1] - goal[1]) ** 2 < within * within:
-                exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
-                arrived = exit == GOAL
-            if arrived:
-                for j in range(m):
-                    y[j] = 0.0
-            elif drifting:
+            arrived, ahead = arrives(setup, scratch, dt)
+            for j in range(m if arrived else 0):
+                y[j] = 0.0
+            if drifting and not arrived:
                 half_way(setup, scratch, dt, bent)
         if midway and not arrived:
-            for j in range(n):
-                moved[j] = x[j] + 0.5 * f[j] * dt
-            shaken(scratch, 0.5)
-            if varying:
-                noise_at(moved, p, setup.inverse, scratch.G, scratch.B)
-                xx, xy, yy = covariance(scratch.B)
-            if drifting and (noisy_position or not setup.bridge):
-                drift(moved, p, f)
+            rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
             moved[j] = x[j] + f[j] * dt
         shaken(scratch, 1.0)
         if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
-            drift(moved, p, f)
+            drift(moved, setup.parameters, f)
             turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
-        return arrived, ahead, turn, (xx, xy, yy)
+        return arrived, ahead, turn, rates
 
     return move

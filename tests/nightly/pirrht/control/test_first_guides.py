@@ -79,10 +79,10 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         times = controller.path_integral.grid(least_cost(controller.problem, state, [reference.trajectory]))
         key = controller.homology.key(reference.winding)
         usual = guidance.improve(state, times, key, reference.trajectory)
-        first, rival = guidance.first(state, times, key, reference.trajectory)
-        assert first is not None
+        query = guidance.query(state, times, key, 0.0)
+        first, *others = guidance.optima(query, [reference.trajectory], thorough=True)
         assert first.valid
-        if rival is not None:
+        for rival in others:
             assert rival.priced < first.priced + TUNING.alternative * controller.problem.temperature
         if usual is not None and usual.valid:
             assert first.priced <= usual.priced
@@ -157,11 +157,10 @@ def test_the_valley_that_noise_leaves_is_forgotten_and_the_other_leads():
     controller, x = alone_in_a_room(0.1), np.array([0.6, 1.5, np.pi / 2])
     controller.begin(x)
     controller.plan(x)
-    assert list(controller.run.memory.alternatives) == [()]
-    first = controller.run.memory.guides[()]
+    first, _ = controller.run.memory.optima[()]
     ahead = 1.0 if first.modes[0, 1] < 0.0 else -1.0  # whether it is the one that drives ahead
     controller.run.since_plan = 0.2
     controller.run.queried = None  # as if it had turned in the time
     controller.plan(np.array([0.6, 1.5, np.pi / 2 + 0.7 * ahead]))  # towards where the other one turns
-    assert controller.run.memory.alternatives == {}
-    assert controller.run.memory.guides[()].modes[0, 1] * first.modes[0, 1] < 0.0
+    [remaining] = controller.run.memory.optima[()]
+    assert remaining.modes[0, 1] * first.modes[0, 1] < 0.0

@@ -66,7 +66,6 @@ def test_both_valleys_are_sampled_where_noise_makes_them_alike():
     plan = controller.plan(HERE[:2])
     assert plan.estimate is not None
     memory = controller.run.memory
-    [(whole, rival)] = memory.alternatives.items()
-    own = memory.guides[whole]
+    [(own, rival)] = [optima for optima in memory.optima.values() if len(optima) > 1]
     assert own.unlike(rival) > 3.0
     assert own.priced == pytest.approx(rival.priced, abs=3.0 * problem.temperature)

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from closed_forms import annulus
 
-from pirrht.control.mppi import Mppi, straight_home
-from pirrht.control.plan import shifted
+from pirrht.control.mppi import Mppi, shifted, straight_home
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.tree import HomologyTree
