@@ -2,7 +2,7 @@
 
 A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
 
-    errors outcome files shown arrays | compiled < geometry < topology < freespace < systems < problem
+    errors outcome files formatting arrays | compiled < geometry < topology < freespace < systems < problem
     steering < shortening < tree | rollouts < guidance < estimation
     control
     exact

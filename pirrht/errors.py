@@ -1,17 +1,17 @@
-"""Everything that can go wrong in a way the caller can mend; each message says what would have worked."""
+"""Errors that a caller can fix; each message names a remedy."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 
-def told(error: BaseException) -> str:
-    """An error of somebody else's code in one line, its type first."""
+def one_line(error: BaseException) -> str:
+    """Return an error of foreign code in one line, its type first."""
     return " ".join(f"{type(error).__name__}: {error}".split())
 
 
 def printable(text: str) -> str:
-    """Text in one line: what no terminal shows, such as a newline in the name of a file, as its escape sequence."""
+    """Return text in one line; characters that no terminal shows become escape sequences."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -32,7 +32,7 @@ class NotLinearlySolvable(PirrhtError):
 
 
 class NoReference(PirrhtError):
-    """No allowed homology class reaches the goal from a state (n,); keeps what was asked (paper, section IV-C).
+    """No allowed homology class reaches the goal from a state (n,); keeps the query (paper, section IV-C).
 
     `limit` is that of |1 - H_i| [turns], `blocked` the nearest blocked signature (M,) [turns], if one was given;
     `hasty` whether a class does from the same place at rest, so that the speed is the reason.
@@ -58,11 +58,11 @@ class NoReference(PirrhtError):
             text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
         if hasty:
             super().__init__(
-                f"no class was found from ({where}), and from the same place at rest some are: few ways brake or turn "
-                "in time at this speed, if any does. Try more --vertices, start slower, or further from what is ahead."
+                f"no class was found from ({where}), and from the same place at rest some are: few paths brake or turn "
+                "in time at this speed, if any does. Try more vertices, start slower, or further from what is ahead."
             )
             return
-        super().__init__(text + ". Try more --vertices, a larger --limit or a smaller --radius.")
+        super().__init__(text + ". Try more vertices, a larger limit of |1 - H_i| or a smaller radius.")
 
 
 class NoSurvivingSample(PirrhtError):
@@ -73,5 +73,5 @@ class NoSurvivingSample(PirrhtError):
         self.timeouts = timeouts
         super().__init__(
             f"none of {collisions + timeouts} samples reached the goal ({collisions} collided, "
-            f"{timeouts} ran out of time). Try more --samples or less --noise."
+            f"{timeouts} ran out of time). Try more samples or less noise."
         )

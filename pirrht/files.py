@@ -19,7 +19,7 @@ SHOWN = 40  # characters of a file's name that its draft bears: two such names a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """A file beside another one, whose place it takes when it is complete; links are followed.
+    """A file next to another one, whose place it takes when it is complete; links are followed.
 
     Raises:
         OSError: whatever the system has against it.
@@ -30,8 +30,8 @@ class Draft:
     target: Path
 
     @classmethod
-    def beside(cls, path: Path) -> Draft:
-        """A new, empty one for a path."""
+    def next_to(cls, path: Path) -> Draft:
+        """Make an empty draft for a path."""
         target = target_of(path)
         handle, name = tempfile.mkstemp(prefix=f".{target.name[:SHOWN]}.", suffix=".part", dir=target.parent)
         return cls(handle=handle, file=Path(name), target=target)
@@ -53,7 +53,7 @@ class Draft:
 
 @contextmanager
 def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
-    """A stream whose content becomes that of a file; an old file stays until then, and if anything goes wrong.
+    """Yield a stream whose content becomes that of a file; after a failure the old file stays.
 
     What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to, in
     one go at the end. A pipe that nobody reads then is an error.
@@ -62,19 +62,19 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
         OptionError: it cannot be written; names the option.
     """
     try:
-        with (_poured if takes_as_it_comes(path) else _beside)(path) as stream:
+        with (_poured if takes_as_it_comes(path) else _drafted)(path) as stream:
             yield stream
     except OSError as error:
-        raise OptionError(f"{option} {shown(path)}: {error.strerror or error}; choose another place") from None
+        raise OptionError(f"{option} {path_text(path)}: {error.strerror or error}; choose another place") from None
 
 
 def target_of(path: Path) -> Path:
-    """Where a path leads, whether there is a file or not; symbolic links are followed."""
+    """Return the target of a path, which need not exist; symbolic links are followed."""
     return Path(os.path.realpath(path))
 
 
 def takes_as_it_comes(path: Path) -> bool:
-    """Whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
+    """Return whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
     try:
         found = os.stat(path)
     except (OSError, ValueError):
@@ -82,8 +82,8 @@ def takes_as_it_comes(path: Path) -> bool:
     return not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) or _output(found) is not None
 
 
-def shown(path: Path) -> str:
-    """A path as text in one line that any terminal takes, whatever it is made of."""
+def path_text(path: Path) -> str:
+    """Return a path as text in one line that any terminal takes."""
     try:
         return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
     except UnicodeEncodeError:  # half a character, which is in no name that the system knows
@@ -91,8 +91,8 @@ def shown(path: Path) -> str:
 
 
 @contextmanager
-def _beside(path: Path) -> Iterator[BinaryIO]:
-    draft = Draft.beside(path)
+def _drafted(path: Path) -> Iterator[BinaryIO]:
+    draft = Draft.next_to(path)
     try:
         with os.fdopen(draft.handle, "wb") as stream:
             yield stream
@@ -115,9 +115,9 @@ _pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what
 
 
 def has_reader(path: Path) -> bool:
-    """Whether somebody reads a pipe, which is kept open until it is written to, lest its reader take that for the end.
+    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits.
 
-    Opening one that nobody reads would wait for ever.
+    Opening a pipe that nobody reads would wait for ever.
     """
     if _output(os.stat(path)) is None and path not in _pipes:
         try:
@@ -128,7 +128,7 @@ def has_reader(path: Path) -> bool:
 
 
 def _open_pipe(path: Path) -> int:
-    """A descriptor to write to a pipe or device, which is not waited for."""
+    """Return a descriptor to write to a pipe or device, without waiting for a reader."""
     if path in _pipes:
         return _pipes.pop(path)
     handle = os.open(path, os.O_WRONLY | os.O_TRUNC | getattr(os, "O_NONBLOCK", 0))
@@ -137,7 +137,7 @@ def _open_pipe(path: Path) -> int:
 
 
 def _output(found: os.stat_result) -> int | None:
-    """The descriptor of standard output or error if that is what was found: opening a file again would empty it."""
+    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
     for known in (1, 2):
         with suppress(OSError):
             if os.path.samestat(found, os.fstat(known)):
@@ -156,7 +156,7 @@ _KINDS = {stat.S_IFDIR: "is a folder", stat.S_IFIFO: "is a pipe", stat.S_IFSOCK:
 
 
 def why_unreadable(path: Path) -> str | None:
-    """Why a path is no file that can be read to its end, as the end of a sentence; None if it is one.
+    """Return the reason that a path is no file with an end, as the end of a sentence; None if it is one.
 
     Pipes and devices are none: opening them may wait for ever, and reading them need not end.
     """

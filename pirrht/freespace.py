@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.certify import FREE, UNSURE, certify_point
@@ -43,7 +43,7 @@ class FreeSpace:
     moving_collision: MovingObstacles  # those obstacles as FCL has them
 
     def __repr__(self) -> str:
-        return f"FreeSpace({shown.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
+        return f"FreeSpace({formatting.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
 
     @classmethod
     def of(cls, scene: Scene) -> FreeSpace:

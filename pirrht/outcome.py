@@ -1,4 +1,4 @@
-"""How a path can end; rollouts and MuJoCo drives are judged by the same words."""
+"""Ends of paths, common to rollouts and runs in MuJoCo."""
 
 from __future__ import annotations
 

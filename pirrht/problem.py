@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.geometry.scene import Scene
@@ -26,7 +26,7 @@ class Problem:
     """Minimise `E[phi(x(t_f)) + integral of q + u'Ru/2]` until the state leaves the free space or enters the goal.
 
     Attributes:
-        dynamics: what moves, of n states and m controls.
+        dynamics: the system, of n states and m controls.
         scene: where it moves, from where and to where.
         R: control cost (m, m), u'Ru in [cost/s]; a function of the state (n,) where G or B is one.
         q: state cost rate [cost/s]; or a function q(x, p) of x (n,) and the parameters (k,) that numba compiles.
@@ -82,7 +82,7 @@ class Problem:
 
     def __repr__(self) -> str:
         rate = "q(x)" if callable(self.q) else f"q {self.q:g}"
-        what = f"{type(self.dynamics).__name__} in {shown.name(self.scene.name)}"
+        what = f"{type(self.dynamics).__name__} in {formatting.name(self.scene.name)}"
         return f"Problem({what}: lambda {self.temperature:.3g}, {rate}, phi {self.phi:g})"
 
     @property
@@ -128,8 +128,8 @@ class Problem:
             value = here if value is None else value
             if not (np.allclose(value * shape, noise, rtol=1e-8, atol=0) and value > 0):
                 raise NotLinearlySolvable(
-                    f"no lambda solves lambda G R^-1 G' = B B' at x = {shown.vector(x)}: "
-                    f"G R^-1 G' = {shown.matrix(shape)}, B B' = {shown.matrix(noise)}; "
+                    f"no lambda solves lambda G R^-1 G' = B B' at x = {formatting.vector(x)}: "
+                    f"G R^-1 G' = {formatting.matrix(shape)}, B B' = {formatting.matrix(noise)}; "
                     "choose R proportional to G' (B B')^-1 G"
                 )
         assert value is not None
@@ -142,8 +142,9 @@ class Problem:
         value = here if value is None else value
         if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
             raise NotLinearlySolvable(
-                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {shown.vector(x)}: "
-                f"R^-1 = {shown.matrix(shape)}, s s' = {shown.matrix(noise)}; choose R proportional to (s s')^-1"
+                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {formatting.vector(x)}: "
+                f"R^-1 = {formatting.matrix(shape)}, s s' = {formatting.matrix(noise)}; "
+                "choose R proportional to (s s')^-1"
             )
         return value
 

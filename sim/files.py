@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from pirrht.files import has_reader, replaced, shown, takes_as_it_comes, target_of
+from pirrht.files import has_reader, path_text, replaced, takes_as_it_comes, target_of
 
 
 def check_writable(path: Path, option: str) -> None:
@@ -24,7 +24,7 @@ def check_writable(path: Path, option: str) -> None:
             path is a folder, a disk, or a pipe that nobody reads.
     """
     found = checked_name(path, option)
-    name = f"{option} {shown(path)}"
+    name = f"{option} {path_text(path)}"
     if found is not None and stat.S_ISDIR(found.st_mode):
         raise OptionError(f"{name} is a folder; give the path of a file")
     if found is not None and stat.S_ISBLK(found.st_mode):
@@ -34,7 +34,7 @@ def check_writable(path: Path, option: str) -> None:
     folder = target_of(path).parent
     straight = takes_as_it_comes(path)
     if not straight and not folder.is_dir():
-        raise OptionError(f"{name}: the folder {shown(folder)} does not exist; create it first")
+        raise OptionError(f"{name}: the folder {path_text(folder)} does not exist; create it first")
     if (not straight and not os.access(folder, os.W_OK)) or (found is not None and not os.access(path, os.W_OK)):
         raise OptionError(f"{name} may not be written; choose another place or mend the permissions")
 
@@ -51,7 +51,7 @@ def checked_name(path: Path, option: str) -> os.stat_result | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except UnicodeEncodeError:
-        raise OptionError(f"{option} {shown(path)}: the name is not UTF-8; give one that is") from None
+        raise OptionError(f"{option} {path_text(path)}: the name is not UTF-8; give one that is") from None
     except (OSError, ValueError) as error:  # ValueError: a null character
         raise refused(option, path, error) from None
 
@@ -87,5 +87,5 @@ def plain(value: Any) -> Any:
 
 def _short(path: Path) -> str:
     """A path that fits a line, with its beginning and end."""
-    text = shown(path)
+    text = path_text(path)
     return text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"

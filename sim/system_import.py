@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from pirrht.errors import OptionError, PirrhtError, told
+from pirrht.errors import OptionError, PirrhtError, one_line
 from sim.systems import BUILT_IN, System, named, names, register
 
 LONGEST = 200  # characters of a reason that numba gives
@@ -75,7 +75,7 @@ def blamed(error: BaseException) -> str | None:
         trace = trace.tb_next
     if place is None and type(error).__module__.startswith("numba."):
         return _uncompiled(_COLORS.sub("", str(error)))
-    return None if place is None else f"{place}: {told(error)}; mend it"
+    return None if place is None else f"{place}: {one_line(error)}; fix it"
 
 
 def _uncompiled(text: str) -> str | None:
@@ -119,10 +119,10 @@ def _module(name: str, which: str) -> Any:
     except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and error.name in _parents(name):
             raise OptionError(
-                f"--system {which}: there is no module {name} in {folder} or among what is installed; mend the name, "
+                f"--system {which}: there is no module {name} in {folder} or among what is installed; fix the name, "
                 "or set PYTHONPATH"
             ) from None
-        raise OptionError(f"--system {which}: {told(error)} while the module {name} was imported; mend it") from None
+        raise OptionError(f"--system {which}: {one_line(error)} while the module {name} was imported; fix it") from None
 
 
 @contextmanager
@@ -154,7 +154,7 @@ def _called(function: Callable[[], Any], which: str) -> Any:
     except PirrhtError as error:
         raise OptionError(f"--system {which}: {error}") from None
     except (Exception, SystemExit) as error:
-        raise OptionError(f"--system {which}: {told(error)} when it was called without arguments; mend it") from None
+        raise OptionError(f"--system {which}: {one_line(error)} when it was called without arguments; fix it") from None
 
 
 def _parents(name: str) -> list[str]:

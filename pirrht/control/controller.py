@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control import references as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
@@ -148,7 +148,7 @@ class Controller(Policy):
             of_tree.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:
-        scene, of = shown.name(self.space.scene.name), type(self.problem.dynamics).__name__
+        scene, of = formatting.name(self.space.scene.name), type(self.problem.dynamics).__name__
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
         samples = self.path_integral.sampling.samples
         return f"Controller({self.settings.method} for a {of} in {scene}: {samples} samples, {tree})"

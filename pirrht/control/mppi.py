@@ -18,7 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.budget import TimeBudget
 from pirrht.control.plan import Plan
@@ -72,7 +72,7 @@ class Mppi(Policy):
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def __repr__(self) -> str:
-        scene, of = shown.name(self.space.scene.name), type(self.problem.dynamics).__name__
+        scene, of = formatting.name(self.space.scene.name), type(self.problem.dynamics).__name__
         samples, horizon = self.path_integral.sampling.samples, float(self.times[-1])
         return f"Mppi(for a {of} in {scene}: {samples} samples, horizon {horizon:.3g} s)"
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.methods import TUNING
 from pirrht.estimation.estimate import Estimate
@@ -78,16 +78,18 @@ class Plan:
             value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
         which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
         weight = self.weights().get(favourite := self.favourite or "")
-        most = f", most weight {shown.turns(favourite)} ({shown.share(weight)})" if weight is not None else ""
-        return f"Plan(at {shown.vector(self.state)}: control {shown.vector(self.control)}, {value}{which}{most})"
+        most = f", most weight {formatting.turns(favourite)} ({formatting.share(weight)})" if weight is not None else ""
+        return (
+            f"Plan(at {formatting.vector(self.state)}: control {formatting.vector(self.control)}, {value}{which}{most})"
+        )
 
     def _repr_html_(self) -> str:
         by, estimate, rows = self.weights(), self.estimate, []
         for id, reference in zip(self.ids, self.references, strict=False):
             ess = "" if estimate is None or id not in estimate.class_ess else f"{estimate.class_ess[id]:.1f}"
-            weight = shown.share(by[id]) if id in by else ""
-            rows.append([shown.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
-        return shown.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
+            weight = formatting.share(by[id]) if id in by else ""
+            rows.append([formatting.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
+        return formatting.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
 
     def weights(self) -> dict[str, float]:
         """Return the weight of every class under the law, else in the estimate; empty without either."""

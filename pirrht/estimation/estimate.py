@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.tuning import TUNING
@@ -46,7 +46,7 @@ class Rollouts:
         return len(self.log_weight)
 
     def __repr__(self) -> str:
-        return f"Rollouts({self.size} samples from {shown.vector(self.x0)})"
+        return f"Rollouts({self.size} samples from {formatting.vector(self.x0)})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,19 +99,19 @@ class Estimate:
 
     def __repr__(self) -> str:
         heaviest = sorted(self.class_weights.items(), key=lambda one: -one[1])[:4]
-        classes = ", ".join(f"{shown.turns(name)} {shown.share(w)}" for name, w in heaviest if w >= 0.005)
+        classes = ", ".join(f"{formatting.turns(name)} {formatting.share(w)}" for name, w in heaviest if w >= 0.005)
         return f"Estimate({self._figures()}{f'; {classes}' if classes else ''})"
 
     def _repr_html_(self) -> str:
         rows = []
         for name, weight in sorted(self.class_weights.items(), key=lambda one: -one[1]):
-            control = shown.vector(self.class_controls[name] + self.push)
-            rows.append([shown.turns(name), shown.share(weight), f"{self.class_ess[name]:.1f}", control])
-        return shown.table(self._figures(), ["class", "weight", "ESS", "control"], rows)
+            control = formatting.vector(self.class_controls[name] + self.push)
+            rows.append([formatting.turns(name), formatting.share(weight), f"{self.class_ess[name]:.1f}", control])
+        return formatting.table(self._figures(), ["class", "weight", "ESS", "control"], rows)
 
     def _figures(self) -> str:
         drawn = sum(part.size for part in self.parts)
-        control = f"control {shown.vector(self.control)} +- {shown.vector(self.control_error)}"
+        control = f"control {formatting.vector(self.control)} +- {formatting.vector(self.control_error)}"
         return f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
 
     @property

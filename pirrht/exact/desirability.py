@@ -19,7 +19,7 @@ from typing import Any, Protocol, cast
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
 from pirrht.exact.grid import Progress, ignore_progress
@@ -126,7 +126,7 @@ class Desirability:
 
     def __repr__(self) -> str:
         time = "continuous time" if self.dt is None else f"steps of {self.dt:g} s"
-        of, scene = type(self.problem.dynamics).__name__, shown.name(self.space.scene.name)
+        of, scene = type(self.problem.dynamics).__name__, formatting.name(self.space.scene.name)
         return f"Desirability(of a {of} in {scene}, {time}, grid of {self.spacing:.3g} m)"
 
     @property

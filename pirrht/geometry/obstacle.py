@@ -9,7 +9,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 
 
@@ -53,4 +53,4 @@ class Obstacle:
     faces: NDArray[np.int64] | None = None
 
     def __repr__(self) -> str:
-        return f"Obstacle({self.name!r}, {self.kind.value} at {shown.vector(self.position)})"
+        return f"Obstacle({self.name!r}, {self.kind.value} at {formatting.vector(self.position)})"

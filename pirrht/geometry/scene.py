@@ -9,7 +9,7 @@ from typing import NamedTuple, NotRequired, TypedDict, Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry import solids
@@ -43,7 +43,7 @@ class Goal:
     radius: float
 
     def __repr__(self) -> str:
-        return f"Goal({shown.vector(self.center)}, radius {self.radius:g} m)"
+        return f"Goal({formatting.vector(self.center)}, radius {self.radius:g} m)"
 
     def contains(self, position: Array) -> NDArray[np.bool_]:
         """Return whether positions (..., 2) [m] lie in the closed disc, (...,)."""
@@ -144,9 +144,9 @@ class Scene:
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
         stand = f"{len(self.obstacles)} obstacle{'s' if len(self.obstacles) != 1 else ''}"
-        task = f"from {shown.vector(self.start[:2])} to {shown.vector(self.goal.center)}"
+        task = f"from {formatting.vector(self.start[:2])} to {formatting.vector(self.goal.center)}"
         return (
-            f"Scene({shown.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, {task}, "
+            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, {task}, "
             f"robot of {self.robot_radius:g} m)"
         )
 

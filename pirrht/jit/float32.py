@@ -37,7 +37,7 @@ def _cast(source: Any, target: Any, whole: bool) -> Any:
 as_bits = _cast(types.float32, types.uint32, True)
 as_number = _cast(types.uint32, types.float32, False)
 
-LEAST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
+LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
 LN_2_HIGH, LN_2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)  # their sum is log 2 beyond single precision
 E2, E3, E4, E5, E6 = (np.float32(1.0 / math.factorial(k)) for k in range(2, 7))
 PLACES, BIAS = np.uint32(23), np.int32(127)
@@ -46,7 +46,7 @@ PLACES, BIAS = np.uint32(23), np.int32(127)
 @inlined
 def exponential(x):  # type: ignore[no-untyped-def]
     """exp(x) of a float32 x <= 0, float32, within 3e-7 of itself; exp(-87) stands for all below it."""
-    x = max(x, LEAST)
+    x = max(x, LOWEST)
     n = np.int32(x * PER_LN_2 - HALF)  # towards zero: the nearest whole number
     r = (x - np.float32(n) * LN_2_HIGH) - np.float32(n) * LN_2_LOW
     series = ONE + r * (ONE + r * (E2 + r * (E3 + r * (E4 + r * (E5 + r * E6)))))

@@ -76,11 +76,11 @@ def normals_of(high, low):  # type: ignore[no-untyped-def]
     radius = math.sqrt(-TWO * logarithm(u))
     angle = np.float32(np.int32(low << np.uint32(2))) * EIGHTH  # within an eighth of a turn of one of four axes
     w = angle * angle
-    beside = angle * (ONE + w * (S1 + w * (S2 + w * (S3 + w * S4))))
+    across = angle * (ONE + w * (S1 + w * (S2 + w * (S3 + w * S4))))
     along = ONE + w * (C1 + w * (C2 + w * (C3 + w * C4)))
     along = as_number(np.uint32(as_bits(along) | (low & SIGN)))
     upright = (low & (SIGN >> BIT)) != 0
-    return radius * (beside if upright else along), radius * (along if upright else beside)
+    return radius * (across if upright else along), radius * (along if upright else across)
 
 
 @inlined

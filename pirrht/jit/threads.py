@@ -14,7 +14,7 @@ from typing import TypeVar
 
 A = TypeVar("A")
 B = TypeVar("B")
-SOON = 1e-3  # who has to wait for what others have begun asks again after this time [s]
+RETRY = 1e-3  # time between checks of the work that other threads have begun [s]
 
 
 def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
@@ -60,12 +60,12 @@ def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> N
 def _leave(given: list[A], inside: Sequence[None]) -> None:
     """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours.
 
-    Threads are asked whether they are inside, not those who sent them: a signal may strike while they are sent.
+    It waits for threads that are inside, not for those that were sent: a signal may strike while they are sent.
     """
     while given or inside:
         with suppress(BaseException):
             given.clear()
-            sleep(SOON)
+            sleep(RETRY)
 
 
 @cache

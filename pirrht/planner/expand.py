@@ -51,7 +51,7 @@ class PassageSampler:
         return offered
 
     def together(self, draw: int) -> int:
-        """How many draws from this number on may be dealt with before `note` is asked for: none is offered twice."""
+        """Return the number of draws from this one on that need no `note`: none is offered twice."""
         return self._period - draw % self._period if self.waiting else TUNING.batch
 
 
@@ -91,7 +91,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
 
 @inlined
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
-    """Whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
+    """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
     used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
     return used + edges > at.edge_room or paired + pairs > at.pair_room

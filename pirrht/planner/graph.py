@@ -251,7 +251,7 @@ def slot_of(vertex, key):  # type: ignore[no-untyped-def]
 
 @inlined
 def is_root(vertex):  # type: ignore[no-untyped-def]
-    """Whether the vertex at an address lies in the goal's disc."""
+    """Return whether the vertex at an address lies in the goal's disc."""
     return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
 
 

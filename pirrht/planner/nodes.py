@@ -93,7 +93,7 @@ def _evict(at, v, slot):  # type: ignore[no-untyped-def]
 
 @inlined
 def _exceeds(at, v, offer, limit):  # type: ignore[no-untyped-def]
-    """Whether a class breaks the limit around some marker that it turns around at v.
+    """Return whether a class breaks the limit around some marker that it turns around at v.
 
     Most classes are refused here, before anything is written down.
     """
@@ -134,7 +134,7 @@ def joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignor
 
 @kernel
 def admits(straight, M, marker, turn, count, rules):  # type: ignore[no-untyped-def]
-    """Whether a class is allowed where straight lines have the signature at an address (M,)."""
+    """Return whether a class is allowed where straight lines have the signature at an address (M,)."""
     limit = rules.limit
     if rules.bases_allowed:
         for i in range(count):  # noqa: SIM110
@@ -162,7 +162,7 @@ def _costliest(vertex, count):  # type: ignore[no-untyped-def]
 
 @inlined
 def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
-    """Whether a vertex has no room for another class, and K that are no costlier; counts it."""
+    """Return whether a vertex has no room for another class, and K that are no costlier; counts it."""
     vertex, K = g.vertex_at(at, v), rules.classes
     count = load_int32(vertex, g.COUNT)
     if K == 0 or count < K:

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.geometry.certify import FREE
@@ -65,7 +65,7 @@ class Reference:
         return class_id(self.winding, self.named)
 
     def __repr__(self) -> str:
-        return f"Reference(class {shown.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
+        return f"Reference(class {formatting.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
 
 
 class _Path(NamedTuple):

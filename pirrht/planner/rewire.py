@@ -164,7 +164,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
 
 @kernel
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
-    """Whether an allowed class leads to the goal over any of k `Edges` from a state with `straight` (M,) [turns]."""
+    """Return whether an allowed class leads to the goal over any of k `Edges` from a state, `straight` (M,) [turns]."""
     near, turns = edges.near, edges.turns
     pair_marker, pair_turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
     for i in range(near.shape[0]):

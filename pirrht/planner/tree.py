@@ -14,7 +14,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
@@ -313,7 +313,7 @@ class HomologyTree:
         return int(self.graph.nodes[: self.size].sum())
 
     def __repr__(self) -> str:
-        scene, rules = shown.name(self.space.scene.name), self.rules
+        scene, rules = formatting.name(self.space.scene.name), self.rules
         counts = f"{self.size} vertices, {self.node_count} nodes"
         return (
             f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {rules.classes or 'all'} classes a vertex)"

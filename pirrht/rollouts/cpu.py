@@ -24,6 +24,7 @@ from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.point.block import control, is_point, sample, trace
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
+from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_homing
 from pirrht.topology.moving_crossings import NO_RAYS
 
@@ -91,10 +92,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
         simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
 
-    return Kernels(sample, control, trace)
-
-
-ALONE = 2400  # samples of a point, many abreast
+    return Kernels(sample, control, trace, TUNING.alone)
 
 
 class Cpu(NamedTuple):
@@ -151,7 +149,7 @@ class Cpu(NamedTuple):
 def kernels_for(problem: Problem) -> Kernels:
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
     if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
-        return Kernels(sample, control, trace, alone=ALONE)
+        return Kernels(sample, control, trace, alone=TUNING.alone_points)
     return loops(*any_path(kind_of(problem)), problem.dynamics.m)
 
 

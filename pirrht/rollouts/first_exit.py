@@ -16,10 +16,11 @@ from pirrht.geometry.field import border, clearance, interpolate, nearest_label,
 from pirrht.jit.float32 import ONE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import normals, uniform
+from pirrht.outcome import Outcome
+from pirrht.rollouts.tuning import TUNING
 
-INSIDE, GOAL, COLLISION = 0, 1, 2  # INSIDE: no exit in this step; the others are Outcome's values
-RIM = 0.3  # of the goal's radius: nearer to its rim than that steps get no finer, since psi is smooth there
-ALONE = 1e-9  # relative to the square of the trace: a covariance of less determinant spreads along a line
+INSIDE, GOAL, COLLISION = map(int, Outcome)  # INSIDE: no exit in this step, out of time after the last one
+NEVER = 2.0  # share of a step at which nothing is met
 
 
 @kernel
@@ -108,7 +109,7 @@ def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
 def line_of(cov):  # type: ignore[no-untyped-def]
     """Direction (x, y) in which a covariance (xx, xy, yy) spreads most, where it spreads in that alone; whether so."""
     size = cov[0] + cov[2]
-    alone = cov[0] * cov[2] - cov[1] * cov[1] <= ALONE * size * size
+    alone = cov[0] * cov[2] - cov[1] * cov[1] <= TUNING.line * size * size
     return math.sqrt(cov[0] / size), math.copysign(math.sqrt(cov[2] / size), cov[1]), alone
 
 
@@ -121,61 +122,92 @@ def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
     return middle - math.copysign(math.sqrt(square), middle) if square > 0.0 else np.inf
 
 
-@kernel
-def bridge_exit(arena, x, y, nx, ny, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
-    """Judge how a noisy step from (x, y) to (nx, ny) ends (paper, eq. 3, between the steps).
+@inlined
+def _may_meet(before, after, reach):  # type: ignore[no-untyped-def]
+    """Check whether a bridge between two distances may meet what they are from; beyond `reach` [m^2] it cannot."""
+    return after <= 0.0 or 2.0 * before * after < reach
 
-    Args, in order: arena, start (x, y) and end (nx, ny) of the step [m], `distances` before and after it [m],
+
+@inlined
+def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
+    """Return the distances after a step, negative where its chord meets a wall or the goal's disc."""
+    x, y, nx, ny = step
+    c0, _, g0 = before
+    c1, e1, g1 = after
+    square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
+    if c1 > 0.0 and (c0 + c1) * (c0 + c1) < square:
+        c1 = _behind_wall(arena.field, x, y, nx, ny, c0, c1)
+    if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
+        g1 = _behind_rim(arena, x, y, nx, ny, g0, g1)
+    return c1, e1, g1
+
+
+@inlined
+def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type: ignore[no-untyped-def]
+    """Draw whether and when a bridge meets obstacles or border, those of them that are `near`.
+
+    Returns: next state of the sequence, share of the step until then or NEVER, log probability of neither [nats].
+    """
+    (x, y, nx, ny), (c0, e0, _), (c1, e1, _), (near_wall, near_border) = step, before, after, near
+    variance = _towards_wall(field, x, y, cov)
+    alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
+    u = 1.0
+    if not weighed:
+        state, u = uniform(state)
+    # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
+    certain = 1.0 - 2.0 * (1.0 - survival(c0, c1, variance))
+    if near_wall and alive > 0.0 and (near_border or u >= certain):
+        alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
+    if weighed and alive > 0.0:
+        return state, NEVER, math.log(alive)
+    if u < alive:
+        return state, NEVER, 0.0
+    state, share = first_crossing(max(min(c0, e0), MIN_VARIANCE), min(c1, e1), math.sqrt(variance), state)
+    return state, share, 0.0
+
+
+@inlined
+def _enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyped-def]
+    """Draw whether and when a bridge enters the goal's disc, at distances g0 before and g1 after the step [m].
+
+    Returns: next state of the sequence, share of the step until then or NEVER.
+    """
+    x, y, nx, ny = step
+    ex, ey, alone = line_of(cov)
+    if line and alone:
+        to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
+        variance = max(cov[0] + cov[2], MIN_VARIANCE)
+        g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
+    else:
+        ex, ey = (x - arena.goal[0]) / (g0 + arena.radius), (y - arena.goal[1]) / (g0 + arena.radius)
+        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, MIN_VARIANCE)
+    state, u = uniform(state)
+    if u < survival(g0, g1, variance):
+        return state, NEVER
+    return first_crossing(max(g0, MIN_VARIANCE), g1, math.sqrt(variance), state)
+
+
+@kernel
+def bridge_exit(arena, step, before, after, cov, weighed, state, line=False):  # type: ignore[no-untyped-def]
+    """Judge how a noisy step ends (paper, eq. 3, between the steps).
+
+    Args, in order: arena, start and end (x, y, X, Y) of the step [m], `distances` before and after it [m],
         covariance (xx, xy, yy) of the step [m^2], whether a step that ends in free space is weighed by the probability
         that it met no wall, instead of being ended with the opposite one, state of the random sequence, and whether the
         step may keep to a line; then it enters the goal where that line does.
     Returns: next state of the sequence, INSIDE or the Outcome, share of the step until the exit, and the log of that
         probability [nats].
     """
-    field, goal, radius = arena.field, arena.goal, arena.radius
-    c0, e0, g0 = before
-    c1, e1, g1 = after
     reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
-    near_wall = c1 <= 0.0 or 2.0 * c0 * c1 < reach
-    near_border = e1 <= 0.0 or 2.0 * e0 * e1 < reach
-    near_goal = g1 <= 0.0 or 2.0 * g0 * g1 < reach
-    square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
-    if c1 > 0.0 and (c0 + c1) * (c0 + c1) < square:
-        c1 = _behind_wall(field, x, y, nx, ny, c0, c1)
-        near_wall = near_wall or c1 < 0.0
-    if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
-        g1 = _behind_rim(arena, x, y, nx, ny, g0, g1)
-        near_goal = near_goal or g1 < 0.0
-    if not (near_wall or near_border or near_goal):
-        return state, INSIDE, 1.0, 0.0
-    wall_time, goal_time, lasting = 2.0, 2.0, 0.0
+    after = _cut_short(arena, step, before, after)
+    near_wall, near_border = _may_meet(before[0], after[0], reach), _may_meet(before[1], after[1], reach)
+    wall_time, goal_time, lasting = NEVER, NEVER, 0.0
     if near_wall or near_border:
-        variance = _towards_wall(field, x, y, cov)
-        alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
-        u = 1.0
-        if not weighed:
-            state, u = uniform(state)
-        # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.
-        certain = 1.0 - 2.0 * (1.0 - survival(c0, c1, variance))
-        if near_wall and alive > 0.0 and (near_border or u >= certain):
-            alive *= _obstacle_survival(field, x, y, nx, ny, c0, c1, variance)
-        if weighed and alive > 0.0:
-            lasting = math.log(alive)
-        elif u >= alive:
-            state, wall_time = first_crossing(max(min(c0, e0), MIN_VARIANCE), min(c1, e1), math.sqrt(variance), state)
-    if near_goal:
-        ex, ey, alone = line_of(cov)
-        if line and alone:
-            to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
-            variance = max(cov[0] + cov[2], MIN_VARIANCE)
-            g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
-        else:
-            ex, ey = (x - goal[0]) / (g0 + radius), (y - goal[1]) / (g0 + radius)
-            variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, MIN_VARIANCE)
-        state, u = uniform(state)
-        if u >= survival(g0, g1, variance):
-            state, goal_time = first_crossing(max(g0, MIN_VARIANCE), g1, math.sqrt(variance), state)
-    if goal_time > 1.5 and wall_time > 1.5:
+        near = near_wall, near_border
+        state, wall_time, lasting = _meet_walls(arena.field, step, before, after, cov, near, weighed, state)
+    if _may_meet(before[2], after[2], reach):
+        state, goal_time = _enter_goal(arena, step, before[2], after[2], cov, line, state)
+    if goal_time == NEVER and wall_time == NEVER:
         return state, INSIDE, 1.0, lasting
     if goal_time <= wall_time:
         return state, GOAL, goal_time, goal_time * lasting
@@ -213,15 +245,15 @@ def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def at_crossing(arena, x, y, dx, dy, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
+def at_crossing(arena, start, end, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displace an isotropic bridge to its first crossing, the distance to wall or rim; along it the bridge is drawn.
 
-    Args, in order: arena, start (x, y) [m], displacement (dx, dy) at the end of the step [m], GOAL or else COLLISION,
+    Args, in order: arena, start (x, y) [m], displacement (x, y) at the end of the step [m], GOAL or else COLLISION,
         share of the step until the crossing, standard deviation of the whole step [m], and state of the random
         sequence.
     Returns: next state of the sequence, displacement in x and y [m].
     """
-    field = arena.field
+    field, (x, y), (dx, dy) = arena.field, start, end
     if outcome == GOAL:
         nx, ny = arena.goal[0] - x, arena.goal[1] - y
         size = math.sqrt(nx * nx + ny * ny)

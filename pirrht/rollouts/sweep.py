@@ -10,8 +10,7 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, endpoint_exit
-
-TURNED = 1.0  # a step is swept along an arc of at most this angle [rad]
+from pirrht.rollouts.tuning import TUNING
 
 
 @inlined
@@ -20,7 +19,7 @@ def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
     square = dx * dx + dy * dy
     if square == 0.0:
         return 0.0
-    return max(-TURNED, min(TURNED, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
+    return max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
 
 
 @kernel

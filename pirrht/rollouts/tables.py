@@ -168,4 +168,4 @@ class Kernels(NamedTuple):
     sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
     control: Callable[..., None]  # (.., chosen, total, alive): adds the controls that chosen samples carried
     trace: Callable[..., None]  # (.., number, states, steps): states of chosen samples
-    alone: int = 64  # one thread is done with fewer samples than this before another one is awake
+    alone: int  # one thread is done with fewer samples than this before another one is awake

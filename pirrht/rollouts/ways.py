@@ -16,25 +16,38 @@ from numpy.typing import NDArray
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined, kernel
+from pirrht.rollouts.tuning import TUNING
 
-PLACE, KNOWN = 6, 4  # numbers of a cross-section, and of a node
-REACH = 1.0  # of a wall next to the goal, in decay lengths 1/k
-SIXTH, LATER = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
-AT_ONCE = 8  # cross-sections that a step may pass
-TINY = np.float32(1e-9)
+
+class Section(NamedTuple):
+    """Columns of a cross-section."""
+
+    x: float  # point on the reference [m]
+    y: float
+    tx: float  # unit normal in the direction of travel
+    ty: float
+    first: float  # offset of the first node to the left [m]
+    per_meter: float  # nodes per meter [1/m]
+
+
+class Node(NamedTuple):
+    """Columns of a node."""
+
+    gx: float  # grad log psi without the part of the walls [1/m]
+    gy: float
+    left: float  # reach of the walls to the left and right, as `push_of` takes it [m]
+    right: float
+
+
+PLACE, KNOWN = len(Section._fields), len(Node._fields)
 
 
 class DesirabilityTubes(NamedTuple):
-    """Ways of H references, of at most C cross-sections with J nodes each, as plain arrays for kernels.
-
-    A cross-section is a point on the reference, the unit normal in the direction of travel, the offset to the left of
-    the first node and the number of nodes per meter.
-    """
+    """Tubes around H references, of at most C cross-sections with J nodes each, as plain arrays for kernels."""
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no way
-    place: NDArray[np.float32]  # (H, C, 6) [m], 1, [m], [1/m]
-    slope: NDArray[np.float32]  # (H, C, J, 4) at the nodes grad log psi without the walls' part [1/m], and the reach of
-    # the walls to the left and to the right, as `push_of` takes it [m]
+    place: NDArray[np.float32]  # (H, C, 6) `Section`
+    slope: NDArray[np.float32]  # (H, C, J, 4) `Node`
     decay: float  # k, of psi per meter in the open [1/m]
 
 
@@ -71,8 +84,9 @@ def push_of(c, reach):  # type: ignore[no-untyped-def]
 
     There psi goes like 1 - exp(-c/b).
     """
-    s = c / (reach + TINY)
-    return ONE / (c * (ONE + s * (HALF + s * (SIXTH + s * LATER))))
+    s = c / (reach + np.float32(1e-9))
+    third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
+    return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))
 
 
 @inlined
@@ -102,7 +116,7 @@ def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[
         k -= PLACE
         dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
         past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
-    for _ in range(AT_ONCE):
+    for _ in range(TUNING.sections):
         if s == last:
             break
         k = PLACE * (s + 1)
@@ -110,7 +124,7 @@ def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[
         tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
         ahead = -ex * tx - ey * ty
         if ahead > ZERO:
-            share = min(max(past / (past + ahead + TINY), ZERO), ONE)
+            share = min(max(past / (past + ahead + np.float32(1e-9)), ZERO), ONE)
             ax, ay, al, ar = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
             bx, by, bl, br = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
             gx, gy = ax + share * (bx - ax), ay + share * (by - ay)
@@ -118,8 +132,8 @@ def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[
             return s, gx, gy
         s, dx, dy, past = s + 1, ex, ey, -ahead
     dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
-    per = ONE / math.sqrt(dx * dx + dy * dy + TINY)
-    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(REACH / decay)
+    per = ONE / math.sqrt(dx * dx + dy * dy + np.float32(1e-9))
+    rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
     gx, gy = _with_walls(rate * dx, rate * dy, reach, reach, dx, dy, walls)
     return s, gx, gy
 

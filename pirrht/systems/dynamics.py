@@ -16,11 +16,11 @@ from functools import cached_property
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError, told
+from pirrht.errors import OptionError, one_line
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
 
-PROBES = 5  # states at which it is asked how noise acts on the position
+PROBES = 5  # states at which the noise is examined, as it acts on the position
 
 
 @jitable
@@ -193,7 +193,7 @@ class Dynamics(ABC):
         rates = np.zeros((2, self.n))
         for x, out in zip((0.0, 0.3), rates, strict=True):
             try:
-                with np.errstate(all="ignore"):  # what is no number is told below
+                with np.errstate(all="ignore"):  # a value that is no number is reported below
                     self.drift(np.full(self.n, x), self.parameters, out)
             except TypeError as error:
                 raise OptionError(
@@ -201,9 +201,9 @@ class Dynamics(ABC):
                 ) from None
             except Exception as error:
                 at = f"{name}: drift(x, p, out) fails at x = {[x] * self.n}"
-                raise OptionError(f"{at} ({told(error)}); mend it") from None
+                raise OptionError(f"{at} ({one_line(error)}); fix it") from None
         if not np.isfinite(rates).all(axis=1).any():
-            raise OptionError(f"{name}: drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * self.n}; mend it")
+            raise OptionError(f"{name}: drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * self.n}; fix it")
 
     def _check_inputs(self, name: str) -> None:
         """Refuse an input form that is none."""

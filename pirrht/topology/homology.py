@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.motion import Mover
@@ -45,7 +45,7 @@ class Homology(Signature):
         object.__setattr__(self, "cuts", Cuts.of(self.markers, self.goal, hash_weights(len(self.markers))))
 
     def __repr__(self) -> str:
-        return f"Homology({self.M} markers, goal {shown.vector(self.goal)})"
+        return f"Homology({self.M} markers, goal {formatting.vector(self.goal)})"
 
     @property
     def M(self) -> int:

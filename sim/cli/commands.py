@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from tqdm import tqdm
 
-from pirrht.files import shown
+from pirrht.files import path_text
 from sim.cli import estimate_command, plan_command, run_command, sweep_commands, tables, warm
 from sim.cli.shared import check_outputs, progress_bar, scenario_of
 from sim.mjcf import load, models_folder, scene_names
@@ -85,7 +85,7 @@ def import_world(arguments: argparse.Namespace) -> int:
             progress=progress,
         )
     moving = f", and {imported.movers} bodies that move" if imported.movers else ""
-    print(f"{shown(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
+    print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
     for note in imported.notes:
         say(note)
     return 0
@@ -101,9 +101,9 @@ def export(arguments: argparse.Namespace) -> int:
     known = export.read(arguments.recording)
     columns = engine.table(known)
     engine.write(arguments.output, columns, known)
-    print(f"{shown(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
+    print(f"{path_text(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
     if not known.whole:
-        name, end = shown(arguments.recording), known.steps[-1][1]
+        name, end = path_text(arguments.recording), known.steps[-1][1]
         print(f"{name} ends at {end:.2f} s without an outcome; what it holds is exported")
     return 0
 

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pirrht.control.methods import TREELESS
-from pirrht.files import shown
+from pirrht.files import path_text
 from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
@@ -47,7 +47,7 @@ def plan(arguments: argparse.Namespace) -> int:
     say(tables.passages_line(passages, 2 * (radius + scenario.loaded.scene.robot_radius) if radius else 0.0))
     if arguments.output:
         tree_file.save(tree, arguments.output)
-        print(f"tree: {shown(arguments.output)}")
+        print(f"tree: {path_text(arguments.output)}")
     if arguments.json:
         write_json(arguments.json, plan_json(scenario, tree, references, passages, seconds, convergence))
     if arguments.png:

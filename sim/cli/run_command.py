@@ -10,7 +10,7 @@ from typing import Any
 
 from pirrht.control.methods import TREELESS
 from pirrht.estimation.estimate import OTHER
-from pirrht.files import shown
+from pirrht.files import path_text
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
@@ -83,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
     if arguments.record:
-        print(f"recording: {shown(arguments.record)}  (open it with: rerun {shown(arguments.record)})")
+        print(f"recording: {path_text(arguments.record)}  (open it with: rerun {path_text(arguments.record)})")
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result))
     if film is not None:
@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> int:
             film.save(bar.update)
         for what, file in (("film", arguments.video), ("picture", arguments.png)):
             if file is not None:
-                print(f"{what}: {shown(file)}")
+                print(f"{what}: {path_text(file)}")
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()

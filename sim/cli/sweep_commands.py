@@ -12,7 +12,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pirrht.errors import OptionError, printable
-from pirrht.files import shown
+from pirrht.files import path_text
 from sim.cli import tables
 from sim.files import check_writable, refused, write_json
 from sim.options import table as options
@@ -43,7 +43,9 @@ def sweep(arguments: argparse.Namespace) -> int:
         write_json(arguments.json, records)
     errors = [str(record["error"]) for record in records if record["outcome"] is None]
     if arguments.output is not None:
-        print(f"{shown(arguments.output)}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
+        print(
+            f"{path_text(arguments.output)}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error"
+        )
     _tell(errors, stored=arguments.output is not None)
     return 1 if errors else 0
 
@@ -134,7 +136,7 @@ def report(arguments: argparse.Namespace) -> int:
     for file, content in ((text, markdown(known)), (web, page(known, drawn))):
         with replaced(file, "--output") as stream:
             stream.write(content.encode())
-        print(f"written: {shown(file)}")
+        print(f"written: {path_text(file)}")
     if arguments.json is not None:
         write_json(arguments.json, known.json())
     return 0

@@ -227,7 +227,7 @@ class Loop:
             outcome = self._judge(before, x, touching)
             k += 1
         if not np.isfinite(cost):
-            raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; mend them")
+            raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
         return Advance(
             outcome=outcome,
             time=k * h,

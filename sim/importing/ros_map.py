@@ -130,9 +130,9 @@ def _read_yaml(path: Path) -> dict[str, Any]:
     try:
         content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
     except RecursionError:
-        raise SceneError(f"{path}: not YAML: it is nested too deeply; mend it there") from None
+        raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
     except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
-        raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; mend it there") from None
+        raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
     if not isinstance(content, dict):
         raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
     for key in ("image", "resolution", "origin"):

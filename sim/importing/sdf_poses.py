@@ -128,7 +128,7 @@ class Scope:
         part = self._parts.get(first)
         if part is None or (rest and part.tag != "model"):
             known = ", ".join(self._parts) or "none"
-            self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); mend it')
+            self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); fix it')
         return self.child(part).resolve(rest) if rest else self._place(part)
 
     def _inner(self, part: ET.Element, static: bool, own: Array | None = None) -> Scope:
@@ -150,7 +150,7 @@ class Scope:
         if name in self._known:
             known = self._known[name]
             if known is None:
-                self.refuse(f"the pose of {label_of(part)} is relative to itself; mend its relative_to")
+                self.refuse(f"the pose of {label_of(part)} is relative to itself; fix its relative_to")
             return known
         self._known[name] = None
         state = self._state_of(part)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht import shown
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
@@ -26,7 +26,7 @@ def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
     scene = drawn.space.scene
     ground.draw(axes, scene)
     lines.many(axes, _edges(drawn), lines.TREE, width=0.4, opacity=0.6, zorder=2)
-    labels = [f"{shown.turns(one.id)}: {one.cost:.3g}" for one in references]
+    labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
     lines.classes(axes, [one.trajectory.points for one in references], labels, "class: cost")
     axes.set_title(f"{scene.name}: {drawn.size} vertices", fontsize=10)
     return axes
@@ -56,7 +56,7 @@ def plan(drawn: Plan, samples: int, axes: Any) -> Any:
     ground.predicted(axes, drawn.movers, drawn.time)
     _samples(drawn, axes, samples)
     by = drawn.weights()
-    labels = [f"{shown.turns(id)}: {shown.share(by[id]) if id in by else '-'}" for id in drawn.ids]
+    labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in drawn.ids]
     pairs = list(zip(drawn.references, labels, strict=False))
     lines.classes(axes, [one.trajectory.points for one, _ in pairs], [label for _, label in pairs], "class: weight")
     lines.dot(axes, drawn.state)

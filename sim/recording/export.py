@@ -23,7 +23,7 @@ from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.files import replaced, shown
+from pirrht.files import path_text, replaced
 from sim.drawing.colors import title
 from sim.files import checked_name
 from sim.recording.columns import CLASSES, COLUMNS, Column, described, of_states
@@ -89,12 +89,12 @@ def read(file: Path) -> Recording:
 def _check_readable(file: Path) -> None:
     found = checked_name(file, "recording")
     if found is None:
-        raise OptionError(f"{shown(file)}: no such file; name a recording, FILE.rrd")
+        raise OptionError(f"{path_text(file)}: no such file; name a recording, FILE.rrd")
     if not stat.S_ISREG(found.st_mode):
         what = "a folder" if stat.S_ISDIR(found.st_mode) else "not a file"
-        raise OptionError(f"{shown(file)}: {what}; name a recording, FILE.rrd")
+        raise OptionError(f"{path_text(file)}: {what}; name a recording, FILE.rrd")
     if not os.access(file, os.R_OK):
-        raise OptionError(f"{shown(file)} may not be read; mend its permissions")
+        raise OptionError(f"{path_text(file)} may not be read; fix its permissions")
 
 
 def _rows(table: Cells) -> Iterator[tuple[int, float, Cells]]:
@@ -135,7 +135,7 @@ def check_format(file: Path) -> None:
         OptionError: with the endings that are known.
     """
     if file.suffix not in FORMATS:
-        raise OptionError(f"--output {shown(file)}: the ending must be one of {', '.join(FORMATS)}")
+        raise OptionError(f"--output {path_text(file)}: the ending must be one of {', '.join(FORMATS)}")
 
 
 def table(recording: Recording) -> Table:

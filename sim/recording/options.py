@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pirrht.errors import OptionError
-from pirrht.files import shown, takes_as_it_comes
+from pirrht.files import path_text, takes_as_it_comes
 from pirrht.freespace import FreeSpace
 from sim.files import check_writable
 from sim.recording import viewer
@@ -84,9 +84,11 @@ def _check_file(file: Path) -> None:
         kind = os.stat(file).st_mode
         what = "a pipe" if stat.S_ISFIFO(kind) else "a device" if stat.S_ISCHR(kind) else "taken"
         raise OptionError(
-            f"--record {shown(file)} is {what}; give the path of a file, or let a viewer follow with --connect or "
+            f"--record {path_text(file)} is {what}; give the path of a file, or let a viewer follow with --connect or "
             "--serve"
         )
     check_writable(file, "--record")
     if file.suffix not in ("", ".rrd"):
-        raise OptionError(f"--record {shown(file)}: viewers know recordings by their ending; call it {file.stem}.rrd")
+        raise OptionError(
+            f"--record {path_text(file)}: viewers know recordings by their ending; call it {file.stem}.rrd"
+        )

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from pirrht.errors import OptionError
-from pirrht.files import SHOWN, Draft, shown, takes_as_it_comes
+from pirrht.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 from sim.recording.layout import layout
 from sim.recording.stream import Stream, forget_lost_viewers
@@ -121,7 +121,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, save: Callable[[Path], None]) -> None:
         self._path = path
-        self._draft = None if takes_as_it_comes(path) else Draft.beside(path)
+        self._draft = None if takes_as_it_comes(path) else Draft.next_to(path)
         self._handle = os.open(path, os.O_WRONLY) if self._draft is None else self._draft.handle
         self._relay: Relay | None = None
         self._aside: Path | None = None
@@ -166,7 +166,7 @@ class RecordingFile:
     @property
     def left(self) -> str:
         """Describe what a recording that failed has left under its name."""
-        name = shown(self._path)
+        name = path_text(self._path)
         if self._aside is not None or (not self._kept and self._path.exists()):
             return f"{name} is what it was before"
         return f"{name} holds what was recorded until then" if self._kept else "nothing was recorded"
@@ -271,7 +271,7 @@ class ToFile(Outlet):
         """Why, and what is there now."""
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
         left = "nothing was recorded" if self._file is None else self._file.left
-        return OptionError(f"{shown(self._path)}: the recording broke off ({reason}); {left}")
+        return OptionError(f"{path_text(self._path)}: the recording broke off ({reason}); {left}")
 
 
 class ToViewer(Outlet):

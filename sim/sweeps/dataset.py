@@ -18,7 +18,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from pirrht.files import MISSING, shown, why_unreadable
+from pirrht.files import MISSING, path_text, why_unreadable
 from sim.files import refused
 from sim.sweeps import manifests, parts
 from sim.sweeps.parts import key_of, record_of, row_of
@@ -89,7 +89,7 @@ class Dataset:
         """
         try:
             if not stat.S_ISDIR(os.stat(self.folder).st_mode):
-                raise OptionError(f"--output {shown(self.folder)} is a file; give the path of a folder")
+                raise OptionError(f"--output {path_text(self.folder)} is a file; give the path of a folder")
         except FileNotFoundError:
             pass
         except (OSError, ValueError) as error:  # ValueError: a name that is none

@@ -193,7 +193,7 @@ class System:
             raise
         except Exception as error:
             told = " ".join(f"{type(error).__name__}: {error}".split())
-            raise OptionError(f"system {self.name}: {told} in its {what}; mend it") from error
+            raise OptionError(f"system {self.name}: {told} in its {what}; fix it") from error
 
 
 def typed(states: Sequence[str]) -> str:

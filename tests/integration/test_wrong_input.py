@@ -53,7 +53,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --goal 5 2.5 -1", "goal radius is -1", "positive"),
     ("plan slit --goal 5 2.5", "--goal", "3 arguments"),
     ("plan narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller --radius"),
-    ("plan slit --limit 0.01 --vertices 60", "no allowed class", "larger --limit"),
+    ("plan slit --limit 0.01 --vertices 60", "no allowed class", "larger limit"),
     ("plan slit --noise nan", "--noise is nan", "positive"),
     ("plan nosuch", "nosuch", ", ".join(scene_names())),
     ("plan slit --robot tank", "tank", "puck"),

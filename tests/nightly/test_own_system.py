@@ -97,7 +97,7 @@ def test_a_boat_is_an_environment(moor):
     [
         ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
         ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.0, nan]"),
-        ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; mend it"),
+        ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; fix it"),
     ],
 )
 def test_what_fails_in_a_boats_own_code_is_told_in_one_line(moor, line, wrong, words):

@@ -62,7 +62,7 @@ def ended_for(kind: KernelSpec) -> Any:
             near, spread = scratch.near, math.sqrt(cov[0])
             state, dx, dy = at_moving_wall(near, body, dx, dy, f[0], f[1], dt, share, spread, state)
         else:
-            state, dx, dy = at_crossing(arena, x[0], x[1], dx, dy, exit, share, math.sqrt(cov[0]), state)
+            state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, math.sqrt(cov[0]), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
         y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / cov[0]
         moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
@@ -124,7 +124,7 @@ def exits(kind: KernelSpec) -> Any:
         cov, after = (xx * dt, xy * dt, yy * dt), distances(arena, moved[0], moved[1])
         until, by_body, body = dt, False, 0
         state, exit, share, missed = bridge_exit(
-            arena, x[0], x[1], moved[0], moved[1], before, after, cov, leads.weighed, state, along_line
+            arena, (x[0], x[1], moved[0], moved[1]), before, after, cov, leads.weighed, state, along_line
         )
         if moving and close > 0:
             state, hit, body, alive = met_on_bridge(

@@ -15,11 +15,12 @@ from pirrht.jit.streams import fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, RIM, facing, fitting, wall_slope
+from pirrht.rollouts.first_exit import GOAL, facing, fitting, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, takes_law
 from pirrht.rollouts.general.law import columns_of, rows_of
 from pirrht.rollouts.general.scratch import ABREAST
 from pirrht.rollouts.sweep import sweep_exit, turn_of
+from pirrht.rollouts.tuning import TUNING
 
 SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -49,7 +50,7 @@ def length_for(kind: KernelSpec) -> Any:
                 if along_line and scale * gone * gone < left:
                     gone = facing_among(near, listed, close, (xx, xy, yy))
                 gap = min(gap, gone)
-            narrow = max(min(min(gap, before[1]), max(before[2], RIM * arena.radius)), 0.0)
+            narrow = max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0)
             dt = fitting(narrow, left, leads.least, scale)
             if moving:
                 dt = min(dt, max(until_change - now, SOON))

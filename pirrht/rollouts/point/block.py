@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.first_exit import INSIDE, RIM, at_crossing, bridge_exit
+from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
 
 from pirrht.rollouts.point.stages import (  # isort: skip
@@ -25,6 +25,7 @@ from pirrht.rollouts.point.stages import (  # isort: skip
     move, pace, row_of, scratch_of, settle, tape_control, way_control,
 )  # fmt: skip
 from pirrht.rollouts.tables import Chosen, Origin, empty_paths
+from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import Dynamics, no_drift
 
 RECORDED = 7  # of a step: where it leads, its noise y = a dt + dw, the guide a, its time until an exit
@@ -60,14 +61,14 @@ def resolve(arena, B, weighed, k, random, f):  # type: ignore[no-untyped-def]
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
     step = variance * np.float64(f[DT + k])
     state, outcome, share, lasting = bridge_exit(
-        arena, x, y, nx, ny, before, after, (step, 0.0, step), weighed, random[k]
+        arena, (x, y, nx, ny), before, after, (step, 0.0, step), weighed, random[k]
     )
     f[LASTING + k] += np.float32(lasting)
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
         deviation = math.sqrt(step)
-        _, dx, dy = at_crossing(arena, x, y, nx - x, ny - y, outcome, share, deviation, state)
+        _, dx, dy = at_crossing(arena, (x, y), (nx - x, ny - y), outcome, share, deviation, state)
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
         f[NX + k], f[NY + k] = x + dx, y + dy
@@ -182,7 +183,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     reach, least, keep, listed = leads.reach, leads.least, into.shape[0] > 0, chosen.shape[0] > 0
     H, T, n = leads.drift.shape[0], leads.drift.shape[1], stop - start
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
-    scale, rim = 1.0 / (9.0 * variance), RIM * setup.arena.radius
+    scale, rim = 1.0 / (9.0 * variance), TUNING.rim * setup.arena.radius
     f[:], short[:], long[:], ratio[:], base, begun = 0.0, 0, 0, 0.0, (0.0, 0.0), False
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):

@@ -16,12 +16,12 @@ from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, halves, normals_of
+from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE, uphill
 from pirrht.topology.crossings import key_of_step, turn_at_cut
-from pirrht.topology.tuning import TUNING
+from pirrht.topology.tuning import TUNING as TOPOLOGY
 
-LANES = 512  # of a block; all rows together stay within the nearest cache
-WIDE = 16  # lanes of a vector: loops run over whole vectors, the last of which may hold lanes that have ended
+LANES, WIDE = TUNING.lanes, TUNING.vector
 L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
 # Rows of a block's numbers, each of all lanes: position, noise, where the step leads, what is close before and after.
 # Of the grid cells that the steps lead to, place and corners, nearest and second: looked up by lane, since addresses
@@ -147,7 +147,7 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
 def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
     n = min(n, LANES)
-    if TUNING.few_markers < cuts.M:
+    if TOPOLOGY.few_markers < cuts.M:
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

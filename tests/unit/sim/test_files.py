@@ -11,7 +11,7 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
-from pirrht.files import replaced, shown
+from pirrht.files import path_text, replaced
 from sim.files import check_writable, write_json
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits as Linux has them")
@@ -119,7 +119,7 @@ def test_names_that_are_not_utf_8_are_refused_in_words_that_can_be_printed():
     with pytest.raises(OptionError, match=r"--json b\\xff.json: the name is not UTF-8") as caught:
         check_writable(odd, "--json")
     str(caught.value).encode()
-    assert shown(odd) == "b\\xff.json"
+    assert path_text(odd) == "b\\xff.json"
 
 
 @pytest.mark.parametrize("name", ["circle", "no/a.json", "."])
@@ -153,7 +153,7 @@ def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_takes_it_all(t
     [("a\nb", "a\\nb"), ("a\x1b[2J", "a\\x1b[2J"), ("\ud800", "\\ud800"), ("\udcff", "\\xff"), ("é", "é")],
 )
 def test_any_name_is_shown_in_one_line(name, text):
-    assert shown(Path(name)) == text
+    assert path_text(Path(name)) == text
 
 
 def test_half_a_character_is_no_name(tmp_path):

@@ -46,7 +46,7 @@ def test_a_speed_that_nothing_can_brake_is_named_as_the_reason(hover):
         controller.plan(np.array(FAST))
     assert refused.value.hasty
     assert controller.plan(np.array([*FAST[:2], 0.0, 0.0])).references
-    with pytest.raises(NoReference, match="more --vertices"):  # at rest outside of everything there is none either
+    with pytest.raises(NoReference, match="more vertices"):  # at rest outside of everything there is none either
         tree.references(np.array([-50.0, 0.0, 6.0, 0.0]))
     assert not tree.too_fast(np.array([-50.0, 0.0, 6.0, 0.0]))
 

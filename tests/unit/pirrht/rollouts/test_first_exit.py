@@ -106,7 +106,7 @@ def bridges(
     state, outcome, share, lasting = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count), np.empty(count)
     for i in range(count):
         state, outcome[i], share[i], lasting[i] = bridge_exit(
-            arena, *map(float, tail), *map(float, head), before, after, cov, weighed, np.uint64(state)
+            arena, (*map(float, tail), *map(float, head)), before, after, cov, weighed, np.uint64(state)
         )
     return outcome, share, lasting
 
@@ -192,9 +192,9 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     for i in range(500):
         state, u = uniform(np.uint64(state))
         share = 0.05 + 0.9 * u
-        state, dx, dy = at_crossing(arena, 1.9, 2.0, 0.2, 0.1, COLLISION, share, 0.1, np.uint64(state))
+        state, dx, dy = at_crossing(arena, (1.9, 2.0), (0.2, 0.1), COLLISION, share, 0.1, np.uint64(state))
         assert clearance(space.field, 1.9 + dx, 2.0 + dy) == pytest.approx(0.0, abs=0.01)
-        state, dx, dy = at_crossing(arena, 0.9, 3.1, -0.2, 0.1, GOAL, share, 0.0, np.uint64(state))
+        state, dx, dy = at_crossing(arena, (0.9, 3.1), (-0.2, 0.1), GOAL, share, 0.0, np.uint64(state))
         # On the rim, which is round; along it by its share of the step.
         unit = np.array([0.6 - 0.9, 3.2 - 3.1]) / np.hypot(0.3, 0.1)
         assert np.hypot(0.9 + dx - 0.6, 3.1 + dy - 3.2) == pytest.approx(arena.radius)

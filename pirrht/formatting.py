@@ -1,35 +1,35 @@
-"""How objects show themselves at the prompt: one line each, and small tables in notebooks."""
+"""Format objects at the prompt: one line each, and small tables in notebooks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
 
-WIDEST = 24  # characters of a name that is shown
+WIDEST = 24  # most characters of a name
 
 
 def name(text: str) -> str:
-    """A name in quotes, cut where it is long."""
+    """Return a name in quotes, cut where it is long."""
     return repr(text if len(text) <= WIDEST else text[: WIDEST - 3] + "...")
 
 
 def vector(numbers: Iterable[float]) -> str:
-    """Numbers as (1.2, 3.4), with three digits."""
+    """Return numbers as (1.2, 3.4), with three digits."""
     return "(" + ", ".join(f"{float(v) + 0.0:.3g}" for v in numbers) + ")"
 
 
 def matrix(rows: Iterable[Iterable[float]]) -> str:
-    """Rows of numbers as [[1.2, 0], [0, 3.4]], with four digits."""
+    """Return rows of numbers as [[1.2, 0], [0, 3.4]], with four digits."""
     return "[" + ", ".join("[" + ", ".join(f"{float(v) + 0.0:.4g}" for v in row) + "]" for row in rows) + "]"
 
 
 def share(weight: float) -> str:
-    """A share in per cent."""
+    """Return a share in per cent."""
     return f"{100.0 * weight:.0f} %"
 
 
 def turns(id: str) -> str:
-    """A class's public name for people: where there are many obstacles only those with turns, as in "+5 -12"."""
+    """Return a class's name for people: where there are many obstacles only those with turns, as in "+5 -12"."""
     each = id.split(",")
     if len(each) <= 4:
         return id
@@ -38,7 +38,7 @@ def turns(id: str) -> str:
 
 
 def table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """An HTML table; texts are escaped here."""
+    """Return an HTML table; texts are escaped here."""
     head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
     body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
     return (
