@@ -13,6 +13,7 @@ from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics
+from pirrht.systems.validation import check
 
 
 @jitable
@@ -63,7 +64,7 @@ class Problem:
     temperature: float = field(init=False)
 
     def __post_init__(self) -> None:
-        self.dynamics.check()
+        check(self.dynamics)
         m = self.dynamics.m
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):

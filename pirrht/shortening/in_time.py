@@ -13,26 +13,20 @@ from pirrht.arrays import Array
 from pirrht.geometry.certify import FREE
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import kernel
-from pirrht.shortening.timed_relaxation import INSIDE, WEIGHTS, relax
+from pirrht.shortening.timed_relaxation import relax
+from pirrht.shortening.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
 from pirrht.steering.legs import Legs, entered, free_leg
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
-# Legs of a round, and clearances to keep [m]; the first with which all legs are certified counts.
-ROUNDS = (24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2))
-AGAIN = (4e-3, 1.5e-2, 0.0)  # when an earlier path is shortened again; with 0 only its start changes [m]
-SOON = 0.5  # of the mean duration of its legs: a knot that is so near in time is left out
-PATIENCE = 2  # knots that are tried without success before a straight way is as long as it gets
-BENDS = 0.6  # share of the knots of the second round that go where the path bends
-
 
 def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
     joined = _joined(path.knots, steering, checker, far=True)
     best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
-    for count, margins in ROUNDS:
+    for count, margins in TUNING.rounds:
         for margin in margins:
             found = _relaxed(best, count, margin, steering, checker)
             if found is not None:
@@ -47,15 +41,15 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
     Its class is not checked.
     """
     goal, knots = checker.space.scene.goal, path.knots
-    soon = x[2] + SOON * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
+    soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
     knots = np.vstack([x, knots[knots[:, 2] > soon]])
     if len(knots) < 2:
         return None
-    for margin in AGAIN:
+    for margin in TUNING.margins_again:
         moved = knots.copy()
         if margin > 0.0:
             numbers, radius = steering.numbers, checker.space.scene.robot_radius
-            relax(checker.around, numbers, moved, margin, radius, len(WEIGHTS) - 1)
+            relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
         if checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all():
@@ -66,7 +60,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
 def _into(place: Array, goal: Goal) -> Array:
     """Move a place (2,) [m] inside the goal's disc [m]."""
     away = place - goal.center
-    inside: Array = goal.center + away * min(1.0, (1.0 - INSIDE) * goal.radius / max(np.hypot(*away), 1e-300))
+    inside: Array = goal.center + away * min(1.0, (1.0 - TUNING.inside) * goal.radius / max(np.hypot(*away), 1e-300))
     return inside
 
 
@@ -103,7 +97,7 @@ def _meshed(knots: Array, count: int) -> Array:
     if len(bends) and bends.sum() > 0.0:
         middle, width = 0.5 * (even[1:] + even[:-1]), 0.05 * (times[-1] - times[0])
         near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / width) ** 2)) @ bends
-        weight = (1.0 - BENDS) / 256 + BENDS * near / near.sum()
+        weight = (1.0 - TUNING.bends) / 256 + TUNING.bends * near / near.sum()
     share = np.concatenate([[0.0], np.cumsum(weight)])
     at = np.interp(np.linspace(0.0, share[-1], count + 1), share, even)
     return np.column_stack([np.interp(at, times, knots[:, k]) for k in range(3)])
@@ -131,7 +125,7 @@ def _key_of(around, knots):  # type: ignore[no-untyped-def]
 def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
     """Leave out knots (k, 3) between others joined by a free straight line of the class, in place; how many stay.
 
-    The last one is where the path enters the goal's disc. Without `far` a search ends after PATIENCE knots in vain.
+    The last one is where the path enters the goal's disc. Without `far` a search ends after a few knots in vain.
     """
     M, count = around.weights.shape[0], knots.shape[0]
     marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
@@ -139,7 +133,7 @@ def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
     for k in range(count - 1):
         keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
     while i < count - 1:
-        a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else PATIENCE
+        a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else TUNING.patience
         while j < count and j <= to + ahead:
             b = knots[j]
             dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1

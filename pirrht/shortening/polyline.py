@@ -11,25 +11,15 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
+from pirrht.shortening.tuning import POLYLINE as TUNING
 from pirrht.steering.motion import Surroundings
 from pirrht.topology.crossings import key_of_segment
-
-ROUNDS = 12
-GAIN = 1e-5  # a round that shortens the path by less than this share is the last
-FLAT = 0.02  # corners that turn less than this [rad] stay if they touch something
-STRAIGHT = 1e-6  # turns that are rounding [rad]
-TOUCH = 4e-3  # a corner of more clearance than this [m] touches nothing
-ROOM = 64, 8  # for corners while a path gets shorter: at least, and per corner that it had
-MORE_ROOM = 256  # for the last corners that touch nothing
-LOOSE_ROUNDS = 8  # after the others, as long as some corner touches nothing
-HALVINGS = 6
-SLIDES = 12  # halvings of a leg along which a corner slides
 
 
 def taut_polyline(points: Array, around: Surroundings) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
-    room = max(ROOM[0], ROOM[1] * len(points))
-    out = np.empty((room + MORE_ROOM, 2))
+    room = max(TUNING.room, TUNING.room_per_corner * len(points))
+    out = np.empty((room + TUNING.loose_room, 2))
     short = out[: _taut(around, np.ascontiguousarray(points), room, out)].copy()
     return short if _length(short) <= _length(points) else points
 
@@ -93,7 +83,7 @@ def _blunted(around, corner):  # type: ignore[no-untyped-def]
     x, y = corner[1, 0], corner[1, 1]
     ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(TUNING.halvings):
         t = 0.5 * (low + high)
         corner[0, 0], corner[0, 1] = x + t * ax, y + t * ay
         corner[2, 0], corner[2, 1] = x + t * bx, y + t * by
@@ -117,7 +107,7 @@ def _turn(corner):  # type: ignore[no-untyped-def]
 @inlined
 def _touches(around, x, y):  # type: ignore[no-untyped-def]
     """Tell whether something keeps a corner at (x, y) [m] from being cut."""
-    return clearance(around.field, x, y) <= TOUCH
+    return clearance(around.field, x, y) <= TUNING.touching
 
 
 @kernel
@@ -130,7 +120,7 @@ def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-
         for c in range(2):
             corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
         t, turn = 0.0, _turn(corner)
-        wanted = turn > least or (turn > STRAIGHT and not _touches(around, points[i, 0], points[i, 1]))
+        wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
         if wanted and n + 2 + count - i < room:
             t = _blunted(around, corner)
         if t > 0.0:
@@ -153,7 +143,7 @@ def _slide(around, points, i, to, leg):  # type: ignore[no-untyped-def]
     for c in range(2):
         leg[2 - last, c], leg[1, c] = points[2 * i - to, c], points[i, c]
     low, high = 0.0, 1.0
-    for _ in range(SLIDES):
+    for _ in range(TUNING.slide_halvings):
         t = 0.5 * (low + high)
         leg[last, 0], leg[last, 1] = x + t * dx, y + t * dy
         if _replaceable(around, leg, 0, 2):
@@ -190,16 +180,16 @@ def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
     out[count, 0], out[count, 1] = around.goal_x, around.goal_y
     count += 1
     before = np.inf
-    for _ in range(ROUNDS):
+    for _ in range(TUNING.rounds):
         count = _shortcut(around, out, count)
         length = 0.0
         for i in range(count - 1):
             length += math.sqrt((out[i + 1, 0] - out[i, 0]) ** 2 + (out[i + 1, 1] - out[i, 1]) ** 2)
-        if before - length < GAIN * length:
+        if before - length < TUNING.gain * length:
             break
         before = length
-        count = _copied(work, _blunt_corners(around, out, count, FLAT, room, work), out)
-    for _ in range(LOOSE_ROUNDS):
+        count = _copied(work, _blunt_corners(around, out, count, TUNING.flat_turn, room, work), out)
+    for _ in range(TUNING.loose_rounds):
         if not _slide_corners(around, out, count):
             break
         count = _shortcut(around, out, count)

@@ -17,18 +17,9 @@ from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
 from pirrht.moving.distances import FASTEST, WALL, of_body, outside_of, piece_of, pose_of, wall_of_body
+from pirrht.shortening.tuning import IN_TIME as TUNING
 
-NEAR = 0.6  # what stays so far from all knots is not asked for while they move [m]
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
-WEIGHTS = (1e2, 3e3, 1e5)  # of squares of what is lacking, one after the other [cost/m^2]
-STEPS = 12  # Newton steps for each weight
-HALVINGS = 6  # of a step that does not save anything
-SETTLED = 1e-6  # a step that saves less than this share is the last one for its weight
-SHARES = (0.5, 1.0)  # points of a leg that keep off everything
-THIN = 0.5  # a step moves knots by at most so many radii of the robot
-SHORTER = 0.7  # share of the duration that a step leaves at least
-INSIDE = 1e-3  # share of the goal's radius by which a path leads into the disc
-SLOWER = 1e-3  # share by which legs keep below the limit of speeds
 
 
 @inlined
@@ -58,7 +49,7 @@ def _around(around, knots, near):  # type: ignore[no-untyped-def]
         matters = False
         for i in range(knots.shape[0]):
             ox, oy, _ = pose_of(traffic, j, knots[i, 2])
-            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < NEAR:
+            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < TUNING.neighbourhood:
                 matters = True
                 break
         if matters:
@@ -93,11 +84,11 @@ def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def
 def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope):  # type: ignore[no-untyped-def]
     """Cost of a path and its penalties; write the slope and the matrix of it if there is room for them.
 
-    Args: `TimedSurroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
+    Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
         [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; `matrix`, `border` and `slope`, (2
         N, BAND), (2 N + 1,) and (2 N + 1,), of the places but the first and the duration.
     """
-    q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - SLOWER), knots.shape[0] - 1
+    q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
     walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
     model, whole = slope.shape[0] > 0, knots[last, 2] - knots[0, 2]
     matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
@@ -119,7 +110,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                 ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
                 along[0], along[1], along[2], along[3], along[4] = -ux, -uy, ux, uy, -limit * part
                 _add(matrix, border, slope, i, along, lacking, weight)
-        for share in SHARES:
+        for share in TUNING.leg_points:
             x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
             for k in range(_walls(around, near, x, y, t, margin, walls)):
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
@@ -131,7 +122,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                     _add(matrix, border, slope, i, along, lacking, weight)
     gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
     away = math.sqrt(gx * gx + gy * gy)
-    lacking = away - around.reach * (1.0 - INSIDE)
+    lacking = away - around.reach * (1.0 - TUNING.inside)
     if lacking > 0.0:
         total += 0.5 * weight * lacking * lacking
         if model:
@@ -200,7 +191,7 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
     last = knots.shape[0] - 1
     whole, change, share = knots[last, 2] - knots[0, 2], step[2 * last], 1.0
     if change < 0.0:
-        share = min(share, (SHORTER - 1.0) * whole / change)
+        share = min(share, (TUNING.shortest_duration - 1.0) * whole / change)
     for i in range(1, last + 1):
         later = abs(change) * (knots[i, 2] - knots[0, 2]) / whole
         moved = math.hypot(step[2 * i - 2], step[2 * i - 1]) + fastest * later
@@ -213,9 +204,9 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
     """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
 
-    Args: `TimedSurroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
-        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` of WEIGHTS: a nearly optimal path needs the
-        last only.
+    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
+        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight: a nearly
+        optimal path needs the last one alone.
     """
     n, fastest = 2 * (knots.shape[0] - 1), 0.0
     matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)
@@ -223,14 +214,14 @@ def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyp
     for j in range(around.traffic.J):
         fastest = max(fastest, of_body(around.traffic, j, FASTEST))
     bodies = np.empty(around.traffic.J, np.int64)
-    for k in range(first, len(WEIGHTS)):
-        weight = WEIGHTS[k]
+    for k in range(first, len(TUNING.weights)):
+        weight = TUNING.weights[k]
         near = bodies[: _around(around, knots, bodies)]
-        for _ in range(STEPS):
+        for _ in range(TUNING.steps):
             before = modelled(around, near, numbers, knots, weight, margin, matrix, border, slope)
             _step(matrix, border, slope, 1e-9 * weight, step, work)
-            share, after = _allowed(knots, step, THIN * thin, fastest), np.inf
-            for _ in range(HALVINGS):
+            share, after = _allowed(knots, step, TUNING.longest_step * thin, fastest), np.inf
+            for _ in range(TUNING.halvings):
                 _moved(knots, step, share, moved)
                 after = modelled(around, near, numbers, moved, weight, margin, matrix[:0], none, none)
                 if after < before:
@@ -238,5 +229,5 @@ def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyp
                 share *= 0.5
             if after < before:
                 copy_rows(moved, knots)
-            if not after < before * (1.0 - SETTLED):
+            if not after < before * (1.0 - TUNING.settled):
                 break

@@ -33,4 +33,61 @@ class ResumeTuning(NamedTuple):
     into_goal: float = 1e-3
 
 
-TUNING, RESUME = ChainTuning(), ResumeTuning()
+class PolylineTuning(NamedTuple):
+    """Numbers of the shortening of polylines: the length that is left against time."""
+
+    # Rounds of shortcuts and blunted corners, and the share of the length below which a round is the last.
+    rounds: int = 12
+    gain: float = 1e-5
+    # Corners that turn less stay if they touch something [rad]: blunting them saves a part in 20 000 of their legs.
+    flat_turn: float = 0.02
+    # Turns that are rounding [rad].
+    straight_turn: float = 1e-6
+    # A corner of more clearance touches nothing [m]: a little more than the error bound of the clearance field.
+    touching: float = 4e-3
+    # Room for corners while a path gets shorter: at least, and per corner that it had.
+    room: int = 64
+    room_per_corner: int = 8
+    # Rounds for corners that touch nothing, and room for theirs.
+    loose_rounds: int = 8
+    loose_room: int = 256
+    # Halvings of the legs of a corner that is blunted, and of one along which a corner slides: to 2 % and 0.02 %.
+    halvings: int = 6
+    slide_halvings: int = 12
+
+
+class TimedTuning(NamedTuple):
+    """Numbers of the shortening in space and time, found on scenes with crossing obstacles and closing doors."""
+
+    # Legs of each round, and clearances to keep [m]; the first with which all legs are certified counts.
+    rounds: tuple[tuple[int, tuple[float, ...]], ...] = ((24, (1e-2, 3e-2)), (40, (1e-3, 4e-3, 1.5e-2)))
+    # Clearances when an earlier path is shortened again [m]; with 0 only its start changes.
+    margins_again: tuple[float, ...] = (4e-3, 1.5e-2, 0.0)
+    # A knot that is as near in time is left out, in mean durations of legs.
+    soon: float = 0.5
+    # Knots that are tried without success before a straight leg is as long as it gets.
+    patience: int = 2
+    # Share of the knots of a round that go where the path bends.
+    bends: float = 0.6
+    # Obstacles that stay so far from all knots are left out while these move [m].
+    neighbourhood: float = 0.6
+    # Weights of squares of what is lacking, one after the other [cost/m^2]: the last one leaves a millimetre.
+    weights: tuple[float, ...] = (1e2, 3e3, 1e5)
+    # Newton steps for each weight, and halvings of one that saves nothing.
+    steps: int = 12
+    halvings: int = 6
+    # A step that saves less than this share of the cost is the last one for its weight.
+    settled: float = 1e-6
+    # Points of a leg that keep off everything, as shares of it.
+    leg_points: tuple[float, ...] = (0.5, 1.0)
+    # A step moves knots by at most so many radii of the robot: clearances are known well only outside of solids.
+    longest_step: float = 0.5
+    # Share of the duration that a step leaves at least.
+    shortest_duration: float = 0.7
+    # Share of the goal's radius by which a path leads into the disc.
+    inside: float = 1e-3
+    # Share by which legs keep below the limit of speeds.
+    slower: float = 1e-3
+
+
+TUNING, RESUME, POLYLINE, IN_TIME = ChainTuning(), ResumeTuning(), PolylineTuning(), TimedTuning()

@@ -18,9 +18,7 @@ from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import Lines
 from pirrht.steering.trajectory import Trajectory
-
-SPEEDS = np.geomspace(1e-3, 1e3, 6001)  # at which the cost per meter is asked [m/s]
-PROBES = 8  # states at which a constant speed is asked
+from pirrht.steering.tuning import TUNING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,15 +83,16 @@ def pace_of(problem: Problem) -> float:
     if moved:  # in the direction in which positions yield least, of those in which they do
         return math.sqrt(2.0 * problem.least_rate * moved[0])
     lower, upper = d.box(problem.scene)
-    fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(PROBES)[:, None] * 0.5698402910) % 1.0
+    fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(TUNING.probed_states)[:, None] * 0.5698402910) % 1.0
     speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
     if max(speeds) > 0 and np.ptp(speeds) < 1e-6 * max(speeds):
         return speeds[0]
     if callable(problem.q) and moving(problem, 1.0) is not None:
-        costs = np.array([problem.rate(moving(problem, v)) for v in SPEEDS]) / SPEEDS  # type: ignore[arg-type]
+        probed = np.geomspace(*TUNING.probed_speeds)
+        costs = np.array([problem.rate(moving(problem, v)) for v in probed]) / probed  # type: ignore[arg-type]
         best = int(np.argmin(costs))
-        if 0 < best < len(SPEEDS) - 1:
-            return float(SPEEDS[best])
+        if 0 < best < len(probed) - 1:
+            return float(probed[best])
     raise OptionError(
         f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s], as in "
         "System(..., pace=1.0)"

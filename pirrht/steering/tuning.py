@@ -18,6 +18,27 @@ class SteeringTuning(NamedTuple):
     passage_speeds: tuple[float, ...] = (0.5, 1.0)
     # Top speed of draws in space and time, in best speeds, of a robot without a limit: costs grow as its square.
     fastest: float = 5.0
+    # Speeds [m/s] at which the cost per meter is queried, geometric from the first to the second, and their number.
+    probed_speeds: tuple[float, float, int] = (1e-3, 1e3, 6001)
+    # States at which a constant speed is queried.
+    probed_states: int = 8
+    # Tries to draw a place and time of use in space and time, before a uniform one is taken.
+    tries: int = 32
+    # Share of the draws that is uniform in space and time, so that every path is found at last.
+    uniform_share: float = 0.2
+    # Excess of cost that half of the other draws stay below, as a share of the unhindered cost.
+    excess: float = 0.5
+    # Share of the others that lie near a moving obstacle, and how far from its disc at most [robot radii].
+    near_share: float = 0.3
+    near: float = 4.0
+    # Where passages are driven through in space and time: shares of the clearance to either side, places along [robot
+    # radii], and speeds on the way there [best speeds].
+    passage_offsets: tuple[float, ...] = (0.0, -0.9, 0.9, -0.5, 0.5)
+    passage_places: tuple[float, ...] = (0.0, 3.0, -3.0)
+    passage_paces: tuple[float, ...] = (4.0, 3.0, 2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)
+    # Cost of such a path at most [unhindered costs], and number of these states, the cheapest ones.
+    passage_cost: float = 2.5
+    passage_states: int = 256
 
 
 TUNING = SteeringTuning()

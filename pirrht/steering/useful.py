@@ -17,19 +17,7 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, jitable, kernel
 from pirrht.moving.distances import disc_of, moving_clearance, piece_of
-
-SLOWER = 0.5  # excess of cost that half of the other draws stay below, as a share of the unhindered cost
-BESIDE = 0.3  # share of the others that lie beside a body ...
-NEAR = 4.0  # ... so many robot radii away from the disc around it at most
-TRIES = 32  # to draw a state that may be of use
-WIDE = 0.2  # share of the draws that are uniform in space and time
-SINGLE = 9  # random numbers of a draw besides those of its tries
-CHANCES = SINGLE + 4 * TRIES
-ACROSS = (0.0, -0.9, 0.9, -0.5, 0.5)  # where passages are driven through, as a share of the room to either side
-ALONG = (0.0, 3.0, -3.0)  # and how far from their narrowest chord [robot radii]
-SPEEDS = (4.0, 3.0, 2.2, 1.8, 1.5, 1.25, 1.0, 0.75, 0.5)  # how fast on the way there, as a share of the best speed
-MOST = 2.5  # times the unhindered cost that such a way may cost at least
-OFFERED = 256  # states in passages, the cheapest
+from pirrht.steering.tuning import TUNING
 
 
 class Useful(NamedTuple):
@@ -78,17 +66,17 @@ def _serves(useful, box, goal, x, y, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
-    """Write the place and time (3,) that numbers (CHANCES,) between 0 and 1 lead to.
+def _write_draw(unhindered, traffic, box, goal, chances, tries, out):  # type: ignore[no-untyped-def]
+    """Write the place and time (3,) that numbers between 0 and 1 lead to, `chances` (9,) and `tries` (4 l,).
 
     Args: `unhindered` usefulness; `box`, frame (x, y, X, Y) [m] of the workspace, horizon of draws [s], and limit of
         speeds [m/s]; `goal`, its centre, its radius [m], and the share of draws that is moved into its disc.
     """
-    most = (1.0 + SLOWER * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
+    most = (1.0 + TUNING.excess * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
     u = unhindered
-    useful, tries = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most), chances[SINGLE:]
-    beside = traffic.J > 0 and chances[1] < BESIDE
-    if chances[0] < WIDE or not _found(useful, traffic, box, goal, tries, beside, out):
+    useful = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most)
+    beside = traffic.J > 0 and chances[1] < TUNING.near_share
+    if chances[0] < TUNING.uniform_share or not _found(useful, traffic, box, goal, tries, beside, out):
         x, y, far_x, far_y, horizon, _ = box
         out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
         out[2] = useful.begin + horizon * chances[5]
@@ -99,7 +87,7 @@ def _write_draw(unhindered, traffic, box, goal, chances, out):  # type: ignore[n
 
 @inlined
 def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-untyped-def]
-    """Write the first place and time (3,) of use that numbers (4 TRIES,) lead to; whether there is one.
+    """Write the first place and time (3,) of use that numbers (4 l,) lead to; whether there is one.
 
     They are uniform in the workspace off the goal, and in the time that is left, or `beside` bodies, where these are.
     """
@@ -110,7 +98,7 @@ def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-u
             t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
             px, py, _, _, _, _, _ = piece_of(traffic, j, t)
             angle = 2.0 * math.pi * tries[i]
-            away = disc_of(traffic, j) + tries[i + 1] ** 2 * NEAR * traffic.robot
+            away = disc_of(traffic, j) + tries[i + 1] ** 2 * TUNING.near * traffic.robot
             px, py = px + away * math.cos(angle), py + away * math.sin(angle)
         else:
             px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
@@ -124,9 +112,9 @@ def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-u
 
 @kernel
 def _write_draws(useful, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
-    """Write a place and a time (k, 3) for every row of numbers (k, CHANCES)."""
+    """Write a place and a time (k, 3) for every row of numbers between 0 and 1 (k, 9 + 4 l)."""
     for i in range(out.shape[0]):
-        _write_draw(useful, traffic, box, goal, chances[i], out[i])
+        _write_draw(useful, traffic, box, goal, chances[i, :9], chances[i, 9:], out[i])
 
 
 def drawn(
@@ -147,19 +135,20 @@ def drawn(
     (x, y), radius = scene.goal.center.tolist(), scene.goal.radius
     box = (*scene.lower.tolist(), *scene.upper.tolist(), horizon, numbers[2])
     useful = Useful.of(numbers, scene, origin, 1.0)
-    _write_draws(useful, space.moving, box, (x, y, radius, goal_share), rng.random((count, CHANCES)), out)
+    _write_draws(useful, space.moving, box, (x, y, radius, goal_share), rng.random((count, 9 + 4 * TUNING.tries)), out)
     return out
 
 
 def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, origin: Array) -> Array:
     """Places across and along passages at many times (l, 3) [m, m, s], free then: the cheapest."""
     left, right = passages.chords()
-    start, radius, useful = origin[:2], space.scene.robot_radius, Useful.of(numbers, space.scene, origin, MOST)
+    start, radius = origin[:2], space.scene.robot_radius
+    useful = Useful.of(numbers, space.scene, origin, TUNING.passage_cost)
     half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
     ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
     ahead *= np.where(np.sum(ahead * (passages.place - start), axis=1) < 0.0, -1.0, 1.0)[:, None]
     found = []
-    for across, along, speed in product(ACROSS, ALONG, SPEEDS):
+    for across, along, speed in product(TUNING.passage_offsets, TUNING.passage_places, TUNING.passage_paces):
         middle = passages.place + across * half
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
@@ -167,4 +156,4 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, or
             if _is_of_use(useful, x, y, t) and moving_clearance(space.moving, x, y, t) > 0.0:
                 found.append((_cost(useful, x, y, t), x, y, t))
     found.sort()
-    return np.array([row[1:] for row in found[:OFFERED]]).reshape(-1, 3)
+    return np.array([row[1:] for row in found[: TUNING.passage_states]]).reshape(-1, 3)

@@ -1,10 +1,9 @@
 """Controlled systems: dx = f(x) dt + G(x) u dt + B(x) dw, noise and control in one channel (paper, eq. 1).
 
-dynamics           the interface: states by name, drift, blocks G_c and B_c, the Euler-Maruyama step, checks
-single_integrator  the point of the paper's first example unicycle           the car of its second double_integrator  a
-mass that is pushed by forces, and its best duration between two states rover              two driven wheels: speed and
-turn rate second_order_car   a car with inertia
+`dynamics` is the interface: states by name, drift, blocks G_c and B_c, the Euler-Maruyama step; `validation` checks it.
+One file each its members: `single_integrator` and `unicycle` are the paper's examples, `double_integrator` a mass that
+is pushed by forces, `rover` has two driven wheels, `second_order_car` inertia. `heading` helps those that turn.
 
 A new system is one file here: it names its states, gives f, G_c and B_c or, where noise enters through its inputs, G
-and s, and the velocity command of its robot. It imports `compiled` and plain values (scene, arrays, errors).
+and s, and the velocity command of its robot. It imports `jit` and plain values (scene, arrays, errors).
 """

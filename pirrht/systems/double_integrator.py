@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, jitable, kernel
-from pirrht.systems.dynamics import Dynamics, _check_noise
-from pirrht.systems.heading import AIM
+from pirrht.systems.dynamics import IsotropicNoise
+from pirrht.systems.heading import HOMING
 
-NEWTON = 60  # iterations at most; from above, where the quartic is convex, a few do
-PRECISE = 1e-13  # relative change of T that ends them
+PRECISE = 1e-13  # relative change of T that ends iterations
 
 
 @inlined
@@ -31,7 +29,7 @@ def _from_above(low, a, b, c):  # type: ignore[no-untyped-def]
     """The root of T^4 - c T^2 - b T - a beyond `low`, from where on it is convex; a, c >= 0."""
     T = max(max((3.0 * a) ** 0.25, np.cbrt(max(3.0 * b, 0.0))), math.sqrt(3.0 * c))
     T = max(T, 1.001 * low)
-    for _ in range(NEWTON):
+    for _ in range(60):  # a few do, where the quartic is convex
         slope = (4.0 * T * T - 2.0 * c) * T - b
         if slope <= 0.0:
             break
@@ -99,7 +97,7 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     """Begin the best motion from x (4,) into the goal's disc, at any velocity there; written to out (2,).
 
     With D = p1 - p0 and lambda R^-1 = b^2 it is a = 3 (D - v T) / T^2, here in units of the noise b [1/sqrt(s)]. p1 is
-    where coasting enters the disc; if it misses that, a point as far off the middle as AIM of the radius.
+    where coasting enters the disc; if it misses that, a point as far off the middle as a share of the radius.
     """
     dx, dy, b = aim[0] - x[0], aim[1] - x[1], B[0, 0]
     speed = x[2] * x[2] + x[3] * x[3]
@@ -107,7 +105,7 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     ahead = (dx * x[2] + dy * x[3]) / way
     off_x, off_y = dx - ahead * x[2] / way, dy - ahead * x[3] / way
     off = math.sqrt(off_x * off_x + off_y * off_y) + 1e-9
-    beside = min(off, AIM * radius)
+    beside = min(off, HOMING.aim * radius)
     depth = math.sqrt(radius * radius - beside * beside)
     depth = depth if ahead > depth else 0.0
     dx, dy = dx - beside * off_x / off - depth * x[2] / way, dy - beside * off_y / off - depth * x[3] / way
@@ -118,7 +116,7 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 
 
 @dataclass(frozen=True, eq=False)
-class DoubleIntegrator(Dynamics):
+class DoubleIntegrator(IsotropicNoise):
     """A mass of 1 kg pushed around: dp = v dt, dv = u dt + b dw; x = (p, v) (4,) [m, m/s], u (2,) [m/s^2].
 
     Raises:
@@ -130,22 +128,8 @@ class DoubleIntegrator(Dynamics):
     n = 4
     m = 2
     states = ("x", "y", "vx", "vy")
-    parameters = np.zeros(0)
     drift = staticmethod(coasting)
     homing = staticmethod(into_goal)
-
-    def __post_init__(self) -> None:
-        _check_noise(self.b)
-
-    @cached_property
-    def control_block(self) -> Array:  # type: ignore[override]
-        """G_c = I, (2, 2); controls are accelerations [m/s^2]."""
-        return np.eye(2)
-
-    @cached_property
-    def diffusion_block(self) -> Array:  # type: ignore[override]
-        """B_c = b I, (2, 2) [m/s/sqrt(s)]."""
-        return self.b * np.eye(2)
 
     def twist(self, x: Array, rate: Array) -> Array:
         """Accelerations along world x and y, (2,) [m/s^2]: forces on a mass of 1 kg [N]."""

@@ -8,19 +8,17 @@ of m numbers per step.
 
 from __future__ import annotations
 
-import inspect
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError, one_line
+from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
-
-PROBES = 5  # states at which the noise is examined, as it acts on the position
 
 
 @jitable
@@ -112,7 +110,8 @@ class Dynamics(ABC):
         )
 
     def _some_states(self) -> Array:
-        numbers: Array = np.arange(1, PROBES + 1)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0
+        """Spread five states (5, n) at which noise and drift are probed."""
+        numbers: Array = np.arange(1, 6)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0
         return 2.0 * np.pi * (numbers - 0.5)
 
     @cached_property
@@ -151,90 +150,6 @@ class Dynamics(ABC):
         lower = -upper
         lower[list(self.position)], upper[list(self.position)] = scene.lower, scene.upper
         return lower, upper
-
-    def check(self) -> None:
-        """Refuse a system that scenes and rollouts cannot serve: OptionError, with what would have worked."""
-        name, given = type(self).__name__, ", ".join(self.states)
-        blocks = ("input_matrix", "input_noise") if self.input_form else ("control_block", "diffusion_block")
-        needed = ("n", "m", "parameters", "drift", *blocks)
-        missing = [what for what in needed if getattr(self, what, None) is None]
-        if missing:
-            raise OptionError(f"{name}: {' and '.join(missing)} missing; a Dynamics declares {', '.join(needed)}")
-        if "z" in self.states:
-            raise OptionError(f'{name}: its state "z" is a third position, but scenes are planar; keep to "x" and "y"')
-        if self.n < 2:
-            raise OptionError(f"{name}: n is {self.n}; a robot in the plane has at least the 2 states x and y")
-        if self.states[:2] != ("x", "y"):
-            raise OptionError(f'{name}: its states are ({given}); the first two must be "x" and "y"')
-        if not len(set(self.states)) == len(self.states) == self.n:
-            raise OptionError(
-                f"{name}: n is {self.n}, but its states are ({given}); name each once, "
-                'as in states = ("x", "y", "vx", "vy"); scenes are planar, so there is no third position'
-            )
-        if not 1 <= self.m <= self.n:
-            raise OptionError(f"{name}: m is {self.m}; of {self.n} states at least 1 and at most {self.n} are actuated")
-        if self.input_form:
-            self._check_inputs(name)
-        elif self.input_noise is not None or self.stratonovich:
-            which = "stratonovich" if self.input_noise is None else "input_noise"
-            raise OptionError(f"{name}: {which} belongs to the input form; declare an input_matrix, or leave it out")
-        for what in () if self.input_form else ("control_block", "diffusion_block"):
-            block = getattr(self, what)
-            if not callable(block) and not isinstance(block, np.ndarray):
-                raise OptionError(f"{name}: {what} is a {type(block).__name__}; it must be an array or a function")
-            if not callable(block) and np.shape(block) != (self.m, self.m):
-                raise OptionError(f"{name}: {what} is {np.shape(block)}; with m = {self.m} it must be {self.m, self.m}")
-        self._try_drift(name)
-
-    def _try_drift(self, name: str) -> None:
-        """Refuse a drift that cannot be called, fails, or says what is no number at two states."""
-        if inspect.ismethod(self.drift):
-            raise OptionError(f"{name}: drift(x, p, out) cannot be called without self; make it a @staticmethod")
-        rates = np.zeros((2, self.n))
-        for x, out in zip((0.0, 0.3), rates, strict=True):
-            try:
-                with np.errstate(all="ignore"):  # a value that is no number is reported below
-                    self.drift(np.full(self.n, x), self.parameters, out)
-            except TypeError as error:
-                raise OptionError(
-                    f"{name}: drift(x, p, out) cannot be called ({error}); make it a @staticmethod"
-                ) from None
-            except Exception as error:
-                at = f"{name}: drift(x, p, out) fails at x = {[x] * self.n}"
-                raise OptionError(f"{at} ({one_line(error)}); fix it") from None
-        if not np.isfinite(rates).all(axis=1).any():
-            raise OptionError(f"{name}: drift(x, p, out) writes {rates[1].tolist()} at x = {[0.3] * self.n}; fix it")
-
-    def _check_inputs(self, name: str) -> None:
-        """Refuse an input form that is none."""
-        G, s, shape = self.input_matrix, self.input_noise, (self.n, self.m)
-        twice = [what for what in ("control_block", "diffusion_block") if getattr(self, what, None) is not None]
-        if twice:
-            raise OptionError(f"{name}: both {twice[0]} and input_matrix are declared; leave one form out")
-        if not callable(G) and not isinstance(G, np.ndarray):
-            raise OptionError(f"{name}: input_matrix is a {type(G).__name__}; it must be an array or a function")
-        if isinstance(G, np.ndarray) and G.shape != shape:
-            raise OptionError(f"{name}: input_matrix is {G.shape}; with n = {self.n}, m = {self.m} it must be {shape}")
-        if not isinstance(s, np.ndarray):
-            raise OptionError(f"{name}: input_noise is a {type(s).__name__}; it must be an array: s is constant")
-        if s.shape != (self.m, self.m):
-            raise OptionError(f"{name}: input_noise is {s.shape}; with m = {self.m} it must be {self.m, self.m}")
-        if not (np.all(np.isfinite(s)) and abs(np.linalg.det(s)) > 0.0):
-            raise OptionError(
-                f"{name}: input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
-            )
-        if inspect.ismethod(G):
-            raise OptionError(
-                f"{name}: input_matrix(x, p, out) does not fill an out of {shape} without self; make it a @staticmethod"
-            )
-        if callable(G):
-            try:
-                G(np.zeros(self.n), self.parameters, np.zeros(shape))
-            except (TypeError, ValueError, IndexError) as error:
-                raise OptionError(
-                    f"{name}: input_matrix(x, p, out) does not fill an out of {shape} ({error}); "
-                    "make it a @staticmethod of three arguments"
-                ) from None
 
     def f(self, x: Array) -> Array:
         """Passive drift at x (n,), (n,) [state/s]."""
@@ -347,3 +262,29 @@ def check_positive(owner: object, *names: str) -> None:
         value = getattr(owner, name)
         if not (np.isfinite(value) and value > 0):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
+
+
+@dataclass(frozen=True, eq=False)
+class IsotropicNoise(Dynamics):
+    """A system whose controls act on its actuated states alone, and isotropic noise does: G_c = I and B_c = b I.
+
+    Raises:
+        OptionError: b is not a positive number.
+    """
+
+    b: float = 0.1  # noise [1/sqrt(s) of the actuated states]
+
+    parameters = np.zeros(0)
+
+    def __post_init__(self) -> None:
+        _check_noise(self.b)
+
+    @cached_property
+    def control_block(self) -> Array:  # type: ignore[override]
+        """G_c = I, (m, m)."""
+        return np.eye(self.m)
+
+    @cached_property
+    def diffusion_block(self) -> Array:  # type: ignore[override]
+        """B_c = b I, (m, m)."""
+        return self.b * np.eye(self.m)

@@ -3,12 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined
 
-AIM = 0.9  # share of the goal's radius that is aimed at
-TURN_GAIN = 3.0  # turn rate of homing per heading error [1/s]
+
+class HomingTuning(NamedTuple):
+    """Numbers of the controls by which samples home that outlive their proposal."""
+
+    # Share of the goal's radius that is aimed at: the rim itself is missed under noise.
+    aim: float = 0.9
+    # Turn rate per heading error, and acceleration per error of the speed [1/s]: faster than noise turns robots.
+    gain: float = 3.0
+    # A rover drives where the disc lies less than pi / 2 over this to the side: faster it would circle around it.
+    narrow: float = 3.0
+    # A rover's turn rate at most, in those that the rate of cost asks for.
+    rover_turn: float = 1.5
+    # A car's turn rate at most, in turn rates whose noise costs as much as time.
+    steepest: float = 6.0
+    # Share of the cruising speed at which a car with inertia turns.
+    slowest: float = 0.2
+
+
+HOMING = HomingTuning()
 
 
 @inlined
@@ -23,7 +41,7 @@ def wrapped(angle):  # type: ignore[no-untyped-def]
 def beyond_disc(dx, dy, theta, radius):  # type: ignore[no-untyped-def]
     """Angle to turn until a disc (dx, dy) [m] away lies ahead of a heading; 0 if it does [rad]."""
     off = wrapped(math.atan2(dy, dx) - theta)
-    within = math.asin(min(1.0, AIM * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
+    within = math.asin(min(1.0, HOMING.aim * radius / math.sqrt(dx * dx + dy * dy + 1e-12)))
     return max(0.0, off - within) + min(0.0, off + within)
 
 

@@ -11,10 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive, no_drift
-from pirrht.systems.heading import TURN_GAIN, ahead, beyond_disc
-
-NARROW = 3.0  # it drives where the disc lies less than pi / 2 over this aside: faster it would circle around it
-QUICK = 1.5  # times what the rate of cost asks for, homing turns at most
+from pirrht.systems.heading import HOMING, ahead, beyond_disc
 
 
 @jitable
@@ -32,8 +29,8 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     way = 1.0 if dx * math.cos(x[2]) + dy * math.sin(x[2]) >= 0.0 else -1.0
     beyond = beyond_disc(way * dx, way * dy, x[2], radius)
     asked = math.sqrt(2.0 * rate)  # |a| under which control costs what time does
-    out[0] = way * asked * math.cos(min(NARROW * abs(beyond), 0.5 * math.pi))
-    out[1] = max(-QUICK * asked, min(QUICK * asked, TURN_GAIN * beyond / B[2, 1]))
+    out[0] = way * asked * math.cos(min(HOMING.narrow * abs(beyond), 0.5 * math.pi))
+    out[1] = max(-HOMING.rover_turn * asked, min(HOMING.rover_turn * asked, HOMING.gain * beyond / B[2, 1]))
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import Dynamics, _check_noise
-from pirrht.systems.heading import ahead, beyond_disc
+from pirrht.systems.dynamics import IsotropicNoise
+from pirrht.systems.heading import HOMING, ahead, beyond_disc
 
-GAIN = 3.0  # turn rate per heading error, and acceleration per error of the speed, of what homes in [1/s]
 CRUISE = 1.0  # speed at which a meter costs least [m/s]
 
 
@@ -41,12 +39,12 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0:
         way = -1.0
     beyond = beyond_disc(way * dx, way * dy, x[2], radius)
-    out[0] = GAIN * beyond / B[0, 0]
-    out[1] = GAIN * (way * CRUISE * max(0.2, math.cos(beyond)) - x[3]) / B[1, 1]
+    out[0] = HOMING.gain * beyond / B[0, 0]
+    out[1] = HOMING.gain * (way * CRUISE * max(HOMING.slowest, math.cos(beyond)) - x[3]) / B[1, 1]
 
 
 @dataclass(frozen=True, eq=False)
-class SecondOrderCar(Dynamics):
+class SecondOrderCar(IsotropicNoise):
     """A car that turns and accelerates: dtheta = u_1 dt + b dw_1, dv = u_2 dt + b dw_2, and it moves along theta at v.
 
     The state is x, y [m], heading theta [rad] and speed v [m/s], (4,), negative where it reverses; u (2,) is the turn
@@ -61,22 +59,8 @@ class SecondOrderCar(Dynamics):
     n = 4
     m = 2
     states = ("x", "y", "heading", "speed")
-    parameters = np.zeros(0)
     drift = staticmethod(rolling)
     homing = staticmethod(towards_goal)
-
-    def __post_init__(self) -> None:
-        _check_noise(self.b)
-
-    @cached_property
-    def control_block(self) -> Array:  # type: ignore[override]
-        """G_c = I, (2, 2)."""
-        return np.eye(2)
-
-    @cached_property
-    def diffusion_block(self) -> Array:  # type: ignore[override]
-        """B_c = b I, (2, 2) [rad/sqrt(s), m/s/sqrt(s)]."""
-        return self.b * np.eye(2)
 
     def twist(self, x: Array, rate: Array) -> Array:
         """Acceleration ahead and to the left [m/s^2] and turn rate [rad/s], (3,)."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-
-import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.systems.dynamics import Dynamics, _check_noise, no_drift
+from pirrht.systems.dynamics import IsotropicNoise, no_drift
 
 
 @dataclass(frozen=True, eq=False)
-class SingleIntegrator(Dynamics):
+class SingleIntegrator(IsotropicNoise):
     """A point that is pushed around: dx = u dt + b dw, x (2,) [m], u (2,) [m/s] (paper, first example).
 
     Raises:
@@ -23,21 +20,7 @@ class SingleIntegrator(Dynamics):
 
     n = 2
     m = 2
-    parameters = np.zeros(0)
     drift = staticmethod(no_drift)
-
-    def __post_init__(self) -> None:
-        _check_noise(self.b)
-
-    @cached_property
-    def control_block(self) -> Array:  # type: ignore[override]
-        """G_c = I, (2, 2); controls are velocities [m/s]."""
-        return np.eye(2)
-
-    @cached_property
-    def diffusion_block(self) -> Array:  # type: ignore[override]
-        """B_c = b I, (2, 2) [m/sqrt(s)]."""
-        return self.b * np.eye(2)
 
     def twist(self, x: Array, rate: Array) -> Array:
         """World velocities (vx, vy), (2,) [m/s]."""

@@ -11,9 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive
-from pirrht.systems.heading import TURN_GAIN, beyond_disc
-
-STEEPEST = 6.0  # turn rate of homing at most, in turn rates whose noise costs as much as time
+from pirrht.systems.heading import HOMING, beyond_disc
 
 
 @jitable
@@ -27,8 +25,8 @@ def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
 @jitable
 def turn_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
     """Turn from x (3,) until the goal's disc lies ahead: `Dynamics.homing` of a car at constant speed."""
-    bound = STEEPEST * math.sqrt(rate) * B[0, 0]
-    turn = TURN_GAIN * beyond_disc(aim[0] - x[0], aim[1] - x[1], x[2], radius)
+    bound = HOMING.steepest * math.sqrt(rate) * B[0, 0]
+    turn = HOMING.gain * beyond_disc(aim[0] - x[0], aim[1] - x[1], x[2], radius)
     out[0] = max(-bound, min(bound, turn)) / B[0, 0]
 
 
