@@ -121,9 +121,9 @@ class FreeSpace:
         return replace(
             self,
             scene=scene,
-            moving=self.moving.with_motions(movers),
-            homology=self.homology.among(movers, scene.footprint),
-            moving_collision=MovingObstacles(movers, scene.footprint, self.moving_collision.shapes),
+            traffic=self.traffic.moving(movers),
+            homology=self.homology.with_moving(movers, scene.footprint),
+            crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
         )
 
     @property
@@ -153,9 +153,9 @@ def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     """Gather the moving obstacles of a scene."""
     movers, footprint = scene.movers, scene.footprint
     return {
-        "homology": homology.among(movers, footprint),
-        "moving": MovingObstacleArrays.of(scene),
-        "moving_collision": MovingObstacles(movers, footprint),
+        "homology": homology.with_moving(movers, footprint),
+        "traffic": MovingObstacleArrays.of(scene),
+        "crowd": MovingObstacles(movers, footprint),
     }
 
 

@@ -44,7 +44,7 @@ def read_arrays(stream: BinaryIO) -> Arrays:
 
 
 def checksum(arrays: Mapping[str, np.ndarray[Any, Any]], about: Mapping[str, Any]) -> str:
-    """SHA-256 of arrays, their names, kinds and shapes, and of a JSON record beside them."""
+    """SHA-256 of arrays, their names, kinds and shapes, and of a JSON record next to them."""
     known = hashlib.sha256(json.dumps(about, sort_keys=True).encode())
     for name in sorted(arrays):
         array = np.ascontiguousarray(arrays[name])
@@ -61,7 +61,7 @@ def _check_sizes(members: list[zipfile.ZipInfo], length: int) -> None:
     if sum(m.compress_size for m in members) > length:
         raise zipfile.BadZipFile("its parts are longer than the file")
     if any(m.file_size > TUNING.deflate_ratio * (m.compress_size + 1) for m in members):
-        raise zipfile.BadZipFile("a part cannot unpack to what it is said to")
+        raise zipfile.BadZipFile("a part cannot unpack to its declared size")
     total = sum(m.file_size for m in members)
     if total > TUNING.file_bytes:
         raise ValueError(f"it unpacks to {total / 2**30:.3g} GB, and a tree has {TUNING.file_bytes / 2**30:g} at most")
@@ -135,13 +135,13 @@ def _check_shapes(arrays: Arrays, M: int, n: int, classes: int) -> None:
 
 
 def _known(arrays: Arrays) -> NDArray[np.bool_]:
-    """Which of the room for nodes (V, K) is taken."""
+    """Mask of the nodes (V, K) that exist."""
     known: NDArray[np.bool_] = np.arange(arrays["cost"].shape[1]) < arrays["nodes"][:, None]
     return known
 
 
 def _paired(arrays: Arrays) -> NDArray[np.bool_]:
-    """Which of the room for pairs (V, K, C) is taken."""
+    """Mask of the pairs (V, K, C) that exist."""
     paired: NDArray[np.bool_] = np.arange(arrays["marker"].shape[2]) < arrays["pairs"][:, :, None]
     return paired & _known(arrays)[:, :, None]
 
@@ -181,9 +181,9 @@ def _check_numbers(arrays: Arrays, left_open: NDArray[np.bool_]) -> None:
 
 def _check_lists(first: NDArray[Any], following: NDArray[Any], end: NDArray[Any]) -> None:
     """The edges of a vertex are a chain from its newest (V,) to its oldest: each later than its `following` (E,)."""
-    starts, edges = np.flatnonzero(first >= 0), np.flatnonzero(following >= 0)
-    reached = np.concatenate([first[starts], following[edges]])
-    belongs = np.concatenate([starts, end[edges]])
+    newest, edges = np.flatnonzero(first >= 0), np.flatnonzero(following >= 0)
+    reached = np.concatenate([first[newest], following[edges]])
+    belongs = np.concatenate([newest, end[edges]])
     if np.any(following >= np.arange(len(following))) or np.any(end[reached] != belongs):
         raise ValueError("its chains of edges do not fit together")
     if np.any(np.bincount(reached, minlength=len(following)) != 1):
@@ -231,11 +231,11 @@ def _check_parents(arrays: Arrays) -> None:
     _check_ends(vertex * K + slot, head * K + above, arrays["cost"].size)
 
 
-def _check_ends(node: NDArray[np.int64], parent: NDArray[np.int64], room: int) -> None:
+def _check_ends(node: NDArray[np.int64], parent: NDArray[np.int64], count: int) -> None:
     """From every node its parents, `parent` (k,) of `node` (k,) among so many, lead to a root."""
-    above = np.arange(room)
+    above = np.arange(count)
     above[node] = parent
-    for _ in range(room.bit_length()):  # twice as far each time
+    for _ in range(count.bit_length()):  # twice as far each time
         above = above[above]
     if np.any(np.isin(above[node], node)):
         raise ValueError("a circle among its parents")

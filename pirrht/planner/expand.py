@@ -16,7 +16,7 @@ from pirrht.jit.jit import as_tuple, caller, inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again
-from pirrht.planner.rewire import reaches, settle
+from pirrht.planner.rewire import reaches, relaxed
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
@@ -24,7 +24,14 @@ from pirrht.topology.homology import write_base
 
 
 class PassageSampler:
-    """States (k, n) that ought to become vertices; `waiting` says where those are that have not become any."""
+    """Offers states (k, n) in passages until they are vertices, between uniform draws.
+
+    The number of a draw and the vertices decide what is offered: a tree that is grown in several steps, or read from a
+    file in between, is the tree that is grown at once. At least every second draw is uniform, so paths converge.
+
+    Attributes:
+        waiting: index of each state that is no vertex yet.
+    """
 
     def __init__(self, states: Array) -> None:
         self.states = states
@@ -51,7 +58,7 @@ class PassageSampler:
         return offered
 
     def together(self, draw: int) -> int:
-        """Return the number of draws from this one on that need no `note`: none is offered twice."""
+        """Number of draws from this one on that need no `note` in between: none of them is offered twice."""
         return self._period - draw % self._period if self.waiting else TUNING.batch
 
 
@@ -194,7 +201,7 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
             return i, STATUS.ask
         insert(at, vertices, straight, out, back, around, rules)
         i += 1
-        status = settle(at, rules)
+        status = relaxed(at, rules)
         if status != STATUS.done:
             return i, status
     return i, STATUS.done

@@ -1,8 +1,8 @@
 """A grown tree as a file or as bytes: NumPy's npz without pickled objects.
 
-A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept
-beside it in plain words and numbers, so that another tree is refused by name. What is read is checked (`archive`,
-`checks`) before kernels, which do not look twice, follow an index; a checksum tells damage that is still a tree.
+A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept next
+to it in plain words and numbers, so that another tree is refused by name. What is read is checked before kernels follow
+an index, which they do blindly; a checksum tells damage that is still a tree.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ def load(
     """
     name = str(file) if isinstance(file, str | Path) else "the tree"
     about, arrays = _read(file, name)
-    asked = belongings(space, steering)
-    asked |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
-    _check_belongs(name, about, asked)
+    required = belongings(space, steering)
+    required |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
+    _check_belongs(name, about, required)
     try:
         belongs = about["belongs"]
         left_open = np.any(np.isnan(steering.roots(space.scene.goal.center)), axis=0)
@@ -107,7 +107,7 @@ def load(
 
 
 def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
-    """What a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
+    """Facts that a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
     scene = space.scene
     moving = {"bodies that move": f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
     return {
@@ -165,10 +165,10 @@ def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[Bi
     return Path(file).open("rb")
 
 
-def _check_belongs(name: str, about: Mapping[str, Any], asked: Mapping[str, Any]) -> None:
+def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
     belongs = about.get("belongs")
     known = belongs if isinstance(belongs, dict) else {}
-    for what, value in asked.items():
+    for what, value in required.items():
         if known.get(what) != json.loads(json.dumps(value)):
             raise OptionError(
                 f"{name} was grown for another task: {what} is {known.get(what)} there and {value} here; "
@@ -195,14 +195,12 @@ def _roomy(arrays: Arrays) -> Storage:
     vertices, edges, _, _, pairs = (int(v) for v in arrays["size"])
     M, (_, K, C) = arrays["straight"].shape[1], arrays["marker"].shape
     graph = g.empty_graph(_room(TUNING.vertices, vertices), _room(TUNING.edges, max(edges, pairs)), K, M)
-    room = len(graph.nodes)
-    graph = graph._replace(
-        marker=np.zeros((room, K, C), graph.marker.dtype), turn=np.zeros((room, K, C), graph.turn.dtype)
-    )
+    V = len(graph.nodes)
+    graph = graph._replace(marker=np.zeros((V, K, C), graph.marker.dtype), turn=np.zeros((V, K, C), graph.turn.dtype))
     for name, array in arrays.items():
         if name in Graph._fields:
             getattr(graph, name)[tuple(slice(0, length) for length in array.shape)] = array
-    states, in_goal = np.zeros((room, arrays["states"].shape[1])), np.zeros(room, np.bool_)
+    states, in_goal = np.zeros((V, arrays["states"].shape[1])), np.zeros(V, np.bool_)
     states[:vertices], in_goal[:vertices] = arrays["states"], arrays["in_goal"]
     return Storage(Vertices(states, in_goal), graph)
 

@@ -95,7 +95,7 @@ NODE = np.dtype([("cost", "f8"), ("key", "i8"), ("parent", "i4"), ("pairs", "i4"
 
 
 def _index(record: np.dtype[np.void], *names: str) -> tuple[int, ...]:
-    """Where fields of a record lie, counted in fields of their own size."""
+    """Offsets of fields of a record, counted in fields of their own size."""
     fields = record.fields
     assert fields is not None
     return tuple(fields[name][1] // fields[name][0].itemsize for name in names)
@@ -117,7 +117,7 @@ QUEUE = ("queue_cost", "queue_vertex", "queue_key")
 
 
 class Addresses(NamedTuple):
-    """Where a graph's arrays lie that kernels read and write (up to `waiting`), and how much room there is in them."""
+    """Addresses of a graph's arrays that kernels read and write (up to `waiting`), and their sizes."""
 
     size: int
     pruned: int
@@ -144,7 +144,7 @@ class Addresses(NamedTuple):
 
 
 class Places(Addresses):
-    """The same together with the graph that they point into."""
+    """`Addresses` together with the graph that they point into."""
 
     graph: Graph
 
@@ -153,8 +153,8 @@ class Places(Addresses):
         """The places of the arrays of a graph, valid until it is given more room."""
         parts = [getattr(graph, name) for name in cls._fields if name in Graph._fields]
         M, stride, (_, K, C) = graph.straight.shape[1], graph.nodes.strides[0], graph.marker.shape
-        room = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
-        places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *room])
+        sizes = len(graph.queue_cost), len(graph.tail), len(graph.edge_marker)
+        places = cls._make([*(part.ctypes.data for part in parts), M, stride, K, C, *sizes])
         places.graph = graph
         return places
 
@@ -178,8 +178,8 @@ def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
     vertex = _records(count, np.dtype([*VERTEX.descr, ("node", NODE, (nodes,))]))
     vertex["first_out"] = vertex["first_in"] = -1
     vertex["node"]["parent"] = ROOT
-    room = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
-    return room | {name: vertex["node"][name] for name in NODE.names or ()}
+    fields = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
+    return fields | {name: vertex["node"][name] for name in NODE.names or ()}
 
 
 def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
@@ -251,7 +251,7 @@ def slot_of(vertex, key):  # type: ignore[no-untyped-def]
 
 @inlined
 def is_root(vertex):  # type: ignore[no-untyped-def]
-    """Return whether the vertex at an address lies in the goal's disc."""
+    """Return whether the vertex at an address lies in the goal."""
     return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
 
 

@@ -56,11 +56,11 @@ def left_out(tree: HomologyTree, x: Array, factor: float = TUNING.left_out_facto
             limit = max(limit, float(np.abs(on[number[k]]).max()))
         if limit > tree.limit:
             found.append(LeftOut(length=float(whole[near[row]]), limit=limit))
-    return sorted(found, key=lambda way: way.length)
+    return sorted(found, key=lambda one: one.length)
 
 
 def _surely_none(tree: HomologyTree, x: Array, factor: float) -> bool:
-    """Whether a reference is nearly straight, and no passage without one is near enough for another short way."""
+    """Return whether a reference is nearly straight, and no unused passage near enough for a short path."""
     try:
         references = tree.references(x, polished=False)
     except NoReference:
@@ -98,8 +98,8 @@ def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array,
     open_ = (free[tail] > 0.0) & (free[head] > 0.0)
     # Two discs of free space that overlap hold the line between them; on axes of passages they may be too small.
     sure = open_ & (free[tail] + free[head] >= length)
-    asked = np.flatnonzero(open_ & ~sure & ((tail < own) | (head < own)))
-    sure[asked] = collision.segments_free(points[tail[asked]], points[head[asked]])
+    doubtful = np.flatnonzero(open_ & ~sure & ((tail < own) | (head < own)))
+    sure[doubtful] = collision.segments_free(points[tail[doubtful]], points[head[doubtful]])
     graph = csr_matrix((length[sure], (tail[sure], head[sure])), shape=(len(points), len(points)))
     found, before = dijkstra(graph, directed=False, indices=[0, 1], return_predecessors=True)
     return points, before, found

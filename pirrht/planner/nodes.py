@@ -29,7 +29,7 @@ from pirrht.topology.crossings import summed
 
 
 class SearchRules(NamedTuple):
-    """Which classes a tree keeps, and whether its edges lead both ways."""
+    """Rules of the search: classes that a tree keeps, and edges that lead both ways."""
 
     limit: float  # H_limit of the allowed set |1 - H_i| <= H_limit, asked at every vertex [turns]
     classes: int  # K: the most classes of a vertex, the cheapest; 0 keeps all
@@ -38,7 +38,7 @@ class SearchRules(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """What an edge makes of a node for the vertex it leaves; numbers only, of 64 bits."""
+    """Node that an edge propagates to the vertex that it leaves (Propagate); numbers of 64 bits."""
 
     cost: float  # [cost]
     key: int  # of the class
@@ -117,7 +117,7 @@ def _exceeds(at, v, offer, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignore[no-untyped-def]
+def propagated(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignore[no-untyped-def]
     """Pairs of node `slot` of vertex `source` and those of an edge, from `first` to `end` at two addresses, summed."""
     begin = (source * at.K + slot) * at.C
     count = load_int32(g.node_at(g.vertex_at(at, source), slot), g.NODE_PAIR_COUNT)
@@ -134,7 +134,7 @@ def joined(at, source, slot, edge_marker, edge_turn, first, end):  # type: ignor
 
 @kernel
 def admits(straight, M, marker, turn, count, rules):  # type: ignore[no-untyped-def]
-    """Return whether a class is allowed where straight lines have the signature at an address (M,)."""
+    """Return whether a class is allowed where bases have the signature at an address (M,)."""
     limit = rules.limit
     if rules.bases_allowed:
         for i in range(count):  # noqa: SIM110
@@ -162,7 +162,7 @@ def _costliest(vertex, count):  # type: ignore[no-untyped-def]
 
 @inlined
 def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
-    """Return whether a vertex has no room for another class, and K that are no costlier; counts it."""
+    """Return whether a vertex has K classes of no higher cost; counts it."""
     vertex, K = g.vertex_at(at, v), rules.classes
     count = load_int32(vertex, g.COUNT)
     if K == 0 or count < K:
@@ -177,7 +177,7 @@ def _is_outdone(at, v, offer, rules):  # type: ignore[no-untyped-def]
 def _insert(at, v, offer, rules):  # type: ignore[no-untyped-def]
     """Append a node of a class that the vertex does not know: new, done (refused), or what must grow first."""
     e = offer.edge
-    marker, turn, many = joined(
+    marker, turn, many = propagated(
         at, offer.source, offer.slot, at.edge_marker, at.edge_turn, load_int64(at.edge_first, e),
         load_int64(at.edge_first, e + 1),
     )  # fmt: skip

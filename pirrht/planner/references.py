@@ -112,7 +112,7 @@ class ReferenceQuery(NamedTuple):
         steering, storage, weights = tree.steering, tree.storage, tree.homology.hash_weights
         edges = tree.choose_parent(x, steering.min_neighbours, self.threads)  # line 1
         several = self.shortened and not known and steering.timed
-        best = Best.room(tree.classes or max(1, int(tree.graph.nodes[edges.near[edges.free]].sum())))
+        best = Best.empty(tree.classes or max(1, int(tree.graph.nodes[edges.near[edges.free]].sum())))
         count = best_classes(storage.places, tree.homology.base(x), edges, weights, tree.rules, best)
         if count == 0:
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit)
@@ -164,9 +164,9 @@ class ReferenceQuery(NamedTuple):
         """Paths of a class apart from the cheapest, which may end in other local optima."""
         tree, chosen = self.tree, np.empty((TUNING.optima, 2), np.int64)
         steering: Any = tree.steering  # in time
-        rules = (self._far(x), TUNING.optima_excess)
+        rules = (self._far(x), TUNING.optima_excess, float(steering.pace))
         weights, storage = tree.homology.hash_weights, tree.storage
-        count = choose(storage.places, storage.vertices.states, edges, weights, key, x, steering.pace, rules, chosen)
+        count = choose(storage.places, storage.vertices.states, edges, weights, key, x, rules, chosen)
         return tuple(self._motions(x, edges, int(edge), int(slot)) for edge, slot in chosen[1:count])
 
     def _far(self, x: Array) -> float:
@@ -213,24 +213,24 @@ def _over(at, edges, i, weights, key):  # type: ignore[no-untyped-def]
     if edges.status[i] != FREE:
         return np.inf, -1
     turns = edges.turns
-    wanted = key - key_of_pairs(turns.marker, turns.turn, turns.first[i], turns.first[i + 1], weights)
+    rest = key - key_of_pairs(turns.marker, turns.turn, turns.first[i], turns.first[i + 1], weights)
     vertex = g.vertex_at(at, edges.near[i])
-    slot = g.slot_of(vertex, wanted)
+    slot = g.slot_of(vertex, rest)
     return (np.inf, -1) if slot < 0 else (edges.cost[i] + load_float64(g.node_at(vertex, slot), g.COST), slot)
 
 
 @kernel
-def _follow(at, states, pace, x, vertex, slot, times, places):  # type: ignore[no-untyped-def]
+def _follow(at, states, speed, x, vertex, slot, times, places):  # type: ignore[no-untyped-def]
     """Write places (T, 2) at times (T,) of the path from x (3,) over a node; the time at which it arrives.
 
-    It waits where it arrives. The last leg, into a state without a time, has a speed [m/s].
+    It waits where it arrives. The last leg, into a state without a time, has that speed [m/s].
     """
     key = load_int64(g.node_at(g.vertex_at(at, vertex), slot), g.KEY)
     ax, ay, s, k, T = x[0], x[1], x[2], 0, times.shape[0]
     while True:
         bx, by, t = states[vertex, 0], states[vertex, 1], states[vertex, 2]
         if math.isnan(t):
-            t = s + math.hypot(bx - ax, by - ay) / pace
+            t = s + math.hypot(bx - ax, by - ay) / speed
         while k < T and times[k] <= t:
             share = (times[k] - s) / max(t - s, 1e-300)
             places[k, 0], places[k, 1] = ax + share * (bx - ax), ay + share * (by - ay)
@@ -250,16 +250,15 @@ def _follow(at, states, pace, x, vertex, slot, times, places):  # type: ignore[n
 
 
 @kernel
-def choose(at, states, edges, weights, key, x, pace, rules, chosen):  # type: ignore[no-untyped-def]
-    """Choose paths of a class from x (3,) over k `Edges`: each apart from all that are cheaper; how many there are.
+def choose(at, states, edges, weights, key, x, rules, chosen):  # type: ignore[no-untyped-def]
+    """Choose paths of a class from x (3,) over k `Edges`: each apart from all cheaper ones; their number.
 
     Args:
         key: of the class.
-        pace: speed at which one arrives [m/s].
-        rules: how far apart at some time at least [m], and how much higher cost than the cheapest at most, as a share.
+        rules: least distance at some time [m], greatest excess of cost (share of the cheapest), speed of arrival [m/s].
         chosen: (c, 2) edges and slots, cheapest first; filled up to the number that is returned.
     """
-    k, (far, dearer) = edges.near.shape[0], rules
+    k, (far, excess, speed) = edges.near.shape[0], rules
     cost, slot = np.empty(k), np.empty(k, np.int64)
     for i in range(k):
         cost[i], slot[i] = _over(at, edges, i, weights, key)
@@ -268,12 +267,12 @@ def choose(at, states, edges, weights, key, x, pace, rules, chosen):  # type: ig
     T = TUNING.stations
     times, places, here = np.zeros(T), np.empty((most, T, 2)), np.empty((T, 2))
     for i in order:
-        if count == most or not cost[i] <= (1.0 + dearer) * cost[order[0]]:
+        if count == most or not cost[i] <= (1.0 + excess) * cost[order[0]]:
             break
         if count == 0:
-            end = _follow(at, states, pace, x, np.int64(edges.near[i]), slot[i], times[:0], here)
+            end = _follow(at, states, speed, x, np.int64(edges.near[i]), slot[i], times[:0], here)
             copy_row(np.linspace(x[2], end, T), times)
-        _follow(at, states, pace, x, np.int64(edges.near[i]), slot[i], times, here)
+        _follow(at, states, speed, x, np.int64(edges.near[i]), slot[i], times, here)
         new = True
         for j in range(count):
             widest = 0.0

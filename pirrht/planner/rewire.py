@@ -19,7 +19,7 @@ from pirrht.jit.addresses import (
 from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
-from pirrht.planner.nodes import Candidate, admits, append, joined, pop, push
+from pirrht.planner.nodes import Candidate, admits, append, pop, propagated, push
 from pirrht.topology.crossings import key_of_pairs
 
 
@@ -32,8 +32,8 @@ class Best(NamedTuple):
     slot: NDArray[np.int64]  # (c,) node at its head
 
     @classmethod
-    def room(cls, count: int) -> Best:
-        """Room for so many classes, (c,) each, at infinite cost."""
+    def empty(cls, count: int) -> Best:
+        """Allocate so many classes, (c,) each, at infinite cost."""
         return cls(np.full(count, np.inf), *np.zeros((3, count), np.int64))
 
 
@@ -82,7 +82,7 @@ def _expand(at, cost, v, key, rules):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def settle(at, rules):  # type: ignore[no-untyped-def]
+def relaxed(at, rules):  # type: ignore[no-untyped-def]
     """Search by uniform cost until no node improves (Algorithm 3, lines 8 to 17); what must grow first, or done."""
     while load_int64(at.size, g.SIZE.queue) > 0 or load_int64(at.size, g.SIZE.refill) > 0:
         pruned = load_int64(at.pruned, 0)
@@ -117,8 +117,8 @@ def settle(at, rules):  # type: ignore[no-untyped-def]
 
 @kernel
 def relax(at, rules):  # type: ignore[no-untyped-def]
-    """Run `settle` from Python."""
-    return settle(at, rules)
+    """Run `relaxed` from Python."""
+    return relaxed(at, rules)
 
 
 @kernel
@@ -152,7 +152,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
                             row = j
                     if cost >= best.cost[row]:
                         continue
-                marker, turn, many = joined(at, h, slot, pair_marker, pair_turn, first, end)
+                marker, turn, many = propagated(at, h, slot, pair_marker, pair_turn, first, end)
                 if not admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                     continue
                 count = max(count, row + 1)
@@ -164,7 +164,7 @@ def best_classes(at, straight, edges, weights, rules, best):  # type: ignore[no-
 
 @kernel
 def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
-    """Return whether an allowed class leads to the goal over any of k `Edges` from a state, `straight` (M,) [turns]."""
+    """Return whether an allowed class leads over one of k `Edges` to the goal; the base has H `straight` (M,)."""
     near, turns = edges.near, edges.turns
     pair_marker, pair_turn = np.int64(turns.marker.ctypes.data), np.int64(turns.turn.ctypes.data)
     for i in range(near.shape[0]):
@@ -172,7 +172,7 @@ def reaches(at, straight, edges, rules):  # type: ignore[no-untyped-def]
             continue
         first, end = turns.first[i], turns.first[i + 1]
         for slot in range(load_int32(g.vertex_at(at, near[i]), g.COUNT)):
-            marker, turn, many = joined(at, near[i], slot, pair_marker, pair_turn, first, end)
+            marker, turn, many = propagated(at, near[i], slot, pair_marker, pair_turn, first, end)
             if admits(np.int64(straight.ctypes.data), at.M, marker, turn, many, rules):
                 return True
     return False

@@ -242,7 +242,7 @@ class HomologyTree:
             return {}
 
     def too_fast(self, x: Array) -> bool:
-        """Tell whether a state (n,) of the system that has no reference would have one at rest."""
+        """Return whether a state (n,) of the system that has no reference would have one at rest."""
         x = self.steering.vertex_of(x)
         rest = self.steering.at_rest(x)
         return not np.array_equal(rest, x) and bool(self.lengths(rest))
@@ -281,7 +281,7 @@ class HomologyTree:
 
     @cached_property
     def passages(self) -> Passages:
-        """Where obstacles face each other with room for the robot between."""
+        """Passages between obstacles that face each other with clearance for the robot."""
         return self.space.passages()
 
     @cached_property

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.jit import kernel, part
+from pirrht.jit.jit import inlined, kernel, part
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.forward_pass import passes_of
@@ -69,6 +69,24 @@ def recompose(A, vectors, out):  # type: ignore[no-untyped-def]
             out[i, j] = total
 
 
+@inlined
+def add_product(A, B, out):  # type: ignore[no-untyped-def]
+    """Add A' B (p, q) of A (k, p) and B (k, q) to `out`."""
+    for i in range(A.shape[1]):
+        for e in range(A.shape[0]):
+            one = A[e, i]
+            for j in range(B.shape[1]):
+                out[i, j] += one * B[e, j]
+
+
+@inlined
+def add_transformed(A, v, out):  # type: ignore[no-untyped-def]
+    """Add A' v (p,) of A (k, p) and v (k,) to `out`."""
+    for e in range(A.shape[0]):
+        for i in range(A.shape[1]):
+            out[i] += A[e, i] * v[e]
+
+
 class ClearanceCost(NamedTuple):
     """Clearance cost of a step as a function of six numbers: both positions and the loss of velocity."""
 
@@ -79,130 +97,91 @@ class ClearanceCost(NamedTuple):
     cross: Array  # (n, n)
 
 
-@cache
-def composition(n: int) -> tuple[Any, Any, Any]:
-    """Build the kernels that compose g and Q: the price of the state after a step, the step, the price before it."""
-
-    @part
-    def add_after(price, costate, P):  # type: ignore[no-untyped-def]
-        slope, bend, chain, bent, _ = price
-        for j in range(2 * n):
-            for e in range(6):
-                total = 0.0
-                for k in range(6):
-                    total += bend[e, k] * chain[k, j]
-                bent[e, j] = total
-        for j in range(n):
-            for e in range(6):
-                costate[j] += slope[e] * chain[e, n + j]
-            for k in range(n):
-                for e in range(6):
-                    P[j, k] += chain[e, n + j] * bent[e, n + k]
-
-    @part
-    def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
-        """Write J' P J + S to Q, its lower half alone."""
-        N = J.shape[1]
-        for j in range(n):
-            for k in range(N):
-                total = 0.0
-                for e in range(n):
-                    total += P[j, e] * J[e, k]
-                lead[j, k] = total
-        for j in range(N):
-            g[j] = J[n, j]
-            for e in range(n):
-                g[j] += costate[e] * J[e, j]
-            for k in range(j + 1):
-                total = S[j, k]
-                for e in range(n):
-                    total += J[e, j] * lead[e, k]
-                Q[j, k] = total
-
-    @part
-    def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
-        """Add the price of the state before a step, and its coupling to the state after."""
-        (slope, _, chain, bent, cross), N = price, J.shape[1]
-        for j in range(n):
-            for k in range(n):
-                cross[j, k] = 0.0
-                for e in range(6):
-                    cross[j, k] += chain[e, j] * bent[e, n + k]
-        for j in range(n):
-            for e in range(6):
-                g[j] += slope[e] * chain[e, j]
-            for k in range(j + 1):
-                for e in range(6):
-                    Q[j, k] += chain[e, j] * bent[e, k]
-            for k in range(N):
-                total = 0.0
-                for e in range(n):
-                    total += cross[j, e] * J[e, k]
-                Q[max(j, k), min(j, k)] += total if k != j else 2.0 * total
-
-    return add_after, through_step, add_before
-
-
-@cache
-def response(n: int) -> tuple[Any, Any]:
-    """Build the kernels of the best response to g and Q of a step, and of the cost-to-go that it leaves."""
-
-    @part
-    def respond(course, i, passive, damping, g, Q, work, expected):  # type: ignore[no-untyped-def]
-        """Write change, gains, share, inverse and volume of step i; return the expected gain with it [cost]."""
-        (stiff, vectors, inverted, bows), modes = work, work[0].shape[0]
-        for j in range(modes):
-            for k in range(modes):
-                stiff[j, k] = Q[n + j, n + k]
-        diagonalise(stiff, vectors)
-        course.volume[i] = 0.0
-        for j in range(modes):
-            bow = max(stiff[j, j] + damping * passive, TUNING.least_curvature * passive)
-            left = min(1.0, passive / bow)
-            course.volume[i] += 0.5 * math.log(left)
-            bows[j], stiff[j, j] = bow, math.sqrt(left)
-        recompose(stiff, vectors, course.share[i])
-        for j in range(modes):
-            stiff[j, j] = 1.0 / stiff[j, j]
-        recompose(stiff, vectors, course.inverse[i])
-        for j in range(modes):
-            stiff[j, j] = 1.0 / bows[j]
-        recompose(stiff, vectors, inverted)
-        change = course.change
-        for j in range(modes):
-            change[i, j] = 0.0
-            for e in range(modes):
-                change[i, j] -= inverted[j, e] * g[n + e]
-            for k in range(n):
-                total = 0.0
-                for e in range(modes):
-                    total -= inverted[j, e] * Q[n + e, k]
-                course.gains[i, j, k] = total
-            expected -= 0.5 * g[n + j] * change[i, j]
-        return expected
-
-    @part
-    def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
-        """Write the Schur complement, the cost-to-go that the best response leaves, to v and W."""
-        modes = course.change.shape[1]
-        for j in range(n):
-            v[j] = g[j]
-            for e in range(modes):
-                v[j] += Q[n + e, j] * course.change[i, e]
-            for k in range(n):
-                total = Q[j, k]
-                for e in range(modes):
-                    total += Q[n + e, j] * course.gains[i, e, k]
-                W[j, k] = total
-        for j in range(n):
-            for k in range(j):
-                W[j, k] = 0.5 * (W[j, k] + W[k, j])
-                W[k, j] = W[j, k]
-
-    return respond, leave
-
-
 PRICE: Any = ClearanceCost
+
+
+@kernel
+def add_after(price, costate, P):  # type: ignore[no-untyped-def]
+    """Add the price of the state after a step to gradient (n,) and Hessian (n, n) of the cost-to-go."""
+    n = costate.shape[0]
+    price.bent[:, :] = 0.0
+    add_product(price.bend, price.chain, price.bent)
+    add_transformed(price.chain[:, n:], price.slope, costate)
+    add_product(price.chain[:, n:], price.bent[:, n:], P)
+
+
+@kernel
+def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
+    """Write J' P J + S to Q and the gradient to g; `lead` (n, N) is scratch."""
+    n = costate.shape[0]
+    lead[:, :] = 0.0
+    add_product(P, J[:n], lead)
+    copy_rows(S, Q)
+    add_product(J[:n], lead, Q)
+    copy_row(J[n], g)
+    add_transformed(J[:n], costate, g)
+
+
+@kernel
+def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
+    """Add the price of the state before a step, and its coupling to the state after."""
+    n = J.shape[0] - 1
+    before = price.chain[:, :n]
+    price.cross[:, :] = 0.0
+    add_product(before, price.bent[:, n:], price.cross)
+    add_transformed(before, price.slope, g[:n])
+    add_product(before, price.bent[:, :n], Q[:n, :n])
+    for j in range(n):
+        for k in range(J.shape[1]):
+            total = 0.0
+            for e in range(n):
+                total += price.cross[j, e] * J[e, k]
+            Q[j, k] += total
+            Q[k, j] += total
+
+
+@kernel
+def respond(course, i, passive, damping, g, Q, work):  # type: ignore[no-untyped-def]
+    """Write change, gains, share, inverse and volume of step i, by the best response to g and Q.
+
+    Returns: the gain that is expected of it [cost].
+    """
+    (stiff, vectors, inverted, bows), modes, least = work, work[0].shape[0], TUNING.least_curvature * passive
+    n, expected = g.shape[0] - modes, 0.0
+    copy_rows(Q[n:, n:], stiff)
+    diagonalise(stiff, vectors)
+    course.volume[i] = 0.0
+    for j in range(modes):
+        bows[j] = max(stiff[j, j] + damping * passive, least)
+        left = min(1.0, passive / bows[j])
+        course.volume[i] += 0.5 * math.log(left)
+        stiff[j, j] = math.sqrt(left)
+    recompose(stiff, vectors, course.share[i])
+    for j in range(modes):
+        stiff[j, j] = 1.0 / stiff[j, j]
+    recompose(stiff, vectors, course.inverse[i])
+    for j in range(modes):
+        stiff[j, j] = -1.0 / bows[j]
+    recompose(stiff, vectors, inverted)
+    course.change[i], course.gains[i] = 0.0, 0.0
+    add_transformed(inverted, g[n:], course.change[i])
+    add_product(inverted, Q[n:, :n], course.gains[i])
+    for j in range(modes):
+        expected -= 0.5 * g[n + j] * course.change[i, j]
+    return expected
+
+
+@kernel
+def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
+    """Write the Schur complement, the cost-to-go that the best response leaves, to v and W."""
+    n = v.shape[0]
+    copy_row(g[:n], v)
+    copy_rows(Q[:n, :n], W)
+    add_transformed(Q[n:, :n], course.change[i], v)
+    add_product(Q[n:, :n], course.gains[i], W)
+    for j in range(n):
+        for k in range(j):
+            W[j, k] = W[k, j] = 0.5 * (W[j, k] + W[k, j])
 
 
 @cache
@@ -212,8 +191,6 @@ def backward_of(kind: KernelSpec) -> Any:
     arrival, n, m = passes_of(kind)[0], kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
     scratch_walls, _, expand_clearance = clearance_costs(kind.moving)
-    add_after, through_step, add_before = composition(n)
-    respond, leave = response(n)
 
     @kernel
     def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
@@ -281,16 +258,6 @@ def backward_of(kind: KernelSpec) -> Any:
             _follow(setup, states[i], states[i + 1], bends, price.chain)
         return near
 
-    @part
-    def add_noise(control, i, passive, g, Q):  # type: ignore[no-untyped-def]
-        """Add the cost of control, and fill the upper half of Q."""
-        for j in range(control.shape[1]):
-            g[n + j] += passive * control[i, j]
-            Q[n + j, n + j] += passive
-        for j in range(g.shape[0]):
-            for k in range(j):
-                Q[k, j] = Q[j, k]
-
     @kernel
     def backward(setup, task, times, course, length, points, damping):  # type: ignore[no-untyped-def]
         """Find the best change of each control and its feedback; return the expected gain [cost].
@@ -326,8 +293,10 @@ def backward_of(kind: KernelSpec) -> Any:
             if near:
                 add_before(price, J, g, Q)
             passive = task.temperature * dt
-            add_noise(control, i, passive, g, Q)
-            expected = respond(course, i, passive, damping, g, Q, work, expected)
+            for j in range(modes):
+                g[n + j] += passive * control[i, j]
+                Q[n + j, n + j] += passive
+            expected += respond(course, i, passive, damping, g, Q, work)
             leave(course, i, g, Q, v, W)
         return expected
 

@@ -37,11 +37,24 @@ PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLO
     WIDTH * row for row in range(15)
 )
 ROWS = 15 * WIDTH
-NEGLIGIBLE = np.float32(-25.0)  # nodes with so little psi are skipped [nats]
-NOTHING, TINY, LEAST = np.float32(-1e30), np.float32(1e-6), np.float32(1e-30)
-GRAZING = np.float32(0.02)  # cosines of lines that graze a cross-section are skipped
-FOUR, THREE_QUARTERS, THREE_HALVES = np.float32(4.0), np.float32(0.75), np.float32(1.5)
-ABOVE, BELOW = np.float32(0.556), np.float32(0.655)
+
+
+class Single(NamedTuple):
+    """Numbers in single precision, in which the loop over nodes runs."""
+
+    negligible: np.float32 = np.float32(-25.0)  # nodes with so little log psi are skipped [nats]
+    nothing: np.float32 = np.float32(-1e30)  # log psi before the first node
+    tiny: np.float32 = np.float32(1e-6)  # keeps lengths from zero [m]
+    least: np.float32 = np.float32(1e-30)  # keeps psi from zero
+    grazing: np.float32 = np.float32(0.02)  # cosine of lines that graze a cross-section and are skipped
+    four: np.float32 = np.float32(4.0)
+    three_quarters: np.float32 = np.float32(0.75)
+    three_halves: np.float32 = np.float32(1.5)
+    above: np.float32 = np.float32(0.556)  # of the rational fit to K1, by least squares
+    below: np.float32 = np.float32(0.655)
+
+
+SINGLE = Single()
 PER_TURN = np.float32(0.5 / math.pi)
 ALIKE = HALF  # cosine between the directions of one wall at two places
 
@@ -49,13 +62,13 @@ ALIKE = HALF  # cosine between the directions of one wall at two places
 @inlined
 def bend(z):  # type: ignore[no-untyped-def]
     """K1(z)^2 2 z exp(2 z) / pi - 1, the deviation of K1 from its limit for great z, within 2 %."""
-    return THREE_QUARTERS * (z + ABOVE) / (z * (z + BELOW))
+    return SINGLE.three_quarters * (z + SINGLE.above) / (z * (z + SINGLE.below))
 
 
 @inlined
 def fall(k, per, bent):  # type: ignore[no-untyped-def]
     """Return the decrease of log(K1(k r) / r) with r [1/m]; per: 1/r, bent: `bend` there."""
-    return k + (THREE_HALVES + HALF * bent / (ONE + bent)) * per
+    return k + (SINGLE.three_halves + HALF * bent / (ONE + bent)) * per
 
 
 @inlined
@@ -65,11 +78,11 @@ def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
     The wall takes off psi of the mirror image, which is farther away; `steep` is `fall` at r.
     Returns: f, the increase of log f with c [1/m], and its decrease with r [1/m].
     """
-    square = FOUR * c * d
+    square = SINGLE.four * c * d
     far = math.sqrt(r * r + square)
     other, ratio, beyond = bend(k * far), r / far, ONE / far
     image = exponential(-k * square / (far + r)) * math.sqrt((ONE + other) / (ONE + bent) * ratio) * ratio
-    left = max(ONE - image, TINY)
+    left = max(ONE - image, SINGLE.tiny)
     odds, down = image / left, fall(k, beyond, other)
     return left, odds * down * TWO * d * beyond, max(odds * (steep - down * ratio), ZERO)
 
@@ -94,11 +107,11 @@ def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
     """
     px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
     for i in range(WIDTH):
-        f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = NOTHING, ZERO, ZERO, ZERO
+        f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = SINGLE.nothing, ZERO, ZERO, ZERO
         f[SLOPE_Y + i], f[PUSH + i], f[PUSH_FAR + i] = ZERO, ZERO, ZERO
     for j in range(J):
         ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
-        for i in range(WIDTH if level > NEGLIGIBLE else 0):
+        for i in range(WIDTH if level > SINGLE.negligible else 0):
             dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
             f[TOP + i] = max(f[TOP + i], level - k * math.sqrt(dx * dx + dy * dy))
     for j in range(J):
@@ -107,13 +120,13 @@ def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
         far, ox, oy = known[FAR + j], known[FAR_X + j], known[FAR_Y + j]
         for i in range(WIDTH):
             dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
-            r = math.sqrt(dx * dx + dy * dy) + TINY
-            per, along = ONE / r, max(dx * tx + dy * ty, TINY)
+            r = math.sqrt(dx * dx + dy * dy) + SINGLE.tiny
+            per, along = ONE / r, max(dx * tx + dy * ty, SINGLE.tiny)
             ahead = (px - f[PLACE_X + i]) * tx + (py - f[PLACE_Y + i]) * ty
             bent = bend(k * r)
             steep = fall(k, per, bent)
             density = step * math.sqrt(PER_TURN * k * per * (ONE + bent)) * along * per
-            density = density if along > GRAZING * r else ZERO
+            density = density if along > SINGLE.grazing * r else ZERO
             f[WHOLE + i] += density * exponential(min(k * (ahead - r), ZERO))
             c = beyond(f[NEAR + i], f[NEAR_X + i], f[NEAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
             d = beyond(f[FAR + i], f[FAR_X + i], f[FAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
@@ -127,7 +140,7 @@ def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
             f[PUSH + i] += weight * push
             f[PUSH_FAR + i] += weight * press
     for i in range(WIDTH):
-        psi = max(f[LOG_PSI + i], LEAST)
+        psi = max(f[LOG_PSI + i], SINGLE.least)
         per = ONE / psi
         f[SLOPE_X + i], f[SLOPE_Y + i] = per * f[SLOPE_X + i], per * f[SLOPE_Y + i]
         f[PUSH + i], f[PUSH_FAR + i] = per * f[PUSH + i], per * f[PUSH_FAR + i]

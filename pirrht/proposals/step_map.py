@@ -158,15 +158,17 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
             S: (N, N), filled with the second derivatives of the weighted sum and q dt.
         """
         x, a, dt, _ = at
-        N, which, count, size = n + a.shape[0], np.empty(J.shape[1], np.int64), 0, 0.0
-        work = np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n)
+        modes, size, all_vary = a.shape[0], 0.0, varying or midway
+        N = n + modes
+        which, count = np.empty(N, np.int64), 0
+        work = np.empty(n), np.empty(modes), np.zeros((2, rows, m)), np.empty(n)
         F, nudge = np.zeros((N, N)), np.full(N, TUNING.nudge)
         J[:, :], S[:, :] = 0.0, 0.0
-        for i in range(N if varying or midway else n):
-            if i >= n or varying or midway or (active >> i) & 1:
+        for i in range(N if all_vary else n):
+            if all_vary or (active >> i) & 1:
                 which[count] = i
                 count += 1
-        if varying or midway:
+        if all_vary:
             displacement(setup, x, a, dt, work[2], work[3], work[0])  # for B
             for j in range(rows):
                 for k in range(m):
@@ -174,7 +176,7 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
             nudge[n:] = TUNING.nudge / (dt * size)
         which = which[:count]
         differentiate(setup, at, which, nudge, curved, work, J, F, S)
-        if varying or midway:
+        if all_vary:
             for i in range(N):
                 for k in range(N):
                     S[i, k] += F[i, k]

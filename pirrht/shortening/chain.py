@@ -45,7 +45,7 @@ def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuni
         def connect(tails: Array, heads: Array, numbers: tuple[float, ...]) -> Any:
             return copied(steering.connect(tails, heads))
 
-        shorten = _chain(cost, connect, motion, steering.shift, lambda function: function)
+        shorten = _chain(cost, connect, motion, type(steering).shift, lambda function: function)
     with np.errstate(over="ignore"):  # keys wrap
         short = shorten(checker.around, numbers, states, steering.moves, tuning)
     found = checker.until_goal(steering.connect(short[:-1], short[1:]))

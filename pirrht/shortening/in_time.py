@@ -107,7 +107,7 @@ def _meshed(knots: Array, count: int) -> Array:
 def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped-def]
     """Additive key of the straight line from a to b, 2 x (3,); marker, turn (M,) are scratch."""
     tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
-    count = crossings_of_leg(around.cuts, around.tracks, around.speed, tail, head, to_goal, marker, turn, 0)
+    count = crossings_of_leg(around, tail, head, to_goal, marker, turn, 0)
     return key_of_pairs(marker, turn, 0, count, around.weights)
 
 

@@ -49,10 +49,8 @@ def _sure(curves, i, around):  # type: ignore[no-untyped-def]
 
 @inlined
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    x, y = curves.heads[i, 0], curves.heads[i, 1]
-    return pairs_of_curve(
-        around.cuts, curves.start[i], curves.curvature[i], curves.length[i], to_goal, x, y, marker, turn, count
-    )
+    curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
+    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
 
 
 @inlined

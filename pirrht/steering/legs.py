@@ -131,7 +131,7 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
     ax, ay, s, bx, by, t = _ends(motions, i)
     if around.bases.state.shape[0] == 0 or to_goal:
         tail, head = (ax, ay, s), (bx, by, t)
-        return crossings_of_leg(around.cuts, around.tracks, around.speed, tail, head, to_goal, marker, turn, count)
+        return crossings_of_leg(around, tail, head, to_goal, marker, turn, count)
     count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
     goal, static = (around.goal_x, around.goal_y), around.markers.shape[0]
     one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)

@@ -42,12 +42,12 @@ class Surroundings(NamedTuple):
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
             goal_y=y, reach=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
-            speed=homology.speed, bases=BaseCache.room(homology.J, 0),
+            speed=homology.speed, bases=BaseCache.empty(homology.J, 0),
         )  # fmt: skip
 
     def caching(self) -> Surroundings:
         """Add room for the bases of a growing graph's vertices; for one thread at a time."""
-        return self._replace(bases=BaseCache.room(self.tracks.J)) if self.tracks.J else self
+        return self._replace(bases=BaseCache.empty(self.tracks.J)) if self.tracks.J else self
 
 
 class Motions(Protocol):

@@ -16,7 +16,7 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.steering.arcs import ARCS
-from pirrht.steering.motion import Motion, Motions
+from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory
 
 
@@ -76,6 +76,10 @@ class Steering(ABC):
     def homology(self, space: FreeSpace) -> Any:
         """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
         return space.homology.static
+
+    def surroundings(self, space: FreeSpace) -> Any:
+        """Collect what the kernels of its motions take of an examined scene (`Surroundings`)."""
+        return Surroundings.of(space, self.homology(space))
 
     def at(self, x: Array, time: float) -> Array:
         """Return the state to query a tree at, for a system's state x (n,) at a time [s]; here without the time."""

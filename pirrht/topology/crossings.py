@@ -260,13 +260,18 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
 
 
 @kernel
-def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn, count):  # type: ignore[no-untyped-def]
+def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
 
-    Args: `Cuts`; the curve as in `Curves`, (3,) [m, m, rad], (P,) [1/m], (P,) [m]; whether it goes on straight from its
-        end to the goal point, which crosses no cut; else the state (hx, hy) at its end [m]; pairs, 2 x (l,) [turns],
-        with room for M more per piece, and how many are there already.
+    Args:
+        cuts: `Cuts`.
+        curve: start (3,) [m, m, rad], curvature (P,) [1/m] and length (P,) [m].
+        to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
+        head: the place (2) at its end [m], exactly.
+        marker, turn: pairs, (l,) each [turns], with space for M more per piece.
+        count: how many are there already.
     """
+    start, curvature, length = curve
     last = length.shape[0] - 1
     while last > 0 and length[last] <= 0.0:
         last -= 1
@@ -275,7 +280,7 @@ def pairs_of_curve(cuts, start, curvature, length, to_goal, hx, hy, marker, turn
         if length[p] > 0.0:
             ex, ey, end = along(x, y, theta, curvature[p], length[p])
             if p == last and not to_goal:  # the state itself: its side of a cut must not depend on rounding
-                ex, ey = hx, hy
+                ex, ey = head
             piece = Piece(x, y, theta, curvature[p], length[p])
             count = _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count)
             x, y, theta = ex, ey, end

@@ -15,7 +15,7 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint
 from pirrht.jit.jit import kernel
 from pirrht.topology.crossings import Cuts, spread, straight_turns
-from pirrht.topology.moving_crossings import NO_RAYS, RayTable, crossings_of_leg
+from pirrht.topology.moving_crossings import NO_RAYS, MarkerTable, RayTable, crossings_of_leg
 from pirrht.topology.signature import Signature, hash_weights, integers
 from pirrht.topology.tracks import NO_TRACKS, MarkerTrajectories, trajectories_of, turns_of_step
 
@@ -62,7 +62,7 @@ class Homology(Signature):
         """Signature about the static markers only (J = 0)."""
         return replace(self, names=(), tracks=NO_TRACKS) if self.J else self
 
-    def among(self, movers: Sequence[Mover], footprint: Footprint) -> Homology:
+    def with_moving(self, movers: Sequence[Mover], footprint: Footprint) -> Homology:
         """Signature about the same static markers and other moving obstacles."""
         names, tracks = trajectories_of(movers, footprint, self.goal)
         return replace(self, names=names, tracks=tracks)
@@ -86,7 +86,7 @@ class Homology(Signature):
         """Sum of the crossings of a path's segments, path (k, n), (M,) [turns]."""
         pairs = max(1, len(path) - 1) * self.M
         marker, turn = np.empty(pairs, np.int32), np.empty(pairs, np.int16)
-        count = _crossings(self.cuts, self.tracks, self.speed, self._timed(path), marker, turn)
+        count = _crossings(MarkerTable(self.cuts, self.tracks, self.speed), self._timed(path), marker, turn)
         return spread(marker[:count], turn[:count], self.M)
 
     def turns(self, path: Array) -> Array:
@@ -153,10 +153,10 @@ def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _crossings(cuts, tracks, speed, path, marker, turn):  # type: ignore[no-untyped-def]
+def _crossings(markers, path, marker, turn):  # type: ignore[no-untyped-def]
     count = 0
     for i in range(path.shape[0] - 1):
         a, b = path[i], path[i + 1]
         leg = (a[0], a[1], a[2]), (b[0], b[1], b[2])
-        count = crossings_of_leg(cuts, tracks, speed, leg[0], leg[1], False, marker, turn, count)
+        count = crossings_of_leg(markers, leg[0], leg[1], False, marker, turn, count)
     return count

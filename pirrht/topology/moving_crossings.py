@@ -22,7 +22,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel, part
 from pirrht.moving.spans import BOX, span_at
-from pirrht.topology.crossings import crossed
+from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     MarkerTrajectories,
     crossing,
@@ -34,22 +34,29 @@ from pirrht.topology.tracks import (
 from pirrht.topology.tuning import TUNING
 
 
+class MarkerTable(NamedTuple):
+    """Static and moving markers, as kernels take them."""
+
+    cuts: Cuts  # of static markers; they know the goal point
+    tracks: MarkerTrajectories
+    speed: float  # of bases about moving markers [m/s]
+
+
 @kernel
-def crossings_of_leg(cuts, tracks, speed, a, b, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+def crossings_of_leg(markers, a, b, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs that a straight leg adds to the class of its head, at most M; number of pairs.
 
     Args:
-        cuts: static markers, `Cuts`, which know the goal point.
-        tracks: moving markers, `MarkerTrajectories`.
-        speed: of bases [m/s].
+        markers: `MarkerTable`, or a record with its fields.
         a, b: tail and head, or where it enters the goal's disc, (3) each [m, m, s].
         to_goal: whether it ends there and goes on straight to the goal point.
         marker, turn: pairs, (l,) each [turns].
         count: how many are there already.
     """
+    cuts, tracks = markers.cuts, markers.tracks
     count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
     for j in range(tracks.J):
-        whole = whole_turns(tracks, j, (cuts.goal_x, cuts.goal_y), speed, a, b, to_goal)
+        whole = whole_turns(tracks, j, (cuts.goal_x, cuts.goal_y), markers.speed, a, b, to_goal)
         if whole != 0:
             marker[count], turn[count] = cuts.M + j, whole
             count += 1
@@ -67,16 +74,15 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     gx, gy = goal
     (ax, ay, s), (bx, by, t) = a, b
     late = t if to_goal else t + math.hypot(gx - bx, gy - by) / speed
-    if outside(tracks, j, ax, ay, bx, by, gx, gy, s, max(s + math.hypot(gx - ax, gy - ay) / speed, late)):
+    if outside(tracks, j, (ax, ay), (bx, by), goal, s, max(s + math.hypot(gx - ax, gy - ay) / speed, late)):
         return 0
-    fx, fy = seen_from(tracks, j, ax, ay, s)
-    lx, ly = seen_from(tracks, j, bx, by, t)
-    base = crossings_of_base(tracks, j, goal, speed, ax, ay, s, fx, fy)
+    first, last = seen_from(tracks, j, ax, ay, s), seen_from(tracks, j, bx, by, t)
+    base = crossings_of_base(tracks, j, goal, speed, a, first)
     if to_goal:
-        head = crossings_at_goal(tracks, j, goal, t, lx, ly)
+        head = crossings_at_goal(tracks, j, goal, t, last)
     else:
-        head = crossings_of_base(tracks, j, goal, speed, bx, by, t, lx, ly)
-    return crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly) + head - base
+        head = crossings_of_base(tracks, j, goal, speed, b, last)
+    return crossings_of_step(tracks, j, a, b, first, last) + head - base
 
 
 @inlined
@@ -87,34 +93,33 @@ def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def crossings_of_base(tracks, j, goal, speed, x, y, t, fx, fy):  # type: ignore[no-untyped-def]
-    """Crossings of the ray of marker j by the base from (x, y) [m] at t [s], less those of waiting at its end forever.
+def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-untyped-def]
+    """Crossings of the ray of marker j by the base from `start`, less those of waiting at its end forever.
 
-    Goal point (2) [m], speed of bases [m/s]; (fx, fy) is where the marker sees it first [m].
+    Start (3) [m, m, s], goal point (2) [m], speed of bases [m/s]; `first` (2) is where the marker sees the start [m].
     """
-    gx, gy = goal
+    (x, y, t), (gx, gy) = start, goal
     arrives = t + math.hypot(gx - x, gy - y) / speed
-    lx, ly = seen_from(tracks, j, gx, gy, arrives)
-    way = crossings_of_step(tracks, j, x, y, t, gx, gy, arrives, fx, fy, lx, ly)
-    return way - crossings_of_waiting(tracks, j, gx, gy, arrives, lx, ly)
+    last = seen_from(tracks, j, gx, gy, arrives)
+    ahead = crossings_of_step(tracks, j, start, (gx, gy, arrives), first, last)
+    return ahead - crossings_of_waiting(tracks, j, gx, gy, arrives, last[0], last[1])
 
 
 @kernel
-def crossings_at_goal(tracks, j, goal, t, fx, fy):  # type: ignore[no-untyped-def]
-    """Crossings from (fx, fy) [m] to the goal point (2) [m] at t [s] at once, less those of waiting there."""
+def crossings_at_goal(tracks, j, goal, t, first):  # type: ignore[no-untyped-def]
+    """Crossings from `first` (2) [m] to the goal point (2) [m] at t [s] at once, less those of waiting there."""
     gx, gy = goal
     lx, ly = seen_from(tracks, j, gx, gy, t)
-    return crossing(fx, fy, lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
+    return crossing(first[0], first[1], lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
 
 
 @kernel
-def outside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped-def]
-    """Tell whether moving marker j is surely beyond one side of the triangle a, b, g [m] from s to t [s].
+def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
+    """Return whether moving marker j is surely outside of the triangle a, b, goal, (2) each [m], from s to t [s].
 
     Paths inside the triangle that come back have then turned about it by nothing.
     """
-    first = _far_side(ax, ay, bx, by, gx, gy)
-    second, third = _far_side(bx, by, gx, gy, ax, ay), _far_side(gx, gy, ax, ay, bx, by)
+    first, second, third = _far_side(a, b, goal), _far_side(b, goal, a), _far_side(goal, a, b)
     begin, _, period = rows_of(tracks, j)
     box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
     now, one, two, three = s, True, True, True
@@ -129,8 +134,9 @@ def outside(tracks, j, ax, ay, bx, by, gx, gy, s, t):  # type: ignore[no-untyped
 
 
 @inlined
-def _far_side(ux, uy, vx, vy, wx, wy):  # type: ignore[no-untyped-def]
+def _far_side(u, v, w):  # type: ignore[no-untyped-def]
     """Line through u and v [m] as numbers a, b, c: a x + b y - c [m^2] is positive where w [m] is not."""
+    (ux, uy), (vx, vy), (wx, wy) = u, v, w
     nx, ny = uy - vy, vx - ux
     if nx * (wx - ux) + ny * (wy - uy) > 0.0:
         nx, ny = -nx, -ny
@@ -139,7 +145,7 @@ def _far_side(ux, uy, vx, vy, wx, wy):  # type: ignore[no-untyped-def]
 
 @inlined
 def _beyond(line, box):  # type: ignore[no-untyped-def]
-    """Tell whether all of a box, at its address, is where a line's number (`_far_side`) is positive beyond rounding."""
+    """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
     return a * x + b * y - c > TUNING.outside_margin
@@ -153,7 +159,7 @@ class BaseCache(NamedTuple):
     crossings: NDArray[np.int64]  # (R, J) as `crossings_of_base` has them
 
     @classmethod
-    def room(cls, J: int, rows: int = TUNING.cached_bases) -> BaseCache:
+    def empty(cls, J: int, rows: int = TUNING.cached_bases) -> BaseCache:
         """Allocate bases of so many states, none of which is known."""
         return cls(np.full((rows, 3), np.nan), np.empty((rows, J, 2)), np.empty((rows, J), np.int64))
 
@@ -175,7 +181,7 @@ def row_of(bases, tracks, goal, speed, x, y, t, keep):  # type: ignore[no-untype
     for j in range(tracks.J):
         fx, fy = seen_from(tracks, j, x, y, t)
         bases.seen[row, j, 0], bases.seen[row, j, 1] = fx, fy
-        bases.crossings[row, j] = crossings_of_base(tracks, j, goal, speed, x, y, t, fx, fy)
+        bases.crossings[row, j] = crossings_of_base(tracks, j, goal, speed, (x, y, t), (fx, fy))
     return row
 
 
@@ -183,8 +189,9 @@ def row_of(bases, tracks, goal, speed, x, y, t, keep):  # type: ignore[no-untype
 def turns_between(bases, tracks, j, one, two):  # type: ignore[no-untyped-def]
     """`whole_turns` about marker j of the edge between the states of two rows."""
     a, b = bases.state[one], bases.state[two]
-    (fx, fy), (lx, ly) = bases.seen[one, j], bases.seen[two, j]
-    own = crossings_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2], fx, fy, lx, ly)
+    first, last = bases.seen[one, j], bases.seen[two, j]
+    tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
+    own = crossings_of_step(tracks, j, tail, head, (first[0], first[1]), (last[0], last[1]))
     return own + bases.crossings[two, j] - bases.crossings[one, j]
 
 

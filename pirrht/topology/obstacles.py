@@ -144,16 +144,16 @@ class _Planar:
     def candidates(self) -> list[tuple[int, int]]:
         """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
         order = np.argsort(self.low[:, 0], kind="stable")
-        starts = self.low[order, 0]
+        lows = self.low[order, 0]
         pairs = []
         for position, i in enumerate(order.tolist()):
-            later = order[position + 1 : int(np.searchsorted(starts, self.high[i, 0], side="right"))]
+            later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
             pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
         return sorted(pairs)
 
     def meet(self, i: int, j: int) -> bool:
-        """Tell whether P_i and P_j intersect, by the centre-of-gravity method.
+        """Return whether P_i and P_j intersect, by the centre-of-gravity method.
 
         It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
         all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
@@ -183,7 +183,7 @@ class _Planar:
         return (east - west) / (2 * h), (north - south) / (2 * h)
 
     def joins_border(self, i: int) -> bool:
-        """Tell whether P_i meets a side of the workspace."""
+        """Return whether P_i meets a side of the workspace."""
         lower, upper = self.world.lower, self.world.upper
         if np.any(self.low[i] > upper) or np.any(self.high[i] < lower):
             return False
@@ -205,7 +205,7 @@ class _Planar:
         return False
 
     def within(self, i: int) -> bool:
-        """Tell whether P_i, known not to meet the border, is inside the workspace and not empty."""
+        """Return whether P_i, known not to meet the border, is inside the workspace and not empty."""
         if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
             return False
         point = self.center(i)

@@ -29,7 +29,7 @@ from pirrht.topology.tuning import TUNING
 class TrajectoryTable(NamedTuple):
     """Trajectories of J markers, as numbers and addresses that kernels can take cheaply.
 
-    They move straight between places at times, and stand still before the first and after the last.
+    They move straight between places at times, and rest before the first and after the last.
     """
 
     J: int  # number of markers
@@ -38,7 +38,7 @@ class TrajectoryTable(NamedTuple):
     x: int  # address of float64 (k,) [m]
     y: int  # address of float64 (k,) [m]
     period: int  # address of float64 (J,): after which a marker's track starts over [s]; 0 where it does not
-    waited: int  # address of int64 (k,): how often who waits at the goal point until then has crossed the ray
+    waited: int  # address of int64 (k,): crossings of the ray until then by a point that waits at the goal point
     lap: int  # address of int64 (J,): the same in a lap, the jump to its beginning included
     boxes: int  # address of float64 (l, BOX): where each is within `box_span` of its clock, that begins with it
     first_box: int  # address of int64 (J + 1,): where the boxes of each begin
@@ -50,22 +50,22 @@ class MarkerTrajectories(TrajectoryTable):
     arrays: tuple[Array | IntArray, ...]
 
     @classmethod
-    def of(cls, ways: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
-        """Follow ways (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
-        every = np.vstack([np.zeros((0, 3)), *ways])
+    def of(cls, paths: Sequence[Array], periods: Sequence[float], goal: Array) -> MarkerTrajectories:
+        """Follow paths (k, 3) of times [s] and places [m], repeated after periods [s] if not 0; goal point (2,) [m]."""
+        every = np.vstack([np.zeros((0, 3)), *paths])
         columns = (np.ascontiguousarray(column) for column in every.T)
-        begun = [way - [way[0, 0], 0.0, 0.0] for way in ways]
+        begun = [path - [path[0, 0], 0.0, 0.0] for path in paths]
         boxes = [
-            boxes_of(way, repeat=again > 0.0, span=TUNING.box_span) for way, again in zip(begun, periods, strict=True)
+            boxes_of(path, repeat=again > 0.0, span=TUNING.box_span) for path, again in zip(begun, periods, strict=True)
         ]
-        firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (ways, boxes))
+        firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (paths, boxes))
         first, first_box = firsts
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
-        crossed = [_crossed(goal - way[:, 1:]) for way in ways]
+        crossed = [_crossed(goal - path[:, 1:]) for path in paths]
         waited = np.concatenate([np.zeros(0, np.int64), *(each[:-1] for each in crossed)])
         lap = np.array([each[-1] for each in crossed], dtype=np.int64)
         arrays = first, *columns, np.array(periods, dtype=float), waited, lap, every_box, first_box
-        tracks = cls(len(ways), *(array.ctypes.data for array in arrays))
+        tracks = cls(len(paths), *(array.ctypes.data for array in arrays))
         tracks.arrays = arrays
         return tracks
 
@@ -118,12 +118,13 @@ def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-d
 
 
 @kernel
-def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type: ignore[no-untyped-def]
+def crossings_of_step(tracks, j, a, b, first, last):  # type: ignore[no-untyped-def]
     """Count crossings of the ray to the left by a straight step, seen from marker j; clockwise ones negative.
 
-    It goes from (ax, ay) [m] at s to (bx, by) at t >= s [s], and is seen at (fx, fy) [m] first and at (lx, ly) last.
-    Only for steps that are closed together the number has a meaning.
+    It goes from a to a later b, (3) each [m, m, s], which the marker sees at `first` and `last`, (2) each [m]. Only for
+    steps that are closed together the number has a meaning.
     """
+    (ax, ay, s), (bx, by, t), (fx, fy), (lx, ly) = a, b, first, last
     begin, end, period = rows_of(tracks, j)
     shift = shift_of(tracks, begin, period, s)
     k, count = next_place(tracks, begin, end, s - shift), 0
@@ -131,12 +132,12 @@ def crossings_of_step(tracks, j, ax, ay, s, bx, by, t, fx, fy, lx, ly):  # type:
         mx, my = _place(tracks, begin, end, k, s - shift)
         count += crossing(fx, fy, ax - mx, ay - my)
         fx, fy = ax - mx, ay - my
-    pace = 1.0 / (t - s) if t > s else 0.0
+    rate = 1.0 / (t - s) if t > s else 0.0
     while True:
         knot = load_float64(tracks.time, k) + shift if k < end else math.inf
         if knot >= t:
             return count + crossing(fx, fy, lx, ly)
-        share = (knot - s) * pace
+        share = (knot - s) * rate
         x, y = ax + share * (bx - ax), ay + share * (by - ay)
         px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
         count += crossing(fx, fy, px, py)

@@ -6,7 +6,6 @@ ring, so a path may pass it by, go through it and come back outside, or come bac
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ import pytest
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.geometry.certify import BLOCKED, FREE
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import inlined, kernel
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.steering import Steering
@@ -87,29 +86,26 @@ class Surroundings(NamedTuple):
     ring: Array  # (3,)
     weights: Any  # (1,)
 
-
-class Record(NamedTuple):
-    tails: Array
-    heads: Array
-    cost: Array
+    def caching(self) -> Surroundings:
+        return self
 
 
-@dataclass(frozen=True)
-class Segments:
+class Segments(NamedTuple):
     """k straight segments, as `Motions`."""
 
-    tails: Array
-    heads: Array
-    cost: Array
+    tails: Array  # (k, 3)
+    heads: Array  # (k, 3)
+    cost: Array  # (k,)
 
     def points(self, spacing: float) -> list[Array]:
         return [np.array(pair) for pair in zip(self.tails, self.heads, strict=True)]
 
 
 @kernel
-def _entry(a, b, goal):
+def _entry(motions, i, around):
     """Share of a segment after which it enters the ball, infinity if never."""
-    d, f = b - a, a - goal
+    a, b = motions.tails[i], motions.heads[i]
+    d, f = b - a, a - around.goal
     A, B, C = np.dot(d, d), np.dot(f, d), np.dot(f, f) - RADIUS * RADIUS
     if C <= 0.0:
         return 0.0
@@ -118,6 +114,19 @@ def _entry(a, b, goal):
         return np.inf
     share = (-B - np.sqrt(root)) / A
     return share if 0.0 <= share <= 1.0 else np.inf
+
+
+@inlined
+def _between(motions, i, share, out):
+    for k in range(3):
+        out[k] = motions.tails[i, k] + share * (motions.heads[i, k] - motions.tails[i, k])
+    return share <= 1.0
+
+
+@kernel
+def _cut(motions, i, share):
+    _between(motions, i, share, motions.heads[i])
+    motions.cost[i] *= share
 
 
 @kernel
@@ -135,22 +144,16 @@ def _hits(a, b, box):
 
 
 @kernel
-def _judge(motions, into_goal, around, status, enters):
-    for i in range(status.shape[0]):
-        a, b = motions.tails[i], motions.heads[i]
-        share = _entry(a, b, around.goal)
-        enters[i], status[i] = share < np.inf, FREE
-        if enters[i]:
-            if not into_goal[i]:
-                status[i] = BLOCKED
-                continue
-            for k in range(3):
-                b[k] = a[k] + share * (b[k] - a[k])
-            motions.cost[i] *= share
-        for j in range(around.boxes.shape[0]):
-            if _hits(a, b, around.boxes[j]):
-                status[i] = BLOCKED
-    return 0
+def _certify(motions, i, around, prepared):
+    for j in range(around.boxes.shape[0]):
+        if _hits(motions.tails[i], motions.heads[i], around.boxes[j]):
+            return BLOCKED
+    return FREE
+
+
+@kernel
+def _sure(motions, i, around):
+    return _certify(motions, i, around, 0) == FREE
 
 
 @kernel
@@ -169,19 +172,6 @@ def _most(motions):
     return 1
 
 
-@kernel
-def _straight(around, x, out):
-    out[0] = through(x, around.goal, around.ring, HOLE + WIDTH)
-
-
-def _until_goal(path: Segments, around: Surroundings) -> Segments:
-    share = min(_entry(path.tails[-1], path.heads[-1], around.goal), 1.0)
-    heads, cost = path.heads.copy(), path.cost.copy()
-    heads[-1] = path.tails[-1] + share * (heads[-1] - path.tails[-1])
-    cost[-1] *= share
-    return Segments(path.tails, heads, cost)
-
-
 def _trajectory(steering: Any, path: Segments) -> Trajectory:
     length = np.linalg.norm(path.heads - path.tails, axis=1)
     velocity = (path.heads - path.tails) / np.maximum(length, 1e-300)[:, None]
@@ -189,14 +179,8 @@ def _trajectory(steering: Any, path: Segments) -> Trajectory:
     return Trajectory(controls=velocity, durations=length, path=path, cost=float(path.cost.sum()), length=total)
 
 
-SEGMENTS = Motion(
-    MotionKernels(_judge, _pairs, _most, _straight),
-    lambda path: Record(path.tails, path.heads.copy(), path.cost.copy()),
-    lambda record, i, space: True,
-    _until_goal,
-    _trajectory,
-    lambda path, i, shares: path.tails[i] + shares[:, None] * (path.heads[i] - path.tails[i]),
-)
+KERNELS = MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between)
+SEGMENTS = Motion(KERNELS, lambda motions, i, space: True, _trajectory)
 
 
 class StraightInSpace(Steering):
@@ -261,14 +245,6 @@ def test_a_tree_in_space_finds_the_classes_on_both_sides_of_a_ring(tree: Homolog
         assert all(tree.space.free(a + s * (b - a)) for a, b in zip(points[:-1], points[1:], strict=True)
                    for s in np.linspace(0.0, 1.0, 50))  # fmt: skip
     assert references[0].cost <= references[1].cost <= references[2].cost
-
-
-def test_references_in_space_are_shortened_inside_their_class(tree: HomologyTree) -> None:
-    raw = {one.winding: one.cost for one in tree.references(START, polished=False)}
-    short = {one.winding: one.cost for one in tree.references(START)}
-    assert short.keys() == raw.keys()
-    assert all(short[winding] <= raw[winding] for winding in raw)
-    assert short[(0,)] == pytest.approx(np.linalg.norm(GOAL - START) - RADIUS, rel=0.01)
 
 
 def test_a_limit_below_one_passage_leaves_the_ring_alone() -> None:

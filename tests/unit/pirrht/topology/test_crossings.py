@@ -73,7 +73,7 @@ def test_the_pairs_of_a_curve_are_its_whole_turns(M: int) -> None:
         curvature = rng.choice([0.0, 1 / 0.3, -1 / 0.3, 0.5], 3)
         length = rng.choice([0.0, 1.0, 1.0, 1.0], 3) * rng.uniform(0, 3, 3)
         expected, end = dense(homology, start, curvature, length)
-        count = pairs_of_curve(homology.cuts, start, curvature, length, False, *end, marker, turn, 0)
+        count = pairs_of_curve(homology.cuts, (start, curvature, length), False, tuple(end), marker, turn, 0)
         key = key_of_pairs(marker, turn, 0, count, homology.hash_weights)
         count = summed(total, marker, turn, 0, count)
         np.testing.assert_array_equal(spread(marker[:count], turn[:count], M), expected)
@@ -91,7 +91,7 @@ def test_a_half_circle_about_a_marker_on_its_way_to_the_goal_has_one_whole_turn_
     for sign, expected in ((1.0, 1), (-1.0, 0)):
         start = np.array([1.0, 0.0, -sign * np.pi / 2])
         arc = np.array([sign, 0.0, 0.0]), np.array([np.pi, 0.0, 0.0])
-        count = pairs_of_curve(homology.cuts, start, *arc, False, 3.0, 0.0, marker, turn, 0)
+        count = pairs_of_curve(homology.cuts, (start, *arc), False, (3.0, 0.0), marker, turn, 0)
         assert spread(marker[:count], turn[:count], 1)[0] == expected
 
 

@@ -87,7 +87,7 @@ def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
         for j in range(moving.J):
             away = [np.hypot(5.5 - p[0], 2.5 - p[1]) for p in (a, b)]
             until = max(a[2] + away[0], b[2] + away[1])
-            if outside(moving.tracks, j, *a[:2], *b[:2], *goal, a[2], until):
+            if outside(moving.tracks, j, tuple(a[:2]), tuple(b[:2]), goal, a[2], until):
                 quick += 1
                 closed = moving.turns(np.array([a, b, [*goal, b[2] + away[1]], [*goal, until]]))
                 base = moving.turns(np.array([a, [*goal, a[2] + away[0]], [*goal, until]]))
@@ -101,7 +101,7 @@ def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
     space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
     moving, goal, turned = STEERING.homology(space), (5.5, 2.5), 0
     tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
-    for bases in (BaseCache.room(moving.J, 7), BaseCache.room(moving.J)):
+    for bases in (BaseCache.empty(moving.J, 7), BaseCache.empty(moving.J)):
         for _ in range(400):
             a, b = sorted(states[rng.integers(len(states), size=2)].tolist(), key=lambda state: state[2])
             if a == b:
@@ -123,7 +123,7 @@ def test_crossings_of_waiting_are_those_of_steps_that_stay():
         tracks = MarkerTrajectories.of([lap], [period], goal)
         for t in [*rng.uniform(-1.0, 30.0, 50), 0.0, 1.0, 4.0, 8.0, 8.5]:
             (fx, fy), (lx, ly) = (goal - place_at(tracks, 0, s) for s in (-1.0, t))
-            steps = crossings_of_step(tracks, 0, *goal, -1.0, *goal, max(t, -1.0), fx, fy, lx, ly)
+            steps = crossings_of_step(tracks, 0, (*goal, -1.0), (*goal, max(t, -1.0)), (fx, fy), (lx, ly))
             assert crossings_of_waiting(tracks, 0, *goal, t, lx, ly) == steps, t
         assert steps != 0
 

@@ -19,7 +19,7 @@ GOAL = np.array([5.5, 2.5])
 
 
 def homology(*movers: Mover) -> Homology:
-    return Homology(markers=np.zeros((0, 2)), goal=GOAL).among(movers, FOOT)
+    return Homology(markers=np.zeros((0, 2)), goal=GOAL).with_moving(movers, FOOT)
 
 
 def wanderer(seed: int, repeat: bool = False) -> Mover:
