@@ -16,12 +16,15 @@ class RolloutTuning(NamedTuple):
     arc: float = 1.0
     # Reach of walls next to the goal, behind the last cross-section of a path, in decay lengths 1/k of psi.
     wall_reach: float = 1.0
-    # Cross-sections that a step may pass at once; more are caught up with in later steps.
-    sections: int = 8
+    # Below log dQ_g/dQ_h = -20 a path of h follows a_h under g as well. The density of the mixture loses exp(-20) of
+    # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes more.
+    negligible: float = 20.0
     # Paths of a block of points: all rows of numbers together stay within the nearest cache.
     lanes: int = 512
     # Lanes of a vector instruction: loops run over whole vectors, the last of which may hold lanes that have ended.
     vector: int = 16
+    # Lanes for which numbers of a tube are looked up before they are evaluated.
+    chunk: int = 64
     # Samples of a point, and of another system, that one thread simulates before a second one is awake.
     alone_points: int = 2400
     alone: int = 64

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, ZERO
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, part
 from pirrht.rollouts.tuning import TUNING
 
 
@@ -40,6 +40,7 @@ class Node(NamedTuple):
 
 
 PLACE, KNOWN = len(Section._fields), len(Node._fields)
+NUMBERS = 7 + 4 * KNOWN  # of `slope_of`
 
 
 class DesirabilityTubes(NamedTuple):
@@ -55,27 +56,6 @@ def no_ways(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
     """Allocate H ways of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
     place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
     return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
-
-
-@inlined
-def _beside(place, s, dx, dy):  # type: ignore[no-untyped-def]
-    """Place (dx, dy) from the point of cross-section s, along it, in nodes."""
-    k = PLACE * s
-    left = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3)
-    return (left - load_float32(place, k + 4)) * load_float32(place, k + 5)
-
-
-@inlined
-def _at_nodes(slope, s, J, node):  # type: ignore[no-untyped-def]
-    """Interpolate cross-section s, `node` nodes from its first one."""
-    node = min(max(node, ZERO), np.float32(J - 1))
-    j = min(np.int64(node), J - 2)
-    share, k = node - np.float32(j), KNOWN * (s * J + j)
-    rest = ONE - share
-    gx = load_float32(slope, k) * rest + load_float32(slope, k + 4) * share
-    gy = load_float32(slope, k + 1) * rest + load_float32(slope, k + 5) * share
-    left = load_float32(slope, k + 2) * rest + load_float32(slope, k + 6) * share
-    return gx, gy, left, load_float32(slope, k + 3) * rest + load_float32(slope, k + 7) * share
 
 
 @inlined
@@ -101,49 +81,92 @@ def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-
 
 
 @inlined
-def uphill(place, slope, last, J, decay, goal, s, x, y, walls):  # type: ignore[no-untyped-def]
-    """Return the cross-section that (x, y) [m] has passed, the s-th or one near it, and grad log psi there [1/m].
-
-    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, k [1/m], the goal's
-        centre [m], s, (x, y) [m], `two_walls` there, none closer than they may push. Single precision suffices.
-    """
-    x, y = np.float32(x), np.float32(y)
+def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
+    """Return how far (x, y) [m] has passed cross-section s [m], and its place along it in nodes."""
     k = PLACE * s
     dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
-    past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
+    tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
+    return dx * tx + dy * ty, (dy * tx - dx * ty - load_float32(place, k + 4)) * load_float32(place, k + 5)
+
+
+@inlined
+def _node(node, J):  # type: ignore[no-untyped-def]
+    """Return the node before a place in nodes, and the share of the distance to the next one."""
+    node = min(max(node, ZERO), np.float32(J - 1))
+    j = min(np.int64(node), J - 2)
+    return j, node - np.float32(j)
+
+
+@part
+def numbers_at(place, slope, last, J, s, x, y, out, at, each):  # type: ignore[no-untyped-def]
+    """Write the NUMBERS of `slope_of` at (x, y) [m] to out[at + each * i]; return the cross-section passed.
+
+    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, the one to search from.
+    """
+    past, node = _passed(place, s, x, y)
     if past < ZERO and s > 0:
         s -= 1
-        k -= PLACE
-        dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
-        past = dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
-    for _ in range(TUNING.sections):
-        if s == last:
-            break
-        k = PLACE * (s + 1)
-        ex, ey = x - load_float32(place, k), y - load_float32(place, k + 1)
-        tx, ty = load_float32(place, k + 2), load_float32(place, k + 3)
-        ahead = -ex * tx - ey * ty
+        past, node = _passed(place, s, x, y)
+    ahead, following = ONE, ZERO
+    while s < last:
+        passed, following = _passed(place, s + 1, x, y)
+        ahead = -passed
         if ahead > ZERO:
-            share = min(max(past / (past + ahead + np.float32(1e-9)), ZERO), ONE)
-            ax, ay, al, ar = _at_nodes(slope, s, J, _beside(place, s, dx, dy))
-            bx, by, bl, br = _at_nodes(slope, s + 1, J, _beside(place, s + 1, ex, ey))
-            gx, gy = ax + share * (bx - ax), ay + share * (by - ay)
-            gx, gy = _with_walls(gx, gy, al + share * (bl - al), ar + share * (br - ar), tx, ty, walls)
-            return s, gx, gy
-        s, dx, dy, past = s + 1, ex, ey, -ahead
+            break
+        s, past, node = s + 1, passed, following
+    more = min(s + 1, last)
+    (i, one), (j, other) = _node(node, J), _node(following, J)
+    out[at], out[at + each], out[at + 2 * each] = past, ahead, ONE if s == last else ZERO
+    out[at + 3 * each], out[at + 4 * each] = one, other
+    out[at + 5 * each], out[at + 6 * each] = (
+        load_float32(place, PLACE * more + 2),
+        load_float32(place, PLACE * more + 3),
+    )
+    one_at, other_at, at = KNOWN * (s * J + i), KNOWN * (more * J + j), at + 7 * each
+    for c in range(2 * KNOWN):
+        out[at + c * each] = load_float32(slope, one_at + c)
+        out[at + (2 * KNOWN + c) * each] = load_float32(slope, other_at + c)
+    return s
+
+
+@part
+def _mixed(f, at, each, shares):  # type: ignore[no-untyped-def]
+    """Interpolate a number of four nodes, along two cross-sections and between them."""
+    along, one, other = shares
+    first = f[at] * (ONE - one) + f[at + KNOWN * each] * one
+    second = f[at + 2 * KNOWN * each] * (ONE - other) + f[at + 3 * KNOWN * each] * other
+    return first + along * (second - first)
+
+
+@part
+def slope_of(f, at, each, decay, goal, x, y, walls):  # type: ignore[no-untyped-def]
+    """Return grad log psi [1/m] at (x, y) [m], without branches, from the numbers f[at + each * i].
+
+    These are the distances past one cross-section and ahead of the next [m], whether the first is the last one, the
+    shares of `_node` on both, the direction of travel, and KNOWN numbers of four nodes. Args: k [1/m], the goal's
+    centre [m], `two_walls` at (x, y), none closer than they may push. Single precision suffices.
+    """
+    past, end = f[at], f[at + 2 * each] > ZERO
+    share = min(max(past / (past + f[at + each] + np.float32(1e-9)), ZERO), ONE)
+    shares, base = (share, f[at + 3 * each], f[at + 4 * each]), at + 7 * each
+    gx, gy = _mixed(f, base, each, shares), _mixed(f, base + each, each, shares)
+    left, right = _mixed(f, base + 2 * each, each, shares), _mixed(f, base + 3 * each, each, shares)
     dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
     per = ONE / math.sqrt(dx * dx + dy * dy + np.float32(1e-9))
     rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
-    gx, gy = _with_walls(rate * dx, rate * dy, reach, reach, dx, dy, walls)
-    return s, gx, gy
+    gx, gy = rate * dx if end else gx, rate * dy if end else gy
+    tx, ty = dx if end else f[at + 5 * each], dy if end else f[at + 6 * each]
+    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
 
 
 @kernel
 def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
-    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `uphill`."""
+    """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+    x, y, numbers = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32)
     stage, before = 0, -1
     while stage > before:
         before = stage
-        stage, out[0], out[1] = uphill(place, slope, ways.count[g] - 1, J, ways.decay, goal, before, x, y, walls)
+        stage = numbers_at(place, slope, ways.count[g] - 1, J, before, x, y, numbers, 0, 1)
+    out[0], out[1] = slope_of(numbers, 0, 1, ways.decay, goal, x, y, walls)

@@ -17,7 +17,7 @@ from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, jitable, part
 from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
 from pirrht.rollouts.tables import FINER
-from pirrht.rollouts.ways import KNOWN, PLACE, uphill
+from pirrht.rollouts.ways import KNOWN, PLACE, numbers_at, slope_of
 from pirrht.systems.heading import wrapped
 
 
@@ -218,11 +218,10 @@ def aims(kind: KernelSpec) -> Any:
         """Write `a` of a way, whose desirability is climbed."""
         ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
         C, J = ways.slope.shape[1], ways.slope.shape[2]
-        place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-        stage[g], sx, sy = uphill(
-            place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, ways.count[g] - 1, J, ways.decay, goal,
-            stage[g], x[0], x[1], walls,
-        )  # fmt: skip
+        place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
+        px, py = np.float32(x[0]), np.float32(x[1])
+        stage[g] = numbers_at(place, slope, ways.count[g] - 1, J, stage[g], px, py, scratch.tube, 0, 1)
+        sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0

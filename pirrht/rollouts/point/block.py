@@ -93,28 +93,31 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
         out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
 
 
-class Ending(NamedTuple):
-    """End of a path, and what its block has in common."""
+class Common(NamedTuple):
+    """Numbers that the paths of a block share."""
 
+    arena: Any  # static obstacles and the goal's disc
+    B: Array  # (2, 2) B_c
+    weighed: bool  # `ProposalTables.weighed`
+    leaning: bool  # whether walls push
+    start: int  # number of the first sample
     rate: float  # q [cost/s]
     times: Array  # (T+1,) ends of the steps [s]
     window: int  # leading steps over which the control now is averaged
     inverse: Array  # (2, 2) G_c^-1 B_c
     H: int  # number of references
     h: int  # the one that is followed
-    base: tuple[float, float]  # the lead's control at the start without the nearest wall
-    i: int  # step of the grid in which it ends
-    share: float  # of the lane's own step until then
-    outcome: int
+    base: tuple[float, float]  # the proposal control at the start without the nearest wall
 
 
-ENDING: Any = Ending
+COMMON: Any = Common
 
 
 @inlined
-def retire(ending, k, scratch, paths):  # type: ignore[no-untyped-def]
-    """Note down in `paths` that the path of lane k ends."""
-    rate, times, window, inverse, H, h, base, i, share, outcome = ending
+def retire(common, i, share, outcome, k, scratch, paths):  # type: ignore[no-untyped-def]
+    """Note down in `paths` that the path of lane k ends: step of the grid, share of the lane's own step, outcome."""
+    rate, times, window, inverse = common.rate, common.times, common.window, common.inverse
+    H, h, base = common.H, common.h, common.base
     f, a, ratio, _, long, _, _ = scratch
     work, log_ratio, key, ended, steps, now, spans, led, lasting = paths
     k = lane(k)
@@ -169,6 +172,41 @@ def record(into, h, share, k, first, scratch):  # type: ignore[no-untyped-def]
     out[6] += until
 
 
+@inlined
+def end_flagged(common, n, full, into, scratch, paths):  # type: ignore[no-untyped-def]
+    """End the paths of flagged lanes that leave within this step; return how many of n lanes go on."""
+    f, _, _, short, _, random, _ = scratch
+    for group in range(full - WIDE, -1, -WIDE):
+        some = 0
+        for k in range(group, group + WIDE):
+            some += 1 if short[FLAG + k] != INSIDE else 0
+        for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
+            outcome, share = short[FLAG + k], 1.0
+            if outcome == SLOW:
+                outcome, share = resolve(common.arena, common.B, common.weighed, k, random, f)
+            if outcome != INSIDE:
+                if into.shape[0] > 0:
+                    record(into, common.h, share, k, common.start, scratch)
+                retire(common, np.int64(short[STEP + k]), share, outcome, k, scratch, paths)
+                n -= 1
+                compact(k, n, common.H, common.leaning, scratch)
+    return n
+
+
+@inlined
+def end_late(common, n, scratch, paths):  # type: ignore[no-untyped-def]
+    """End the paths that are under way after the last step; return how many of n lanes go on."""
+    f, _, _, short, _, _, _ = scratch
+    times, T = common.times, common.times.shape[0] - 1
+    for k in range(n - 1, -1, -1):
+        if short[STEP + k] >= T:
+            f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
+            retire(common, T - 1, 1.0, INSIDE, k, scratch, paths)
+            n -= 1
+            compact(k, n, common.H, common.leaning, scratch)
+    return n
+
+
 @kernel
 def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate the samples of one run, at most LANES; write steps to `into` (stop - start, T, RECORDED) if any."""
@@ -192,15 +230,15 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
         f[C0 + k] = f[C1 + k]
-    arena = setup.arena
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
         pace(times, least, scale, rim, f, short, full)
         if reach > 0.0:
             wall_push(around.field, reach, leads.beyond, math.sqrt(variance), B, f, short, full)
-        for g in range(H):
+        for one in range(H):
+            g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
             if count[g] > 0:
-                way_control((place, slope, C, J, count[g] - 1, decay), g, goal, B, f, short, a, full)
+                way_control((place, slope, C, J, count[g] - 1, decay), g, h, goal, B, f, short, a, ratio, full)
             else:
                 tape_control(drift, g, T, active[g], f, short, a, full)
         if not begun:
@@ -213,34 +251,15 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         cross(cuts, f, long, full)
         survey(around, f, short, full)
         flagged = bridge(variance, weighed, random, f, short, full) if setup.bridge else judge(around, f, short, full)
-        for group in range(full - WIDE if flagged > 0 else -1, -1, -WIDE):
-            some = 0
-            for k in range(group, group + WIDE):
-                some += 1 if short[FLAG + k] != INSIDE else 0
-            for k in range(min(group + WIDE, n) - 1 if some > 0 else -1, group - 1, -1):
-                outcome, share = short[FLAG + k], 1.0
-                if outcome == SLOW:
-                    outcome, share = resolve(arena, B, weighed, k, random, f)
-                if outcome != INSIDE:
-                    i = np.int64(short[STEP + k])
-                    if keep:
-                        record(into, h, share, k, start, scratch)
-                    retire(ENDING(setup.rate, times, window, inverse, H, h, base, i, share, outcome), k, scratch, paths)
-                    n -= 1
-                    compact(k, n, H, reach > 0.0, scratch)
+        common = COMMON(setup.arena, B, weighed, reach > 0.0, start, setup.rate, times, window, inverse, H, h, base)
+        if flagged > 0:
+            n = end_flagged(common, n, full, into, scratch, paths)
         for k in range(n if keep else 0):
             record(into, h, 1.0, k, start, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
         most = advance(h, window, reach > 0.0, f, short, a, full)
         if most >= T:
-            for k in range(n - 1, -1, -1):
-                if short[STEP + k] >= T:
-                    f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
-                    retire(
-                        ENDING(setup.rate, times, window, inverse, H, h, base, T - 1, 1.0, INSIDE), k, scratch, paths
-                    )
-                    n -= 1
-                    compact(k, n, H, reach > 0.0, scratch)
+            n = end_late(common, n, scratch, paths)
 
 
 @kernel

@@ -17,7 +17,7 @@ from pirrht.jit.float32 import HALF, ONE, ZERO
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, halves, normals_of
 from pirrht.rollouts.tuning import TUNING
-from pirrht.rollouts.ways import KNOWN, PLACE, uphill
+from pirrht.rollouts.ways import KNOWN, NUMBERS, PLACE, numbers_at, slope_of
 from pirrht.topology.crossings import key_of_step, turn_at_cut
 from pirrht.topology.tuning import TUNING as TOPOLOGY
 
@@ -33,7 +33,8 @@ U, V, CORNER = 23 * L, 24 * L, 25 * L
 WALL = 33 * L  # the two nearest walls, six rows
 OWED = 39 * L  # time of the last step for which half of the guide has not been taken off the sum [s]
 PER = 40 * L  # one over the width of the cells that the steps lead to [1/m]
-ROWS = 41
+CHUNK, NODES = TUNING.chunk, 41 * L  # lanes whose numbers of a way are loaded at once, and where these begin
+ROWS = 41 + NUMBERS * CHUNK // L + 1
 MANY = 1 << 32  # no row begins there
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
@@ -79,20 +80,33 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 
 
 @inlined
-def way_control(ways, g, goal, B, f, short, a, n):  # type: ignore[no-untyped-def]
-    """Write a_g = B' grad log psi of one reference with a way at the lanes' states."""
+def way_control(ways, g, h, goal, B, f, short, a, ratio, n):  # type: ignore[no-untyped-def]
+    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, or a_h if `negligible`."""
     n = min(n, LANES)
     place, slope, C, J, last, decay = ways
-    row, stage = row_of(g, 2), STAGE + row_of(g, 1)
+    negligible = np.float32(-TUNING.negligible)
+    row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
     place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
-    for k in range(n):
-        at = WALL + k
-        walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
-        s, gx, gy = uphill(place, slope, last, J, decay, goal, np.int64(short[stage + k]), f[X + k], f[Y + k], walls)
-        short[stage + k] = np.int32(s)
-        a[row + k] = b00 * gx + b10 * gy
-        a[row + L + k] = b01 * gx + b11 * gy
+    for begin in range(0, n, CHUNK):  # what is looked up lane by lane goes to rows of its own, for loops of vectors
+        some = False
+        for k in range(begin, begin + CHUNK):
+            some |= g == h or ratio[own + k] >= negligible
+        for i in range(CHUNK if some else 0):
+            k, at = begin + i, NODES + i
+            if g == h or ratio[own + k] >= negligible:
+                s = numbers_at(place, slope, last, J, np.int64(short[stage + k]), f[X + k], f[Y + k], f, at, CHUNK)
+                short[stage + k] = np.int32(s)
+        for i in range(CHUNK if some else 0):
+            k = begin + i
+            at = WALL + k
+            walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
+            gx, gy = slope_of(f, NODES + i, CHUNK, decay, goal, f[X + k], f[Y + k], walls)
+            a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
+        for k in range(begin, begin + CHUNK if g != h else begin):
+            over = ratio[own + k] < negligible
+            a[row + k] = a[mine + k] if over else a[row + k]
+            a[row + L + k] = a[mine + L + k] if over else a[row + L + k]
 
 
 @inlined
