@@ -1,9 +1,9 @@
 """PI-RRHT*: topology-guided path integral control (Ha and Choi, ICRA 2016).
 
-A package per idea, each of which says what it is for; imports run downward only, so read from the bottom up:
+A package per idea, each of which says its purpose; imports run downward only, so read from the bottom up:
 
-    errors outcome files formatting arrays | compiled < geometry < topology < freespace < systems < problem
-    steering < shortening < tree | rollouts < guidance < estimation
+    arrays errors formatting outcome | files jit < geometry < moving < topology < freespace < systems < problem
+    steering < shortening < planner | rollouts < proposals < estimation
     control
     exact
 

@@ -121,9 +121,9 @@ class FreeSpace:
         return replace(
             self,
             scene=scene,
-            traffic=self.traffic.moving(movers),
+            moving=self.moving.with_motions(movers),
             homology=self.homology.with_moving(movers, scene.footprint),
-            crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
+            moving_collision=MovingObstacles(movers, scene.footprint, self.moving_collision.shapes),
         )
 
     @property

@@ -146,8 +146,8 @@ class Scene:
         stand = f"{len(self.obstacles)} obstacle{'s' if len(self.obstacles) != 1 else ''}"
         task = f"from {formatting.vector(self.start[:2])} to {formatting.vector(self.goal.center)}"
         return (
-            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, {task}, "
-            f"robot of {self.robot_radius:g} m)"
+            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, "
+            f"{task}, robot of {self.robot_radius:g} m)"
         )
 
     def __post_init__(self) -> None:

@@ -179,7 +179,7 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         if status == BLOCKED:
             i += 1
             continue
-        away = math.hypot(x[0] - gx, x[1] - gy) / around.reach
+        away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
         if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
             return i, STATUS.ask
         root = away < 1.0

@@ -25,7 +25,7 @@ from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
 from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING
-from pirrht.shortening.shorten import polish, resume, resumes
+from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
 from pirrht.steering.legs import Legs
 from pirrht.steering.motion import Motions
@@ -177,7 +177,7 @@ class ReferenceQuery(NamedTuple):
         """Shorten some of the paths, in place."""
         tree = self.tree
         each = [(i, motions) for i in fresh for motions in (paths[i].motions, *paths[i].others)]
-        short = mapped(lambda one: polish(one[1], tree.steering, tree.checker), each, self.threads)
+        short = mapped(lambda one: shorten(one[1], tree.steering, tree.checker), each, self.threads)
         for i in fresh:
             own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
             own.sort(key=lambda motions: float(motions.cost.sum()))

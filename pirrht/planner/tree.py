@@ -29,7 +29,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.rewire import reaches
 from pirrht.planner.storage import Storage
 from pirrht.planner.tuning import TUNING, PlannerTuning
-from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, joined
+from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
 from pirrht.steering.motion import Motions
 from pirrht.steering.steering import Compiled, Steering
 
@@ -185,7 +185,7 @@ class HomologyTree:
 
         if threads == 1 or len(near) < self.tuning.shared_edges:
             return edges(near)
-        return joined(mapped(edges, np.array_split(near, 2 * threads), threads))
+        return concatenated(mapped(edges, np.array_split(near, 2 * threads), threads))
 
     # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
 

@@ -3,7 +3,7 @@
 A path is its vertices; its legs are the method's optimal motions between them. A round puts stations along the path and
 joins any two by the optimal motion, if that is certified, stays outside the goal and turns around the markers as the
 stretch that it replaces; the cheapest chain is a shortest path over the stations. Then the vertices move, by a pattern
-search of ever smaller steps, so that corners come to lie beside what the path bends around.
+search of ever smaller steps, so that corners come to lie next to what the path bends around.
 """
 
 from __future__ import annotations

@@ -18,9 +18,9 @@ from pirrht.topology.crossings import key_of_segment
 
 def taut_polyline(points: Array, around: Surroundings) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
-    room = max(TUNING.room, TUNING.room_per_corner * len(points))
-    out = np.empty((room + TUNING.loose_room, 2))
-    short = out[: _taut(around, np.ascontiguousarray(points), room, out)].copy()
+    capacity = max(TUNING.room, TUNING.room_per_corner * len(points))
+    out = np.empty((capacity + TUNING.loose_room, 2))
+    short = out[: _taut(around, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short) <= _length(points) else points
 
 
@@ -42,7 +42,7 @@ def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Length of a segment, and where it enters the goal's disc; infinity if it does not."""
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     heading = math.atan2(by - ay, bx - ax)
-    return length, entry_of_piece(ax, ay, heading, 0.0, length, around.goal_x, around.goal_y, around.reach)
+    return length, entry_of_piece(ax, ay, heading, 0.0, length, around.goal_x, around.goal_y, around.goal_radius)
 
 
 @kernel
@@ -111,8 +111,8 @@ def _touches(around, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-untyped-def]
-    """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, fewer than `room`."""
+def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore[no-untyped-def]
+    """Blunt corners that turn more than `least` [rad], or touch nothing; number of points, fewer than `capacity`."""
     out[0, 0], out[0, 1] = points[0, 0], points[0, 1]
     n = 1
     corner = np.empty((3, 2))
@@ -121,7 +121,7 @@ def _blunt_corners(around, points, count, least, room, out):  # type: ignore[no-
             corner[0, c], corner[1, c], corner[2, c] = out[n - 1, c], points[i, c], points[i + 1, c]
         t, turn = 0.0, _turn(corner)
         wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
-        if wanted and n + 2 + count - i < room:
+        if wanted and n + 2 + count - i < capacity:
             t = _blunted(around, corner)
         if t > 0.0:
             for c in range(2):
@@ -173,7 +173,7 @@ def _copied(points, count, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
+def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
     """Shortcut and blunt corners in turn until nothing is gained; number of points written to out."""
     count = _copied(points, points.shape[0], out)
     work = np.empty((out.shape[0], 2))
@@ -188,7 +188,7 @@ def _taut(around, points, room, out):  # type: ignore[no-untyped-def]
         if before - length < TUNING.gain * length:
             break
         before = length
-        count = _copied(work, _blunt_corners(around, out, count, TUNING.flat_turn, room, work), out)
+        count = _copied(work, _blunt_corners(around, out, count, TUNING.flat_turn, capacity, work), out)
     for _ in range(TUNING.loose_rounds):
         if not _slide_corners(around, out, count):
             break

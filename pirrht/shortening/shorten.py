@@ -15,7 +15,7 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 
 
-def polish(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
+def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
     """Shorten a path (consecutive motions into the goal) inside its class; it never costs more.
 
     Every new piece is certified by the clearance field, which is FCL's distance less its error bound.

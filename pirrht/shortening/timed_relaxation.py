@@ -122,7 +122,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
                     _add(matrix, border, slope, i, along, lacking, weight)
     gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
     away = math.sqrt(gx * gx + gy * gy)
-    lacking = away - around.reach * (1.0 - TUNING.inside)
+    lacking = away - around.goal_radius * (1.0 - TUNING.inside)
     if lacking > 0.0:
         total += 0.5 * weight * lacking * lacking
         if model:

@@ -21,9 +21,9 @@ def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     start, length, whole = curves.start[i], curves.length[i], 0.0
     for p in range(length.shape[0]):
         whole += length[p]
-    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.reach + whole):
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.goal_radius + whole):
         return np.inf
-    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.reach)
+    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.goal_radius)
 
 
 @inlined

@@ -78,7 +78,7 @@ def _cubic(motions, i):  # type: ignore[no-untyped-def]
 
 @inlined
 def _entry(motions, i, around):  # type: ignore[no-untyped-def]
-    return entry_of_cubic(_cubic(motions, i), motions.duration[i], around.goal_x, around.goal_y, around.reach)
+    return entry_of_cubic(_cubic(motions, i), motions.duration[i], around.goal_x, around.goal_y, around.goal_radius)
 
 
 @inlined

@@ -149,11 +149,11 @@ class MassSteering(CompiledSteering):
         """Return that place (4,) with no velocity."""
         return np.array([x[0], x[1], 0.0, 0.0])
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
+    def states_along(self, path: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
-        turned = np.column_stack([np.cos(way[:, 2]), np.sin(way[:, 2])])
+        turned = np.column_stack([np.cos(path[:, 2]), np.sin(path[:, 2])])
         states = [
-            np.hstack([way[:, :2], sign * share * self.top * turned])
+            np.hstack([path[:, :2], sign * share * self.top * turned])
             for share in TUNING.passage_speeds
             for sign in (1.0, -1.0)
         ]

@@ -35,9 +35,9 @@ class PoseSteering(CompiledSteering):
         """A state (3,), uniform in the workspace [m] and in heading [rad]."""
         return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
+    def states_along(self, path: Array, scene: Scene) -> Array:
         """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
-        states = np.repeat(way, 2, axis=0)
+        states = np.repeat(path, 2, axis=0)
         states[1::2, 2] += np.pi
         states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
         return states

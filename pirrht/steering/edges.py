@@ -41,7 +41,7 @@ NO_EDGES = Edges(
 )  # fmt: skip
 
 
-def joined(parts: Sequence[Edges]) -> Edges:
+def concatenated(parts: Sequence[Edges]) -> Edges:
     """Join several judgements in order."""
     counts = np.cumsum([0, *(len(part.turns.marker) for part in parts)])
     first = [part.turns.first[:-1] + count for part, count in zip(parts, counts, strict=False)]

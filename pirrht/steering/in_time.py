@@ -155,7 +155,7 @@ class InTime(CompiledSteering):
     def vertex_of(self, x: Array) -> Array:
         """Place and time, (..., 3) [m, m, s], of states that begin with them; OptionError if a state has no time."""
         if np.shape(x)[-1] < self.n:
-            raise OptionError(f"a state among bodies that move is x, y and t; this one has {np.shape(x)[-1]} numbers")
+            raise OptionError(f"a state among moving obstacles is x, y and t; this one has {np.shape(x)[-1]} numbers")
         return np.ascontiguousarray(x[..., :3], dtype=float)
 
     def roots(self, goal: Array) -> Array:

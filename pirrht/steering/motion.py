@@ -29,7 +29,7 @@ class Surroundings(NamedTuple):
     weights: NDArray[np.int64]  # (M,) additive keys of one turn around each marker, moving ones last
     goal_x: float  # goal point [m]
     goal_y: float
-    reach: float  # radius of the goal's disc [m]
+    goal_radius: float  # radius of the goal's disc [m]
     traffic: MovingObstacleArrays
     tracks: MarkerTrajectories  # of J moving markers
     speed: float  # of bases [m/s]
@@ -41,7 +41,7 @@ class Surroundings(NamedTuple):
         x, y = space.scene.goal.center.tolist()
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
-            goal_y=y, reach=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
+            goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
             speed=homology.speed, bases=BaseCache.empty(homology.J, 0),
         )  # fmt: skip
 

@@ -93,14 +93,14 @@ class Steering(ABC):
         """Return a vertex' state (n,) without its speed; here unchanged, since a vertex has none."""
         return x
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
+    def states_along(self, path: Array, scene: Scene) -> Array:
         """Return states (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
 
         Here all but the position is drawn, from one seed; steering methods with headings override it.
         """
         rng = np.random.default_rng(0)
-        states = np.array([self.sample(scene, rng) for _ in way]).reshape(-1, self.n)
-        states[:, :2] = way[:, :2]
+        states = np.array([self.sample(scene, rng) for _ in path]).reshape(-1, self.n)
+        states[:, :2] = path[:, :2]
         return states
 
     def draws(

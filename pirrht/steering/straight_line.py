@@ -66,9 +66,9 @@ class Lines(CompiledSteering):
         """Return the goal point (2,) [m] itself, (1, 2)."""
         return goal[None, :].astype(float)
 
-    def states_along(self, way: Array, scene: Scene) -> Array:
+    def states_along(self, path: Array, scene: Scene) -> Array:
         """Return the points (k, 2) [m] of a path (k, 3)."""
-        return np.ascontiguousarray(way[:, :2])
+        return np.ascontiguousarray(path[:, :2])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """Draw a point (2,) [m], uniform in the workspace."""

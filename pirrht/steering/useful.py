@@ -75,8 +75,8 @@ def _write_draw(unhindered, traffic, box, goal, chances, tries, out):  # type: i
     most = (1.0 + TUNING.excess * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
     u = unhindered
     useful = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most)
-    beside = traffic.J > 0 and chances[1] < TUNING.near_share
-    if chances[0] < TUNING.uniform_share or not _found(useful, traffic, box, goal, tries, beside, out):
+    near = traffic.J > 0 and chances[1] < TUNING.near_share
+    if chances[0] < TUNING.uniform_share or not _found(useful, traffic, box, goal, tries, near, out):
         x, y, far_x, far_y, horizon, _ = box
         out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
         out[2] = useful.begin + horizon * chances[5]
@@ -86,15 +86,15 @@ def _write_draw(unhindered, traffic, box, goal, chances, tries, out):  # type: i
 
 
 @inlined
-def _found(useful, traffic, box, goal, tries, beside, out):  # type: ignore[no-untyped-def]
+def _found(useful, traffic, box, goal, tries, near, out):  # type: ignore[no-untyped-def]
     """Write the first place and time (3,) of use that numbers (4 l,) lead to; whether there is one.
 
-    They are uniform in the workspace off the goal, and in the time that is left, or `beside` bodies, where these are.
+    They are uniform in the workspace off the goal, and in the time that is left, or `near` moving obstacles then.
     """
     x, y, far_x, far_y, horizon, speed = box
     latest = min(max(useful.most / useful.q, 0.0), horizon)
     for i in range(0, tries.shape[0], 4):
-        if beside:
+        if near:
             t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
             px, py, _, _, _, _, _ = piece_of(traffic, j, t)
             angle = 2.0 * math.pi * tries[i]

@@ -183,7 +183,7 @@ def compile_rest(dynamics_name: str, *, moving: bool) -> None:
 def compile_shortening(dynamics_name: str) -> None:
     """Compile what shortens paths in static scenes."""
     from pirrht.freespace import FreeSpace
-    from pirrht.shortening.shorten import polish
+    from pirrht.shortening.shorten import shorten
     from pirrht.steering.edges import EdgeChecker
     from sim.rehearsal import ROOM
 
@@ -193,7 +193,7 @@ def compile_shortening(dynamics_name: str) -> None:
     start = steering.vertex_of(problem.dynamics.state_of(ROOM.start))
     goal = start.copy()
     goal[:2] = ROOM.goal.center
-    polish(steering.connect(start[None], goal[None]), steering, EdgeChecker.of(FreeSpace.of(ROOM), steering))
+    shorten(steering.connect(start[None], goal[None]), steering, EdgeChecker.of(FreeSpace.of(ROOM), steering))
 
 
 def _end_with_input() -> None:

@@ -15,7 +15,7 @@ from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.shortening.shorten import polish
+from pirrht.shortening.shorten import shorten
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
@@ -215,7 +215,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     saved = 0.0
     steering = tree.steering
     for reference in tree.references(x, polished=False):
-        short = polish(reference.path, steering, tree.checker)
+        short = shorten(reference.path, steering, tree.checker)
         assert short.length.sum() <= reference.path.length.sum() + 1e-9
         points = np.vstack(short.points(0.02))
         np.testing.assert_allclose(points[0], x[:2], atol=1e-9)
@@ -223,7 +223,7 @@ def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
         assert space.homology.winding(points) == reference.winding
         assert np.all(space.collision.clearance(dense(points)) > 0)
         saved = max(saved, 1.0 - short.length.sum() / reference.path.length.sum())
-        again = polish(short, steering, tree.checker)
+        again = shorten(short, steering, tree.checker)
         assert again.length.sum() <= short.length.sum() + 1e-9
     return saved
 
@@ -237,7 +237,7 @@ def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
 
 def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):
     straight: Curves = slit_tree.steering.connect(np.array([[1.0, 2.5]]), np.array([[5.2, 2.5]]))
-    short = polish(straight, slit_tree.steering, slit_tree.checker)
+    short = shorten(straight, slit_tree.steering, slit_tree.checker)
     assert short.length.sum() == pytest.approx(4.2)
 
 

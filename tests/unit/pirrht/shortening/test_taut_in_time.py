@@ -12,7 +12,7 @@ from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
-from pirrht.shortening.shorten import polish, resume
+from pirrht.shortening.shorten import resume, shorten
 from pirrht.shortening.timed_relaxation import BAND, modelled
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
@@ -25,7 +25,7 @@ STEERING = InTime()
 def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
     """Knots of the polished path."""
     path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
-    return np.asarray(polish(path, steering, EdgeChecker.of(space, steering)).knots)
+    return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -125,7 +125,7 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
     """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
     space = FreeSpace.of(SCENES["crossing"]())
     knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
-    path = polish(
+    path = shorten(
         EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])),
         STEERING,
         EdgeChecker.of(space, STEERING),

@@ -14,7 +14,7 @@ from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.shortening.chain import cheapest_chain
-from pirrht.shortening.shorten import polish
+from pirrht.shortening.shorten import shorten
 from pirrht.shortening.tuning import ChainTuning
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
@@ -249,7 +249,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
     assert isinstance(car, Dubins)
     saved = []
     for raw in grown.references(grown.space.scene.start, polished=False):
-        path = polish(raw.path, car, grown.checker)
+        path = shorten(raw.path, car, grown.checker)
         assert path.length.sum() <= raw.path.length.sum()
         saved.append(1.0 - path.length.sum() / raw.path.length.sum())
         assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
@@ -260,7 +260,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
         assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
         assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
         assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
-        np.testing.assert_array_equal(polish(raw.path, car, grown.checker).length, path.length)
+        np.testing.assert_array_equal(shorten(raw.path, car, grown.checker).length, path.length)
         more = cheapest_chain(path, car, grown.checker, ChainTuning(stations=(30, 40)))
         assert more.length.sum() > 0.9 * path.length.sum()
     assert len(saved) >= 6
@@ -278,6 +278,6 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     aims = np.linspace(-np.pi, np.pi, 2001)[:, None]
     rim = np.hstack([goal.center - goal.radius * np.hstack([np.cos(aims), np.sin(aims)]), aims])
     best = CAR.distance(states[0], rim).min() * CAR.V
-    short = polish(path, CAR, checker).length.sum()
+    short = shorten(path, CAR, checker).length.sum()
     assert path.length.sum() > 1.2 * best
     assert best - 1e-5 <= short <= best * (1.0 + 1e-3)
