@@ -56,8 +56,6 @@ class Controller(Policy):
         >>> tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
         >>> tree.grow(50)
         >>> controller = Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
-        >>> controller
-        Controller(pi-rrht for a SingleIntegrator in 'room': 100 samples, a tree of 50 vertices)
         >>> bool(controller.plan(start[:2]).control[0] > 0.5)  # towards the goal
         True
 
@@ -105,8 +103,7 @@ class Controller(Policy):
         run.query(x)
         self._update_prediction(x, TimeBudget(left, self.settings.tuning))
         budget = TimeBudget(left, self.settings.tuning)
-        try:
-            # Line 3: U_in <- ExtractReference(x_cur, (V, E))
+        try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = of_tree.extract_references(
                 self.tree, x, run, budget, self.settings, self.path_integral.threads
             )
@@ -115,7 +112,7 @@ class Controller(Policy):
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
             run.queried = None
             raise
-        # Line 4: u <- PathIntegral(x_cur, U_in)
+        # line 4: u <- PathIntegral(x_cur, U_in)
         batch = self.batch(x, references, budget)
         estimate = self.proposals.estimate(batch, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
@@ -129,10 +126,9 @@ class Controller(Policy):
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
 
-        A new tree grows. Classes keep their names: obstacles keep their numbers, and new ones come last; turns about
-        these count from where the robot is. Guides, control sequences and statistics of a class are kept while its
-        path is free. An obstacle that has moved off its own marker is another one. Nothing changes if the scene is
-        unchanged, or is refused.
+        A new tree grows. Obstacles keep their numbers, and so classes their names; turns about new obstacles, which
+        come last, count from where the robot is, and one off its own marker is new. What is known of a class stays
+        while its path is free. Nothing changes if the scene is unchanged, or is refused.
 
         Args:
             scene: with the same goal; its start does not matter.

@@ -113,10 +113,9 @@ class ProposalBuilder:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
             if not last and late:
                 return []  # new ones take ten times as long
-            paths = [one.trajectory, *one.others]
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
-            return guidance.optima(query, paths, last, run.since_plan, thorough=thorough, short=short)
+            return guidance.optima(query, one.trajectory, last, run.since_plan, thorough=thorough, short=short)
 
         found = mapped(improved, range(len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}

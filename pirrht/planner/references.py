@@ -8,7 +8,7 @@ two be free. A tree keeps the cheaper at every vertex, which need not be the che
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,7 +27,6 @@ from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING
 from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
-from pirrht.steering.legs import Legs
 from pirrht.steering.motion import Motions
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import key_of_pairs
@@ -42,7 +41,6 @@ class Reference:
     signature: Array  # (M,) the paper's H, leading 1 included [turns]
     trajectory: Trajectory  # controls (l, m), durations (l,) [s] and path
     named: int | None = None  # turns that its name gives at least, as `Signature.named`
-    others: tuple[Trajectory, ...] = ()  # other local optima of the class, of higher cost
 
     @property
     def path(self) -> Any:
@@ -74,7 +72,7 @@ class _Path(NamedTuple):
     winding: tuple[int, ...]
     motions: Any
     resumed: bool  # whether it goes on from an earlier one that has been shortened
-    others: tuple[Any, ...] = ()  # local optima of the class, apart from it
+    others: tuple[Any, ...] = ()  # paths of the class apart from it, which may be shorter once all are shortened
 
 
 class ReferenceQuery(NamedTuple):
@@ -164,14 +162,11 @@ class ReferenceQuery(NamedTuple):
         """Paths of a class apart from the cheapest, which may end in other local optima."""
         tree, chosen = self.tree, np.empty((TUNING.optima, 2), np.int64)
         steering: Any = tree.steering  # in time
-        rules = (self._far(x), TUNING.optima_excess, float(steering.pace))
+        far = TUNING.optima_apart * float(np.hypot(*(x[:2] - tree.space.scene.goal.center)))
+        rules = (far, TUNING.optima_excess, float(steering.pace))
         weights, storage = tree.homology.hash_weights, tree.storage
         count = choose(storage.places, storage.vertices.states, edges, weights, key, x, rules, chosen)
         return tuple(self._motions(x, edges, int(edge), int(slot)) for edge, slot in chosen[1:count])
-
-    def _far(self, x: Array) -> float:
-        """Least distance of paths from x (n,) that may end in different local optima [m]."""
-        return TUNING.optima_apart * float(np.hypot(*(x[:2] - self.tree.space.scene.goal.center)))
 
     def _shorten(self, paths: list[_Path], fresh: list[int]) -> None:
         """Shorten some of the paths, in place."""
@@ -180,16 +175,13 @@ class ReferenceQuery(NamedTuple):
         short = mapped(lambda one: shorten(one[1], tree.steering, tree.checker), each, self.threads)
         for i in fresh:
             own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
-            own.sort(key=lambda motions: float(motions.cost.sum()))
-            others = apart_of(own, self._far(own[0].knots[0])) if paths[i].others else ()
-            paths[i] = paths[i]._replace(motions=own[0], others=others)
+            paths[i] = paths[i]._replace(motions=min(own, key=lambda motions: float(motions.cost.sum())))
 
     def _reference(self, x: Array, path: _Path) -> Reference:
         homology, steering = self.tree.homology, self.tree.steering
         return Reference(
             winding=path.winding, signature=homology.signature(x, path.winding),
             trajectory=steering.trajectory(path.motions), named=homology.named,
-            others=tuple(steering.trajectory(other) for other in path.others),
         )  # fmt: skip
 
 
@@ -284,14 +276,3 @@ def choose(at, states, edges, weights, key, x, rules, chosen):  # type: ignore[n
             chosen[count, 0], chosen[count, 1] = i, slot[i]
             count += 1
     return count
-
-
-def apart_of(paths: Sequence[Legs], far: float) -> tuple[Legs, ...]:
-    """Of paths from one place and time, those that at some time lie so far [m] from the first and from each other."""
-    times = np.linspace(paths[0].knots[0, 2], paths[0].knots[-1, 2], TUNING.stations)
-    kept: list[tuple[Legs, Array]] = []
-    for path in paths:
-        places = path.places(times)
-        if all(np.hypot(*(places - other).T).max() > far for _, other in kept):
-            kept.append((path, places))
-    return tuple(path for path, _ in kept[1:])

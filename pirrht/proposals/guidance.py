@@ -127,10 +127,10 @@ class DDPGuidance:
     ) -> DDPGuide | None:  # fmt: skip
         """Return the best local optimum from x (n,) in a class; see `optima`."""
         query = self.query(x, times, key, time)
-        return next(iter(self.optima(query, [trajectory], [] if last is None else [last], elapsed)), None)
+        return next(iter(self.optima(query, trajectory, [] if last is None else [last], elapsed)), None)
 
     def optima(
-        self, query: Query, paths: Sequence[Trajectory], last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
+        self, query: Query, reference: Trajectory, last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
         thorough: bool = False, short: Callable[[], bool] = lambda: False,
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
@@ -140,7 +140,7 @@ class DDPGuidance:
         leads out of it. If nothing valid is found, samples follow the reference with feedback.
 
         Args:
-            paths: the reference, and other paths of the class.
+            reference: path of the class.
             last: optima of the class found `elapsed` [s] ago.
             thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
             short: whether time is short, so that nothing more is improved.
@@ -149,9 +149,15 @@ class DDPGuidance:
         found = [self._from(query, start, self.tuning.warm) for start in starts]
         first = found[0] if found else None
         if first is None or not (first.valid or self._clearance(query) <= 0.0):
-            fresh = self._improved(query, paths, thorough, short)
+            fresh = self._improved(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
-        valid = [one for one in found if one is not None and one.valid]
+        return self._ranked(first, [one for one in found if one is not None and one.valid])
+
+    def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
+        """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.
+
+        The first is best unless another costs less by lambda; without a valid one it is the only one.
+        """
         if not valid:
             return [] if first is None else [first]
         best, t = min(valid, key=lambda one: one.priced), self.tuning
@@ -162,11 +168,11 @@ class DDPGuidance:
         return [best, *sorted(others, key=lambda one: one.priced)[:1]]
 
     def _improved(
-        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
+        self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]
     ) -> list[DDPGuide]:
         """Return valid guides from the initialisations of a class; without any, one along the reference."""
         found: list[DDPGuide | None] = []
-        for start, stages in self._initialisations(query, paths, thorough, short):
+        for start, stages in self._initialisations(query, reference, thorough, short):
             if found and short():
                 break
             found.append(self._from(query, start, stages))
@@ -175,27 +181,25 @@ class DDPGuidance:
         valid = [one for one in found if one is not None and one.valid]
         if valid or found[0] is None:
             return valid
-        unimproved = self._from(query, self._begun(query, paths[0]), UNIMPROVED)
+        unimproved = self._from(query, self._begun(query, reference), UNIMPROVED)
         return [] if unimproved is None else [unimproved]
 
     def _initialisations(
-        self, query: Query, paths: Sequence[Trajectory], thorough: bool, short: Callable[[], bool]
+        self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]
     ) -> Iterator[tuple[tuple[Course, int], Iterable[Stage]]]:
         """Yield the initialisations of a class and the stages of their improvement, the reference first.
 
-        Optimisation is local. Without noise it is best to pass a closing gap at the last moment; under much noise no
-        local improvement leads from there to passing in good time, so that faster starts are tried. Turning about has
-        several optima as well, and so have paths of one class that lie apart.
+        Optimisation is local. Among moving obstacles a class has several optima: to pass a closing gap at the last
+        moment, in good time as is better under much noise, or to let it open again. So other speeds are tried; where
+        steps curve, turning about has several optima, and the first controls are perturbed.
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        yield self._begun(query, paths[0]), in_time(t.cold[1:] if noisy else t.cold, short)
+        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
         if query.setup.traffic.J > 0:
-            yield from ((self._begun(query, paths[0].faster(scale)), t.perturbed) for scale in t.time_scales)
+            yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
-            yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, paths[0], query.times))
-        if thorough:
-            yield from ((self._begun(query, path), t.perturbed) for path in paths[1:])
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, reference, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""

@@ -41,7 +41,11 @@ class ProposalTuning(NamedTuple):
     few: int = 30  # samples around references of negligible weight
     hopeless: float = 60.0  # lambda by which their guides cost more than the cheapest,
     hopeless_share: float = 0.01  # and this share of the least cost: prices are off the value by about as much
-    time_scales: tuple[float, ...] = (1.25, 1.5)  # speeds of other starts where obstacles move, in the reference's
+    time_scales: tuple[float, ...] = (
+        1.25,
+        1.5,
+        0.8,
+    )  # speeds of other starts among moving obstacles
     alternative: float = 3.0  # lambda by which an alternative optimum of a class may cost more and still be sampled
     apart: float = 3.0  # nats from which on samples around a guide hardly reach another one
     # Initial courses.

@@ -163,7 +163,7 @@ def kind_of(problem: Problem) -> KernelSpec:
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
         noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
-        input_form=d.input_form, midway=d.stratonovich, astray=d.n == d.m == 2 and not d.even,
+        input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
         moving=bool(problem.scene.movers),
     )  # fmt: skip
 

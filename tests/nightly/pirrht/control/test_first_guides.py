@@ -80,7 +80,7 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         key = controller.homology.key(reference.winding)
         usual = guidance.improve(state, times, key, reference.trajectory)
         query = guidance.query(state, times, key, 0.0)
-        first, *others = guidance.optima(query, [reference.trajectory], thorough=True)
+        first, *others = guidance.optima(query, reference.trajectory, thorough=True)
         assert first.valid
         for rival in others:
             assert rival.priced < first.priced + TUNING.alternative * controller.problem.temperature
