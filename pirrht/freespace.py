@@ -154,8 +154,8 @@ def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     movers, footprint = scene.movers, scene.footprint
     return {
         "homology": homology.with_moving(movers, footprint),
-        "traffic": MovingObstacleArrays.of(scene),
-        "crowd": MovingObstacles(movers, footprint),
+        "moving": MovingObstacleArrays.of(scene),
+        "moving_collision": MovingObstacles(movers, footprint),
     }
 
 

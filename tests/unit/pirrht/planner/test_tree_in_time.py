@@ -96,7 +96,7 @@ def test_a_tree_on_its_own_clock_gives_references_at_any_later_time():
 def test_a_tree_for_bodies_as_they_are_foretold_now_agrees_with_one_that_was_grown_before():
     """What a clock from now on tells at 0 the clock of before tells now; nothing that stands is sampled again."""
     before = FreeSpace.of(SCENES["pincer"]())
-    now = before.among([replace(mover, motion=mover.motion.after(0.4)) for mover in before.scene.movers])
+    now = before.with_movers([replace(mover, motion=mover.motion.after(0.4)) for mover in before.scene.movers])
     assert now.field is before.field
     known = {one.id: one.cost for one in grown(before, 0, 400).references(np.array([1.4, 2.5, 0.4]))}
     fresh = {one.id: one.cost for one in grown(now, 0, 400).references(np.array([1.4, 2.5, 0.0]))}
