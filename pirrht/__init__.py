@@ -40,7 +40,7 @@ _HOME = {
     "NoSurvivingSample": "errors",
     "NotLinearlySolvable": "errors",
     "Obstacle": "geometry.scene",
-    "Optimal": "exact.optimal",
+    "Optimal": "exact.desirability",
     "OptionError": "errors",
     "Outcome": "outcome",
     "PathIntegral": "estimation.sampler",

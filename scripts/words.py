@@ -70,7 +70,7 @@ PHRASES = {
     r"\bdear(er|est)?\b": "costly, higher cost",
     r"\bbeside\b": "next to; in addition to",
     r"\btapes?\b": "control sequence (open-loop)",
-    r"\btaut(er|est|ness)?\b|\bpolish(es|ed|ing)?\b": "shortened; path shortening",
+    r"\btaut(er|est|ness)?\b|\bpolish(es|ing)?\b": "shortened; path shortening",
     r"\bhurr(y|ied|ies)\b": "time budget; over budget",
     r"\b(the|a|one|two|other|another|each|every|which|several|many|some|no|both|these|those|its|all) ways?"
     r" (around|past|of a class|of passing|of going)\b|\bways around\b": "path; homology class",

@@ -55,5 +55,5 @@ class TimeBudget:
         """Add a plan of so many classes that is about to sample to the recent ones."""
         if self._left is None:
             return [*recent]
-        taken = max(self.whole - self._left(), 1e-6)  # clocks may stand still
+        taken = max(self.whole - self._left(), 1e-6)  # clocks may stop
         return [*recent, (max(classes, 1), taken)][-self._tuning.recent :]

@@ -39,7 +39,7 @@ SAMPLING = {
     "passive": Method(text="no reference: sample the passive dynamics", most=0),
 }
 METHODS = {name: method.text for name, method in SAMPLING.items()} | {
-    "mppi": "no reference: one warm-started tape, the straight way to the goal behind its end (Williams et al. 2017)",
+    "mppi": "no reference: one warm-started control sequence, then straight to the goal (Williams et al. 2017)",
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")

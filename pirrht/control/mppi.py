@@ -1,12 +1,12 @@
-"""Model predictive path integral control: one warm-started tape of controls, a finite horizon, no reference, no tree.
+"""Model predictive path integral control: one warm-started control sequence, no reference, no tree.
 
 Williams, Wagener, Goldfain, Drews, Rehg, Boots and Theodorou, "Information theoretic MPC for model-based
-reinforcement learning" (ICRA 2017), Algorithm 2. Around the tape u_0 .. u_T-1 noise eps is drawn; a path costs
+reinforcement learning" (ICRA 2017), Algorithm 2. Around the controls u_0 .. u_T-1 noise eps is drawn; a path costs
 
     S = sum of q dt + phi at a collision + cost-to-go at the horizon + sum of u' lambda Sigma^-1 eps dt,
 
-where lambda Sigma^-1 = R for matched noise, and the tape moves by the mean of eps at the weights exp(-S / lambda). Its
-first control is applied, and after a period the tape is shifted by it. Paths end at the goal.
+where lambda Sigma^-1 = R for matched noise, and the controls move by the mean of eps at the weights exp(-S / lambda).
+The first one is applied, and after a period they are shifted by it. Paths end at the goal.
 
 First exit has no final cost, so the cost after the horizon must be guessed, as users of MPPI do: the straight line to
 the goal at the best speed without obstacles and noise. Behind a wall this misleads, which a reference would not.
@@ -43,8 +43,8 @@ class Mppi(Policy):
     Args:
         problem: of the samples. One with more noise than the robot's explores more widely: as R stays, lambda grows
             with Sigma, which is how MPPI is tuned.
-        sampling: `samples` counts all of a plan; they follow the tape open loop. None: 600 independent ones.
-        horizon: length of the tape [s].
+        sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
+        horizon: length of the control sequence [s].
         beyond: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
         homology: tells classes of runs apart where obstacles move; None: that of the problem.
         predict: predicts moving obstacles; None: their motions are known.
@@ -77,12 +77,12 @@ class Mppi(Policy):
         return f"Mppi(for a {of} in {scene}: {samples} samples, horizon {horizon:.3g} s)"
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the run so far; a new one starts at x (n,) at a time [s], from a tape of zeros (T, m)."""
+        """Forget the run so far; a new one starts at x (n,) at a time [s], from controls of zero (T, m)."""
         super().begin(x, time)
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); without a survivor the tape goes on.
+        """Decide at state x (n,); without a survivor the control sequence goes on.
 
         Args:
             left: time left for sampling [s]; samples are drawn until it is up.
@@ -113,7 +113,7 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
     best direction; any other at the speed of its drift; and turning is free.
 
     Raises:
-        OptionError: a robot that only drifts stands still at the start.
+        OptionError: a robot that only drifts has no speed at the start.
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
     x = d.state_of(problem.scene.start)
@@ -129,7 +129,7 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
         pace = float(np.hypot(*d.f(x)[:2]))
         if pace == 0.0:
             raise OptionError(
-                f"{type(d).__name__} stands still at the start, so the way home is unknown; give `beyond`"
+                f"{type(d).__name__} has no speed at the start, so its path to the goal is unknown; give `beyond`"
             )
         per_meter = q / pace
 
@@ -141,7 +141,7 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:
-    """Means (T, m) of a tape (k, m) with step ends `times` (k+1,) over the steps that end at `then` (T+1,) [s]."""
+    """Return means (T, m) of controls (k, m), which end at `times` (k+1,), over steps that end at `then` (T+1,) [s]."""
     whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
     at = np.column_stack([np.interp(then, times, column) for column in whole.T])
     return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

@@ -26,15 +26,15 @@ class Plan:
 
     Attributes:
         state: where it was made, (n,).
-        times: ends of the tape's steps, from 0, (T+1,) [s].
+        times: ends of the control sequence's steps, from 0, (T+1,) [s].
         references: best known path of every class, cheapest first; empty for methods that have none.
         ids: class of each reference, relative to the start of the run.
         estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
         fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
         stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
-        replay: simulates samples again for the tape and for pictures.
+        replay: simulates samples again for the control sequence and for pictures.
         instead: controls of a fallback without noise, (T, m) [control].
-        law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the tape is held.
+        law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the control sequence is held.
         push: wall drift (m,) [control] of a held control, at a state (n,) and a time since the plan [s].
         shares: weight of every class under the law, from 0 to 1.
         followed: the one class that the control follows; None: all.

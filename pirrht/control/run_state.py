@@ -150,7 +150,7 @@ class RunState:
             warnings.warn(
                 f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({self.queried[0]:.4g}, {self.queried[1]:.4g}), and "
                 "nothing was observed in between: call step(x, dt) for each control, or observe(states, dt) after it; "
-                "begin(x) if this is another drive",
+                "begin(x) if this is another run",
                 RuntimeWarning, stacklevel=3,
             )  # fmt: skip
         self.queried = x

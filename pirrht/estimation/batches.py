@@ -59,18 +59,18 @@ def sample(
 
 
 def _until(
-    left: Callable[[], float], pace: float, drawn: float, number: NDArray[np.int64],
+    left: Callable[[], float], duration: float, drawn: float, number: NDArray[np.int64],
     draw: Callable[[NDArray[np.int64]], None], tuning: EstimationTuning,
 ) -> None:  # fmt: skip
-    """Draw rounds while time is left; `drawn` times `number` (H,) samples are there, of `pace` [s] per `number`."""
+    """Draw rounds while time is left; `drawn` times `number` (H,) samples are there, of `duration` [s] per `number`."""
     least, most = drawn, tuning.most / float(number.sum())
     while drawn < most:
         before = left()
-        more = min(2.0 * drawn, most - drawn, tuning.filled * before / max(pace, 1e-6))
+        more = min(2.0 * drawn, most - drawn, tuning.filled * before / max(duration, 1e-6))
         if more < least:  # as few as that are not worth their overhead
             return
         draw(np.rint(more * number).astype(np.int64))
-        pace, drawn = (before - left()) / more, drawn + more
+        duration, drawn = (before - left()) / more, drawn + more
 
 
 def _so_far(integral: PathIntegral, parts: Sequence[Rollouts]) -> tuple[float, float]:

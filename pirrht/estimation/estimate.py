@@ -149,7 +149,7 @@ def weigh(
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    paths, log_weight, first = joined(parts)
+    paths, log_weight, first = concatenated(parts)
     top = float(log_weight.max())
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
@@ -192,7 +192,7 @@ def weigh(
     )
 
 
-def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
+def concatenated(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
     """Join all paths, their log weights (S,) [nats], and the first sample of each reference of a part, S at last."""
     paths = parts[0].paths
     if len(parts) > 1:

@@ -29,11 +29,11 @@ class Sampling:
         exit: first exit judged along the step ("bridge") or at its end ("endpoint", the paper's).
         weights: "balance" heuristic, plain "average" (the paper's), or "biased": no likelihood ratio (Biased-MPPI).
         guide: "feedback": samples of a point climb psi of their class, those of other systems follow a guide; or they
-            follow the tape of their reference "open-loop" (paper).
+            follow the controls of their reference "open-loop" (paper).
         window: under feedback the control now is averaged over so long [s] where walls and goal are far.
         draws: "antithetic" pairs of samples with opposite noise, or "independent" ones (the paper's).
         target: sample on until the control's standard error is no larger [control]: consistent, not unbiased.
-        least: effective samples of the first plan of a drive, with 64 N samples at most.
+        least: effective samples of the first plan of a run, with 64 N samples at most.
         budget: with a target, samples around each reference at most; None: 16 N.
         allocation: of samples: by "contribution" of references in earlier plans, or "equal" (paper).
         threads: None for all cores this process may use; results do not depend on it.

@@ -17,7 +17,17 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import Frame, Progress, derivative, frame_at, ignore_progress, in_cells, in_goal, polynomial
+from pirrht.exact.grid import (
+    TUNING,
+    Frame,
+    Progress,
+    derivative,
+    frame_at,
+    ignore_progress,
+    in_cells,
+    in_goal,
+    polynomial,
+)
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -25,17 +35,6 @@ from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import GOAL, INSIDE
 from pirrht.rollouts.sweep import sweep_exit
 from pirrht.systems.unicycle import Unicycle
-
-BEYOND = 6.5  # smoothing is cut off so many deviations beyond a turn rate of FASTEST
-FASTEST = 4.0  # [rad/s]
-WORST = 10.0  # v is cut off at this many times q x (sum of the sides of the workspace) / V
-RAY = 2.0  # length of a ray in spacings
-ROUNDS = 500  # sweeps at most
-ACCURACY = 1e-4  # they end when v changes by less [cost]
-ACROSS = 2.0  # points across the deviation of a car after a second, at least
-COARSEST = 1.0 / 6.0  # default spacing is at most this share of the robot's radius
-FEWEST = 120  # headings
-MOST = 8_000_000  # grid points of positions and headings
 
 
 class Headings(NamedTuple):
@@ -68,15 +67,15 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     d = problem.dynamics
     assert isinstance(d, Unicycle)
     sideways = d.b * d.V / math.sqrt(3.0)  # deviation from the straight line after a second
-    needed = sideways / ACROSS
-    h = min(needed, COARSEST * space.scene.robot_radius) if spacing is None else spacing
+    needed = sideways / TUNING.sideways_points
+    h = min(needed, TUNING.car_radii * space.scene.robot_radius) if spacing is None else spacing
     finest = min(h, needed)
     size = [*(math.ceil(s / finest) + 1 for s in space.scene.upper - space.scene.lower), _directions(d, finest)]
-    if h > needed * (1.0 + 1e-9) or math.prod(size) > MOST:
+    if h > needed * (1.0 + 1e-9) or math.prod(size) > TUNING.car_points:
         raise OptionError(
             f"noise b = {d.b:g} carries the car only {sideways:.2g} m sideways in a second, so the grid needs "
-            f"points {finest:.2g} m apart, {size[0]} x {size[1]} x {size[2]} points, and can have {MOST:,}; "
-            "choose more --noise or a smaller workspace"
+            f"points {finest:.2g} m apart, {size[0]} x {size[1]} x {size[2]} points, and can have "
+            f"{TUNING.car_points:,}; choose more noise or a smaller workspace"
         )
     return h
 
@@ -91,34 +90,34 @@ def grid_of(
     lower, upper = space.scene.lower.astype(float), space.scene.upper.astype(float)
     nx, ny = np.ceil((upper - lower) / spacing - 1e-9).astype(int) + 1
     shape = nx, ny, _directions(d, spacing)
-    tau = RAY * spacing / d.V
-    ceiling = min(problem.phi, WORST * problem.q * float(np.sum(upper - lower)) / d.V)
+    tau = TUNING.ray * spacing / d.V
+    ceiling = min(problem.phi, TUNING.worst_path * problem.q * float(np.sum(upper - lower)) / d.V)
     fate, share = np.zeros(shape, np.int8), np.ones(shape, np.float32)
     at = frame_at(lower, spacing, space.scene.goal)
-    _trace(space.world, at, RAY * spacing, fate, share)
+    _trace(space.world, at, TUNING.ray * spacing, fate, share)
     free = fate[:, :, 0] >= 0
     owner = distance_transform_edt(~free, return_distances=False, return_indices=True)
     rays = Rays(fate, share, owner[0], owner[1], problem.q * tau, problem.temperature, ceiling)
     value = np.full(shape, ceiling)
     whole, half = (_taps(d.b * math.sqrt(s), tau, shape[2]) for s in (tau, 0.5 * tau))
-    for done in range(ROUNDS):
-        if _sweep(value, value, rays, whole, done % 4) < ACCURACY:
+    for done in range(TUNING.car_sweeps):
+        if _sweep(value, value, rays, whole, done % 4) < TUNING.car_settled:
             out = np.empty_like(value)
             _sweep(value, out, rays, half, 0)
             out[~free] = out[owner[0][~free], owner[1][~free]]
             return Headings(at, problem.temperature, out)
-    raise OptionError(f"the solution has not settled after {ROUNDS} sweeps; choose a larger spacing")
+    raise OptionError(f"the solution has not settled after {TUNING.car_sweeps} sweeps; choose a larger spacing")
 
 
 def _directions(d: Unicycle, spacing: float) -> int:
     """Headings so close together that the noise of one ray spans one of them."""
-    return max(FEWEST, math.ceil(2.0 * math.pi / (d.b * math.sqrt(RAY * spacing / d.V))))
+    return max(TUNING.headings, math.ceil(2.0 * math.pi / (d.b * math.sqrt(TUNING.ray * spacing / d.V))))
 
 
 def _taps(deviation: float, tau: float, headings: int) -> Array:
     """Weights of a Gaussian on the headings' grid, (2 R + 1,)."""
     width = 2.0 * math.pi / headings
-    reach = min(math.ceil((BEYOND * deviation + FASTEST * tau) / width), headings // 2 - 1)
+    reach = min(math.ceil((TUNING.car_cutoff * deviation + TUNING.fastest_turn * tau) / width), headings // 2 - 1)
     weights: Array = np.exp(-0.5 * (np.arange(-reach, reach + 1) * width / deviation) ** 2)
     weights /= weights.sum()
     return weights
@@ -164,7 +163,7 @@ def _sweep(value, out, rays, taps, order):  # type: ignore[no-untyped-def]
                 end = fate[i, j, k]
                 if end == INSIDE:
                     th = 2.0 * math.pi * k / nt
-                    ahead = _cubic(value, own_i, own_j, i, j, RAY * math.cos(th), RAY * math.sin(th), k)
+                    ahead = _cubic(value, own_i, own_j, i, j, TUNING.ray * math.cos(th), TUNING.ray * math.sin(th), k)
                     ray[k] = min(cost + ahead, ceiling)
                 else:
                     ray[k] = share[i, j, k] * cost if end == GOAL else ceiling
@@ -223,7 +222,7 @@ def _cubic(value, own_i, own_j, i, j, dx, dy, k):  # type: ignore[no-untyped-def
 
 
 @kernel
-def look(grid, x, slope):  # type: ignore[no-untyped-def]
+def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (3,), 0 in the goal; its gradient [1/m, 1/m, 1/rad] goes to slope (3,)."""
     slope[0], slope[1], slope[2] = 0.0, 0.0, 0.0
     if in_goal(grid.frame, x):

@@ -12,33 +12,37 @@ Three problems can be solved:
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from typing import Any, Protocol, cast
 
 import numpy as np
 
 from pirrht import formatting
-from pirrht.arrays import Array, IntArray
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
-from pirrht.exact.grid import Progress, ignore_progress
+from pirrht.estimation.assembly import path_integral
+from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.exact.grid import TUNING, Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
+from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.signature import class_id
 
-WALK = 0.01  # steps of paths that are drawn in continuous time [s] ...
-AMONG = 0.005  # ... and among moving bodies, where gaps close while a law is held
-
 
 class Solver(Protocol):
     """A module that solves for psi of one kind of problem."""
 
-    look: Any  # compiled: (grid, x (n,), slope (n,)) -> log psi at x [nats]; its gradient goes to slope
+    evaluate: Any  # compiled: (grid, x (n,), slope (n,)) -> log psi at x [nats]; its gradient goes to slope
     # among moving bodies x is (n + 1,), the last of them the time [s]
 
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
@@ -63,7 +67,7 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     """Choose the module that solves a problem in continuous time or with a step dt [s]; OptionError if none does."""
     d = problem.dynamics
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
-    solvers, where = (AMONG_MOVERS, " among moving bodies") if space.scene.movers else (SOLVERS, "")
+    solvers, where = (AMONG_MOVERS, " among moving obstacles") if space.scene.movers else (SOLVERS, "")
     found = next((both for kind, both in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
     if found is None or callable(problem.q) or not d.constant or d.input_form:
         known = " or ".join(kind.__name__ for kind in solvers)
@@ -79,8 +83,8 @@ class Desirability:
     space: FreeSpace
     spacing: float  # of the grid [m]
     dt: float | None  # step of the problem in discrete time [s]; None: continuous time
-    grid: Any  # what `look` reads
-    look: Any  # of the solver
+    grid: Any  # what `evaluate` reads
+    evaluate: Any  # of the solver
     gain: Array  # lambda R^-1 G_c', (m, m) [control per nats/state]
 
     @classmethod
@@ -110,7 +114,7 @@ class Desirability:
         solver = solver_for(problem, space, dt)
         gain: Array = problem.temperature * np.linalg.solve(problem.control_cost(x), d.G_c(x).T).astype(float)
         grid = solver.grid_of(problem, space, spacing, dt, progress)
-        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, look=solver.look, gain=gain)
+        return cls(problem=problem, space=space, spacing=spacing, dt=dt, grid=grid, evaluate=solver.evaluate, gain=gain)
 
     @staticmethod
     def spacing_for(
@@ -162,7 +166,7 @@ class Desirability:
             controls: Array = self._at(states, t)[1][:, -len(self.gain) :] @ self.gain.T
             return controls if np.ndim(x) == 2 else controls[0]
         slope = np.zeros(len(x))
-        self.look(self.grid, x, slope)
+        self.evaluate(self.grid, x, slope)
         control: Array = self.gain.dot(slope[-len(self.gain) :])
         return control
 
@@ -172,42 +176,88 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
+        from pirrht.exact.paths import Process, walker
+
+        d, homology = self.problem.dynamics, replace(self.space.homology, speed=self._best_speed())
         x = np.array(x, dtype=float)
-        whole, outcome = self._paths(x, t, samples, seed) if self.moves else self._standing_paths(x, samples, seed)
-        arrived = whole[outcome == Outcome.GOAL]
+        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x) + 1))
+        outcome = np.zeros(samples, dtype=np.int64)
+        step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
+        process = Process(
+            field=self.space.field, parameters=np.asarray(d.parameters, dtype=float), gain=self.gain,
+            G=d.G_c(x), B=d.B_c(x), wall=self.problem.phi / self.problem.temperature, step=step,
+        )  # fmt: skip
+        walk = walker(self.evaluate, d.drift, self.dt is not None, self.moves)
+        walk(self.grid, process, homology.markers, homology.tracks, np.append(x, t), seed, turns, ends, outcome)
+        goal, first = outcome == Outcome.GOAL, homology.at(x, t)
+        closed = [
+            homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns[goal], ends[goal], strict=True)
+        ]
+        arrived = np.rint(np.reshape(closed, (-1, homology.M))).astype(int)
         classes, counts = np.unique(arrived, axis=0, return_counts=True)
         order = np.argsort(-counts, kind="stable")
         return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
 
-    def _standing_paths(self, x: Array, samples: int, seed: int) -> tuple[IntArray, IntArray]:
-        from pirrht.exact.optimal_paths import Process, walker
-
-        d, markers = self.problem.dynamics, self.space.homology.markers
-        turns, outcome = np.zeros((samples, len(markers))), np.zeros(samples, dtype=np.int64)
-        process = Process(
-            field=self.space.field, parameters=np.asarray(d.parameters, dtype=float), gain=self.gain,
-            G=d.G_c(x), B=d.B_c(x), wall=self.problem.phi / self.problem.temperature, step=self.dt or WALK,
-        )  # fmt: skip
-        walk = walker(self.look, d.drift, self.dt is not None)
-        walk(self.grid, process, markers, x, seed, turns, outcome)
-        return np.rint(turns - self.space.homology.static.base(x)).astype(int), outcome
-
-    def _paths(self, x: Array, t: float, samples: int, seed: int) -> tuple[IntArray, IntArray]:
-        from pirrht.exact.optimal_paths import classes_of
-
-        homology = replace(self.space.homology, speed=best_speed(self.problem))
-        return classes_of(self.grid, self.gain, homology, x, t, AMONG, samples, seed)
+    def _best_speed(self) -> float:
+        """sqrt(2 q / r) [m/s], at which a point reaches the goal at least cost where nothing is in the way."""
+        assert not callable(self.problem.q)
+        return math.sqrt(
+            2.0
+            * self.problem.q
+            / float(self.problem.control_cost(self.problem.dynamics.state_of(self.space.scene.start))[0, 0])
+        )
 
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         value, slope = np.empty(len(states)), np.zeros_like(states)
         if self.moves:
             states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
         for k in range(len(states)):
-            value[k] = self.look(self.grid, states[k], slope[k])
+            value[k] = self.evaluate(self.grid, states[k], slope[k])
         return value, slope
 
 
-def best_speed(problem: Problem) -> float:
-    """sqrt(2 q / r) [m/s], at which a point reaches the goal at least cost where nothing is in the way."""
-    assert not callable(problem.q)
-    return math.sqrt(2.0 * problem.q / float(problem.control_cost(np.zeros(2))[0, 0]))
+class Optimal(Policy):
+    """Feedback control by a solved grid.
+
+    Args:
+        desirability: of the problem in continuous time.
+        sampling: of the sampler that a recording draws with; drives do not use it.
+    """
+
+    def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
+        self.desirability, self._sampling = desirability, sampling
+        self.homology = homology_of(self.problem, self.space)
+        start = self.problem.dynamics.state_of(self.problem.scene.start)
+        desirability.control(start)  # compiles, so that the first plan takes no longer than the others
+        self.begin(start)
+
+    def __repr__(self) -> str:
+        return f"Optimal({self.desirability!r})"
+
+    @property
+    def problem(self) -> Problem:
+        """Problem that the grid solves."""
+        return self.desirability.problem
+
+    @property
+    def space(self) -> FreeSpace:
+        """Free space of its scene."""
+        return self.desirability.space
+
+    @cached_property
+    def path_integral(self) -> PathIntegral:  # type: ignore[override]
+        """Sampler that a recording reads problem and temperature from."""
+        return path_integral(self.problem, self.space, self._sampling)
+
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
+        now = self.run.time
+
+        def law(state: Array, since: float = 0.0) -> Array:
+            return self.desirability.control(state, now + since)
+
+        value = self.desirability.value(x, now)
+        return Plan(
+            state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
+            instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
+        )  # fmt: skip

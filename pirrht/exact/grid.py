@@ -1,7 +1,8 @@
-"""Hold what the grids share: the domain of psi, frames of points, cubic interpolation, and progress."""
+"""Define domain, frame and interpolation of the grids, and the numbers that tune them."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,8 +16,66 @@ from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.jit.jit import inlined
 
-MOST = 1_000_000  # grid points in the plane that are solved for in about half a minute
-BAND = 0.03  # FCL itself is asked where the clearance field claims less than this [m]
+
+class GridTuning(NamedTuple):
+    """Tuning of all grids: accuracy against time and memory. Errors named here were measured on closed forms."""
+
+    # Every grid
+    most_points: int = 1_000_000  # grid points in the plane: solved for in about half a minute
+    fcl_band: float = 0.03  # FCL replaces the clearance field where that has less [m]; the field interpolates
+    # Stationary point (`point`)
+    point_lengths: float = 1.0  # default spacing in decay lengths 1/k of psi: v to 0.5 %, u to 2 %
+    point_radii: float = 0.2  # and at most this share of the robot's radius, so that gaps are resolved
+    hug: float = 0.1  # points closer to a wall than this share of the spacing get arms from further off
+    speaks: float = 2.5  # a place has the expansion of a free grid point at most so many cells away
+    # Gaussian steps (`gaussian_step`, `discrete_point`, `moving_point`)
+    tile: int = 16  # points along the side of a tile that shares one exponent: cache against underflow
+    cutoff: float = 6.0  # a step ends so many deviations beyond the mean that the optimal law gives it
+    directions: int = 4  # walls in different directions that one place has
+    curvature_arm: float = 0.2  # arm of second differences of a clearance, as a share of the robot's radius
+    kernel_sum: float = 1e-6  # shortfalls of a sum below this are rounding
+    difference: float = 1e-3  # arm of differences for the gradient, as a share of a step's deviation
+    underflow: float = 1e-250  # sums below this are taken again with an exponent of their own
+    # A point with a step (`discrete_point`)
+    discrete_points: float = 3.0  # default points per deviation of a step: the sum is exact to 1e-38
+    cell_parts: int = 8  # a cell that a boundary cuts is integrated over so many parts each way
+    discrete_settled: float = 1e-7  # change of log psi in a step at which iteration ends [nats]
+    discrete_steps: int = 20_000  # steps of the iteration at most
+    # A point among moving obstacles (`moving_point`)
+    step_radii: float = 0.28  # deviation of a step at most, as a share of the robot's radius,
+    step_lengths: float = 1.1  # of the decay length 1/k of psi,
+    step_mean: float = 0.33  # and of their geometric mean: v to 0.1 % with all three
+    moving_points: float = 1.25  # points per deviation of a step: the sum is exact to 4e-14
+    shortest_step: float = 0.5  # steps end at rows of motions unless they are shorter than this share of the longest
+    last_steps: int = 5  # steps after the last motion, so that each time before has a next frame
+    next_frame: float = 0.5  # psi is evaluated from a frame at least this share of a step later
+    frame_bytes: float = 3e8  # memory of frames, which are thinned to fit
+    thinned: int = 8  # steps between frames at most: longer steps would cost accuracy
+    common_period: float = 200.0  # least common multiple of repeated motions at most [s]
+    moving_settled: float = 1e-3  # change of log psi from period to period at which iteration ends [nats]
+    moving_periods: int = 60  # periods of the iteration at most
+    # A car (`car`)
+    ray: float = 2.0  # length of a ray in spacings: longer rays interpolate less often and resolve walls less
+    sideways_points: float = 2.0  # points across the deviation of a car after a second, at least
+    car_radii: float = 1.0 / 6.0  # default spacing as a share of the robot's radius, at most
+    headings: int = 120  # headings at least
+    car_points: int = 8_000_000  # grid points of positions and headings: about two minutes
+    car_cutoff: float = 6.5  # smoothing ends so many deviations beyond
+    fastest_turn: float = 4.0  # what this turn rate reaches in a step [rad/s]
+    worst_path: float = 10.0  # v is cut off at the cost of driving so many times around half the workspace
+    car_settled: float = 1e-4  # change of v in a sweep at which iteration ends [cost]
+    car_sweeps: int = 500  # sweeps of the iteration at most
+    # Paths under the optimal law (`optimal`)
+    path_step: float = 0.01  # step of drawn paths at most [s], and
+    moving_path_step: float = 0.005  # among moving obstacles, where gaps close while a law is held [s]
+    wall_steps: float = 0.15  # and its deviation as a share of the clearance, since the law grows as 1/clearance
+    shortest_path_step: float = 1e-7  # but no step is shorter [s]
+    candidates: int = 64  # normal ends that a step of the discrete problem is resampled from
+    path_steps: int = 100_000  # steps of a path at most
+    drawn: float = 0.5  # a recording draws the control now over this time [s]
+
+
+TUNING = GridTuning()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,7 +94,7 @@ class Domain:
         def at(points: Array) -> Array:
             out = np.empty(len(points))
             clearances(space.field, np.ascontiguousarray(points), out)
-            close = np.flatnonzero(out < BAND)
+            close = np.flatnonzero(out < TUNING.fcl_band)
             out[close] = space.collision.clearance(points[close])
             return out
 
@@ -60,6 +119,26 @@ def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
     return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
 
 
+def indices(shape: tuple[int, int] | Array) -> Array:
+    """Grid indices of all points of a plane (nx, ny), (nx ny, 2)."""
+    nx, ny = shape
+    return np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def largest_change(now: Array, before: Array) -> float:
+    """Largest change of log psi (nx, ny) [nats]; infinite where one is minus infinity and the other is not."""
+    finite = np.isfinite(now)
+    if not np.array_equal(finite, np.isfinite(before)):
+        return math.inf
+    return float(np.max(np.abs(now[finite] - before[finite]), initial=0.0))
+
+
+@inlined
+def to_rim(frame, x, y):  # type: ignore[no-untyped-def]
+    """Distance of (x, y) from the goal's disc [m], negative in it."""
+    return math.sqrt((x - frame.goal_x) ** 2 + (y - frame.goal_y) ** 2) - frame.radius
+
+
 @inlined
 def in_goal(frame, x):  # type: ignore[no-untyped-def]
     """Tell whether the position of x (n,) [m] is in the goal's disc."""
@@ -73,20 +152,20 @@ def in_cells(frame, x):  # type: ignore[no-untyped-def]
 
 
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
-    """Return a spacing [m] at which the workspace has at most MOST points.
+    """Return a spacing [m] at which the workspace has no more points than the tuning allows.
 
     OptionError if it has more, with the reason for the spacing and what to choose instead.
     """
     size = (scene.upper - scene.lower) / spacing
-    if np.prod(size) > MOST:
+    if np.prod(size) > TUNING.most_points:
         raise OptionError(
-            f"{reason}, so the grid needs {size[0]:.0f} x {size[1]:.0f} points and can have {MOST:,}; "
-            f"choose more --noise{remedy} or a smaller workspace"
+            f"{reason}, so the grid needs {size[0]:.0f} x {size[1]:.0f} points and can have {TUNING.most_points:,}; "
+            f"choose more noise{remedy} or a smaller workspace"
         )
     return spacing
 
 
-Progress = Callable[[float], None]  # is told the share that is done, from 0 to 1
+Progress = Callable[[float], None]  # takes the share that is done, from 0 to 1
 
 
 def ignore_progress(share: float) -> None:

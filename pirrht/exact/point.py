@@ -24,15 +24,25 @@ from scipy.sparse.linalg import splu
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import Domain, Frame, Progress, affordable, frame_at, ignore_progress, in_cells, in_goal
+from pirrht.exact.grid import (
+    TUNING,
+    Domain,
+    Frame,
+    Progress,
+    affordable,
+    frame_at,
+    ignore_progress,
+    in_cells,
+    in_goal,
+    indices,
+)
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 
 ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
-SECANTS = 20  # steps of the search for the end of an arm at most
 CLOSE = 1e-7  # of that end [m]
-HUG = 0.1  # a point hugs a wall that one of its arms meets within this share of the spacing
 
 
 def ends_of_arms(
@@ -44,7 +54,7 @@ def ends_of_arms(
     """
     tails, room = points[rows], free_by[rows]
     ends, at_goal = _cut(domain, tails, room, heads)
-    short = ~at_goal & (np.hypot(*(ends - tails).T) < HUG * spacing)
+    short = ~at_goal & (np.hypot(*(ends - tails).T) < TUNING.hug * spacing)
     hugging = np.unique(rows[short])
     again = np.isin(rows, hugging)
     which = np.searchsorted(hugging, rows[again])
@@ -83,7 +93,7 @@ def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Arra
     side = np.zeros(len(end))
     zero = np.where(at_end <= CLOSE, end, np.inf)
     busy = np.flatnonzero(at_end < 0.0)
-    for _ in range(SECANTS):
+    for _ in range(20):
         t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
         value = f(busy, t)
         zero[busy] = t
@@ -100,12 +110,7 @@ def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Arra
 
 ComplexArray = NDArray[np.complex128]
 
-FINEST = 1.0  # default spacing in decay lengths 1/k of psi ...
-COARSEST = 0.2  # ... but at most this share of the robot's radius
 WHOLE = ARMS @ np.array([1.0, 1j])  # arms as x + iy
-NEAR = 2.5  # a point of the plane is spoken for by a free grid point at most so many cells away
-TINY = 1e-300
-LEAST = 1e-5  # a control is never that of a place nearer to a wall [m]
 
 
 class Expansion(NamedTuple):
@@ -129,10 +134,13 @@ def wavenumber_of(problem: Problem) -> float:
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
     """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %; refuses too many points."""
-    length = 1.0 / wavenumber_of(problem)
-    default = min(FINEST * length, COARSEST * space.scene.robot_radius)
-    reason = f"psi falls by a factor e in {length:.2g} m"
-    return affordable(space.scene, default if spacing is None else spacing, reason)
+    reason = f"psi falls by a factor e in {1.0 / wavenumber_of(problem):.2g} m"
+    return affordable(space.scene, default_spacing(problem, space.scene) if spacing is None else spacing, reason)
+
+
+def default_spacing(problem: Problem, scene: Scene) -> float:
+    """Spacing that keeps v to 0.5 % and u to 2 % [m]."""
+    return min(TUNING.point_lengths / wavenumber_of(problem), TUNING.point_radii * scene.robot_radius)
 
 
 def grid_of(
@@ -151,7 +159,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
-    index = np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
+    index = indices((nx, ny))
     points = lower + spacing * index
     free_by, rim = domain.clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
     free = (free_by > CLOSE) & (rim > CLOSE)
@@ -169,14 +177,14 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     coefficients, below = _fit(neighbour, arms, log_end, s, wavenumber * spacing)
     # In a narrow corner psi is a smaller share of what is around it than the distance to the wall is of the spacing.
     gap = free_by[free] / spacing
-    if np.any((below > 0.0) & (below > np.where(gap < HUG, gap, 0.0))):
+    if np.any((below > 0.0) & (below > np.where(gap < TUNING.hug, gap, 0.0))):
         raise OptionError(f"the grid of {spacing:g} m is too coarse for this scene; choose a smaller spacing")
     number[free] = np.where(below > 0.0, -1, number[free])
     number = number.reshape(nx, ny)
     away, nearest = distance_transform_edt(number < 0, return_indices=True)
-    owner = np.where(away <= NEAR, number[tuple(nearest)], -1)
+    owner = np.where(away <= TUNING.speaks, number[tuple(nearest)], -1)
     return Expansion(
-        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=LEAST, owner=owner,
+        frame=frame_at(lower, spacing, goal), wavenumber=wavenumber, least=1e-5, owner=owner,
         place=place, coefficients=coefficients, shift=-s,
     )  # fmt: skip
 
@@ -218,8 +226,8 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
     coefficients = np.empty((K, len(ARMS)))
     coefficients[whole] = ends[whole] @ common.T
     coefficients[~whole] = np.einsum("kij,kj->ki", own, ends[~whole])
-    most = np.maximum(ends.max(axis=1), TINY)
-    below = np.maximum(np.minimum(-chi, most) / most, TINY)
+    most = np.maximum(ends.max(axis=1), 1e-300)
+    below = np.maximum(np.minimum(-chi, most) / most, 1e-300)
     return coefficients, np.where((chi > 0.0) | ~np.isfinite(s), 0.0, below)
 
 
@@ -262,7 +270,7 @@ def _ladder(t):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def look(grid, x, slope):  # type: ignore[no-untyped-def]
+def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log psi [nats] at x (2,); its gradient [1/m] goes to slope (2,). Minus infinity far inside of a wall."""
     slope[0], slope[1] = 0.0, 0.0
     if in_goal(grid.frame, x):

@@ -151,7 +151,13 @@ class DDPGuidance:
         if first is None or not (first.valid or self._clearance(query) <= 0.0):
             fresh = self._improved(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
-        valid = [one for one in found if one is not None and one.valid]
+        return self._ranked(first, [one for one in found if one is not None and one.valid])
+
+    def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
+        """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.
+
+        The first is best unless another costs less by lambda; without a valid one it is the only one.
+        """
         if not valid:
             return [] if first is None else [first]
         best, t = min(valid, key=lambda one: one.priced), self.tuning

@@ -47,7 +47,7 @@ class Initialisation:
         return end
 
     def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """Start from the tape of a reference from x (n,)."""
+        """Start from the controls of a reference from x (n,)."""
         d, course = self.dynamics, self.empty(len(times) - 1)
         tape, state = trajectory.tape(times), x
         ends = int(np.searchsorted(times, trajectory.durations.sum()))
@@ -62,7 +62,7 @@ class Initialisation:
         return course, min(ends, len(tape))
 
     def perturbed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
-        """Start from the tape with its first inputs perturbed: to turn the other way, to brake, to reverse.
+        """Start from the controls with the first ones perturbed: to turn the other way, to brake, to reverse.
 
         Optimisation is local, and turning about has several local optima.
         """

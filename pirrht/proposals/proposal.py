@@ -96,7 +96,7 @@ class Tape(ProposalControl):
         return np.asarray(self.controls[i]) if i < len(self.controls) else np.zeros(self.controls.shape[1])
 
     def pack(self, leads: ProposalTables, h: int) -> None:
-        """Write the tape to `ProposalTables.control` (H, T, m)."""
+        """Write the control sequence to `ProposalTables.control` (H, T, m)."""
         leads.control[h] = self.controls
 
 
@@ -106,7 +106,7 @@ class Proposal:
 
     lead: ProposalControl
     count: int  # N_h of them
-    name: str = ""  # of the reference's class, from the start of the drive; empty without a reference
+    name: str = ""  # of the reference's class, from the start of the run; empty without a reference
     key: int | None = None  # the class as an additive key
 
 

@@ -21,7 +21,7 @@ from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 @cache
 def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
     """Build the kernels of one kind of dynamics: `velocity`, `advance` and `expand`."""
-    drift, q, n, m, rows, midway = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.midway
+    drift, q, n, m, rows, stratonovich = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.stratonovich
     varying_rate, noisy_position = kind.varying_rate, kind.noisy_position
     varying = kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
@@ -54,7 +54,7 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
                     mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
                     out[fixed + j] += dt * B[j, k] * mean
         drift(out, setup.parameters, f)
-        if midway:
+        if stratonovich:
             for j in range(n):
                 out[j] = x[j] + 0.5 * dt * f[j]
             for j in range(rows):
@@ -158,7 +158,7 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
             S: (N, N), filled with the second derivatives of the weighted sum and q dt.
         """
         x, a, dt, _ = at
-        modes, size, all_vary = a.shape[0], 0.0, varying or midway
+        modes, size, all_vary = a.shape[0], 0.0, varying or stratonovich
         N = n + modes
         which, count = np.empty(N, np.int64), 0
         work = np.empty(n), np.empty(modes), np.zeros((2, rows, m)), np.empty(n)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,14 @@ from pirrht.steering.steering import CompiledSteering, Steering
 from pirrht.topology.crossings import Turns, key_of_pairs
 
 Number = Callable[..., float]
+
+
+class Chain(NamedTuple):
+    """Vertices of a path, and its legs between them."""
+
+    states: Array  # (k, n)
+    cost: Array  # (k,) of the leg that follows, up to the goal's disc [cost]; the last one is unused
+    key: NDArray[np.int64]  # (k,) its additive key
 
 
 def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = TUNING) -> Any:
@@ -82,8 +90,9 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         return (last or entry(motions, 0, around) == np.inf) and sure(motions, 0, around)
 
     @part
-    def stations_of(around, numbers, states, count, tuning, scratch, stations, cost, key):  # type: ignore[no-untyped-def]
-        """Write stations along a path, and the costs and keys of the legs between them; the number of stations."""
+    def stations_of(around, numbers, states, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
+        """Write stations along a path and the legs between them to a `Chain`; the number of stations."""
+        stations, cost, key = out
         legs, spacing = len(states) - 1, 0.0
         for i in range(legs):
             leg = connect(states[i : i + 1], states[i + 1 : i + 2], numbers)
@@ -110,8 +119,9 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         return used
 
     @part
-    def cheapest(around, numbers, stations, cost, key, tuning, scratch, out):  # type: ignore[no-untyped-def]
-        """Write the vertices of the cheapest chain over stations (k, n) whose legs cost (k - 1,); their number."""
+    def cheapest(around, numbers, along, tuning, scratch, out):  # type: ignore[no-untyped-def]
+        """Write the vertices of the cheapest chain over the stations `along` a path; their number."""
+        stations, cost, key = along
         count = len(stations)
         best, source, passed = np.zeros(count), np.zeros(count, np.int64), np.zeros(count, np.int64)
         total, charge = np.empty(count), tuning.leg_charge * np.sum(cost[: count - 1])
@@ -149,8 +159,9 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         return used
 
     @part
-    def move(around, numbers, states, cost, key, i, trial, tuning, scratch):  # type: ignore[no-untyped-def]
+    def move(around, numbers, path, i, trial, tuning, scratch):  # type: ignore[no-untyped-def]
         """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper; whether it did."""
+        states, cost, key = path
         last, tail = i == len(states) - 1, states[i - 1 : i]
         limit, turned, least = cost[i - 1], key[i - 1], 0.0
         if clearance(around.field, trial[0, 0], trial[0, 1]) < LEAST_STEP:
@@ -192,7 +203,7 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
                     shift(states[i], m, tuning.first_step * 0.5**level, numbers, trial[0])
                     if i == k - 1:
                         trial[0, 0], trial[0, 1] = states[i, 0], states[i, 1]
-                    move(around, numbers, states, cost, key, i, trial, tuning, scratch)
+                    move(around, numbers, Chain(states, cost, key), i, trial, tuning, scratch)
 
     @part
     def shortened(around, numbers, states, moves, tuning):  # type: ignore[no-untyped-def]
@@ -201,10 +212,11 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         scratch = np.empty(crossings, np.int32), np.empty(crossings, np.int16)
         for count in tuning.stations:
             room = len(states) + count + 1
-            stations, cost, key = np.empty((room, states.shape[1])), np.empty(room), np.empty(room, np.int64)
-            used = stations_of(around, numbers, states, count, tuning, scratch, stations, cost, key)
+            along = Chain(np.empty((room, states.shape[1])), np.empty(room), np.empty(room, np.int64))
+            used = stations_of(around, numbers, states, count, tuning, scratch, along)
+            along = Chain(along.states[:used], along.cost, along.key)
             out = np.empty((used, states.shape[1]))
-            states = out[: cheapest(around, numbers, stations[:used], cost, key, tuning, scratch, out)].copy()
+            states = out[: cheapest(around, numbers, along, tuning, scratch, out)].copy()
             search(around, numbers, states, moves, tuning, scratch)
         return states
 

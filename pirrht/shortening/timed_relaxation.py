@@ -81,16 +81,17 @@ def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def
 
 
 @kernel
-def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope):  # type: ignore[no-untyped-def]
+def modelled(around, near, numbers, knots, weight, margin, model):  # type: ignore[no-untyped-def]
     """Cost of a path and its penalties; write the slope and the matrix of it if there is room for them.
 
     Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
-        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; `matrix`, `border` and `slope`, (2
-        N, BAND), (2 N + 1,) and (2 N + 1,), of the places but the first and the duration.
+        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, the matrix (2 N, BAND),
+        border (2 N + 1,) and slope (2 N + 1,) of the places but the first and the duration.
     """
     q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
     walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
-    model, whole = slope.shape[0] > 0, knots[last, 2] - knots[0, 2]
+    (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
+    filled = slope.shape[0] > 0
     matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
     for i in range(last):
         dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
@@ -100,7 +101,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
         lacking = math.hypot(dx, dy) - limit * dt
         if lacking > 0.0:
             total += 0.5 * weight * lacking * lacking
-        if model:
+        if filled:
             slope[slope.shape[0] - 1] += rate * part
             along[0], along[1], along[2], along[3], along[4] = -1.0, 0.0, 1.0, 0.0, -vx * part
             _add(matrix, border, slope, i, along, dx, r / dt)
@@ -115,7 +116,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
             for k in range(_walls(around, near, x, y, t, margin, walls)):
                 lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
                 total += 0.5 * weight * lacking * lacking
-                if model:
+                if filled:
                     along[0], along[1] = (share - 1.0) * nx, (share - 1.0) * ny
                     along[2], along[3] = -share * nx, -share * ny
                     along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
@@ -125,7 +126,7 @@ def modelled(around, near, numbers, knots, weight, margin, matrix, border, slope
     lacking = away - around.goal_radius * (1.0 - TUNING.inside)
     if lacking > 0.0:
         total += 0.5 * weight * lacking * lacking
-        if model:
+        if filled:
             along[0], along[1], along[2], along[3], along[4] = 0.0, 0.0, gx / away, gy / away, 0.0
             _add(matrix, border, slope, last - 1, along, lacking, weight)
     return total
@@ -218,12 +219,12 @@ def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyp
         weight = TUNING.weights[k]
         near = bodies[: _around(around, knots, bodies)]
         for _ in range(TUNING.steps):
-            before = modelled(around, near, numbers, knots, weight, margin, matrix, border, slope)
+            before = modelled(around, near, numbers, knots, weight, margin, (matrix, border, slope))
             _step(matrix, border, slope, 1e-9 * weight, step, work)
             share, after = _allowed(knots, step, TUNING.longest_step * thin, fastest), np.inf
             for _ in range(TUNING.halvings):
                 _moved(knots, step, share, moved)
-                after = modelled(around, near, numbers, moved, weight, margin, matrix[:0], none, none)
+                after = modelled(around, near, numbers, moved, weight, margin, (matrix[:0], none, none))
                 if after < before:
                     break
                 share *= 0.5

@@ -97,9 +97,12 @@ class Homology(Signature):
 
     def winding(self, path: Array) -> tuple[int, ...]:
         """Class, M [turns], of a path (k, n), completed straight to the goal point, where it then waits."""
-        path, S = self._timed(path), len(self.markers)
-        first, last = path[0], path[-1]
-        whole = self.turns(path)
+        path = self._timed(path)
+        return integers(self.closed(self.turns(path), path[0], path[-1]))
+
+    def closed(self, turns: Array, first: Array, last: Array) -> Array:
+        """H of a path from `first` to `last` (n,), completed to the goal point, over the base's, (M,) [turns]."""
+        S, whole = len(self.markers), turns.copy()
         whole[:S] += self.base(last)[:S] - self.base(first)[:S]
         if self.J:
             arrival = self.arrival(first)
@@ -107,7 +110,7 @@ class Homology(Signature):
             to_goal = self.turns(np.array([last, [*self.goal, last[2]]]))
             wait = math.copysign(1.0, arrival - last[2]) * self.turns(waits)
             whole[S:] += (to_goal + wait - self.base(first))[S:]
-        return integers(whole)
+        return whole
 
     def arrival(self, x: Array) -> float:
         """Time at which the base that leaves x (3,) [m, m, s] arrives [s]."""

@@ -58,7 +58,7 @@ def convergence(noise: float, spacings: Sequence[float], *, points: int = 1000, 
         grid = point.solve(room, wavenumber=k, wall=np.inf, spacing=h)
         found, gradient = np.empty(points), np.empty((points, 2))
         for i, x in enumerate(CENTER + r[:, None] * radial):
-            found[i] = point.look(grid, x, gradient[i])
+            found[i] = point.evaluate(grid, x, gradient[i])
         off = np.hypot(*(noise**2 * gradient - exact).T) / np.maximum(np.hypot(*exact.T), 0.5)
         row = {
             "noise": noise,

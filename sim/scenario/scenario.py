@@ -15,9 +15,8 @@ from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity, Predictor
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability, solver_for
+from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
-from pirrht.exact.optimal import Optimal
 from pirrht.freespace import FreeSpace
 from pirrht.planner import file as tree_file
 from pirrht.planner.left_out import left_out

@@ -13,10 +13,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.moving_look import look, poses_of
+from pirrht.exact.moving_point import clearance_at, evaluate, poses_of
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import normals, stream
-from pirrht.moving.bodies import clearance_from
 
 EARLY = 0.5826
 STEP = 2e-4  # [s]
@@ -37,7 +36,7 @@ def sampled_log_psi(grid: Desirability, x: Array, t: float, samples: int, seed: 
 @kernel
 def _walk(grid, temperature, x0, t0, seed, out):  # type: ignore[no-untyped-def]
     """Fill `out` (S,) with log weights of paths of a point whose R is lambda / b^2 [nats]."""
-    room, frame, b, wall = grid.room, grid.frame, grid.step.b, grid.step.wall
+    frame, b, wall = grid.frame, grid.step.b, grid.step.wall
     early = EARLY * b * math.sqrt(STEP)
     slope, state, pose = np.zeros(2), np.zeros(3), np.empty((grid.begin.shape[1], 4))
     for s in range(len(out)):
@@ -47,7 +46,7 @@ def _walk(grid, temperature, x0, t0, seed, out):  # type: ignore[no-untyped-def]
         weight, held = 0.0, 0
         while state[2] < LATE:
             if held == 0:
-                look(grid, state, slope)
+                evaluate(grid, state, slope)
                 held = HELD
             held -= 1
             draws, w, z = normals(draws)
@@ -62,10 +61,6 @@ def _walk(grid, temperature, x0, t0, seed, out):  # type: ignore[no-untyped-def]
                 out[s] = weight
                 break
             poses_of(grid, state[2], pose)
-            free_by = min(min(state[0] - room.left, room.right - state[0]), state[1] - room.low)
-            free_by = min(free_by, room.high - state[1])
-            for k in range(room.bodies.owner.shape[0]):
-                free_by = min(free_by, clearance_from(room.bodies, k, pose, state[0], state[1]))
-            if free_by <= early:
+            if clearance_at(grid.surroundings, pose, state[0], state[1]) <= early:
                 out[s] = weight - wall
                 break

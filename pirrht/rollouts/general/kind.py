@@ -27,8 +27,10 @@ class KernelSpec(NamedTuple):
     angles: int = 0  # bit k tells whether the k-th state is a heading
     homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
     input_form: bool = False  # whether noise enters through inputs
-    midway: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
-    astray: bool = False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
+    stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
+    anisotropic: bool = (
+        False  # a point that drifts, or is shaken more one way: ways, which know neither, do not lead it
+    )
     moving: bool = False  # whether bodies move in the scene
 
     @property
@@ -47,7 +49,7 @@ class KernelSpec(NamedTuple):
         return self.diffusion_block is not None
 
     @property
-    def gaining(self) -> bool:
+    def state_dependent_gain(self) -> bool:
         """Tell whether B^-1 G, which turns u into a, varies with the state."""
         return self.control_block is not None
 
@@ -57,14 +59,14 @@ class KernelSpec(NamedTuple):
         return self.rows > self.m and self.noisy_position and not self.drifting
 
     @property
-    def bending(self) -> bool:
+    def curved_step(self) -> bool:
         """Tell whether its path bends within a step as the noise of the step has it."""
         return self.drifting and not self.noisy_position
 
     @property
     def modes(self) -> int:
         """The most modes that the noise of a step has: m, and as many sways of what bends."""
-        return 2 * self.m if self.bending else self.m
+        return 2 * self.m if self.curved_step else self.m
 
 
 @cache
@@ -100,9 +102,9 @@ def is_steady(kind: KernelSpec) -> bool:
 
     Then its optimal control is a martingale along its optimal paths (`guidance.near_walls`).
     """
-    return is_gated(kind) and not (kind.drifting or kind.varying or kind.gaining or kind.varying_rate)
+    return is_gated(kind) and not (kind.drifting or kind.varying or kind.state_dependent_gain or kind.varying_rate)
 
 
 def takes_law(kind: KernelSpec) -> bool:
     """Tell whether a linear law leads samples: of any system but a point among static obstacles, which climbs psi."""
-    return kind.moving or not (kind.n == kind.m == 2 and not kind.astray)
+    return kind.moving or not (kind.n == kind.m == 2 and not kind.anisotropic)

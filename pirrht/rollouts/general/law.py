@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,25 +36,35 @@ GATES = 2  # of a row of a law
 GATE = 5  # numbers of one: direction (x, y) of its free side, z on the guide, its change per meter [1/m], weight
 
 
-FAR_IN, FAR_OUT, PER_UNIT = -6.0, 6.0, 16  # where its table begins and ends, and rows of that per unit of z
-_AT = np.linspace(FAR_IN, FAR_OUT, int((FAR_OUT - FAR_IN) * PER_UNIT) + 1)
-MILLS = np.exp(-0.5 * _AT**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _AT])
+class LawTuning(NamedTuple):
+    """Numbers of laws along paths."""
+
+    lost: float = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing:
+    # dQ_g/dQ_h is a martingale, so that exp(-30) is also the expected share of it later
+    mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
+    mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
+    mills_rows: int = 16  # of it per unit of z: more than 1e-4 of itself is not needed
+
+
+TUNING = LawTuning()
+_Z = np.arange(TUNING.mills_from, TUNING.mills_to + 0.5 / TUNING.mills_rows, 1.0 / TUNING.mills_rows)
+MILLS = np.exp(-0.5 * _Z**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _Z])
 
 
 @inlined
 def mills(z):  # type: ignore[no-untyped-def]
-    """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself between FAR_IN and FAR_OUT.
+    """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself in the range of its table.
 
     It is h with h' = -h (z + h), so a cubic between two rows of a table has both slopes at no more than their h.
     """
-    if z <= FAR_IN:
+    if z <= TUNING.mills_from:
         return -z + 1.0 / -z  # to z^-3
-    if z >= FAR_OUT:
+    if z >= TUNING.mills_to:
         return 0.0
-    at = (z - FAR_IN) * PER_UNIT
+    at = (z - TUNING.mills_from) * TUNING.mills_rows
     k = int(at)
-    u, left, right, width = at - k, MILLS[k], MILLS[k + 1], 1.0 / PER_UNIT
-    begin = FAR_IN + width * k
+    u, left, right, width = at - k, MILLS[k], MILLS[k + 1], 1.0 / TUNING.mills_rows
+    begin = TUNING.mills_from + width * k
     rise, fall = -width * left * (begin + left), -width * right * (begin + width + right)
     v = 1.0 - u
     return v * v * ((1.0 + 2.0 * u) * left + u * rise) + u * u * ((1.0 + 2.0 * v) * right - v * fall)
@@ -164,15 +174,11 @@ def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
     return affine, clip, matvec, axpy
 
 
-LOST = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing: dQ_g/dQ_h is
-# a martingale, so that exp(-30) is also what is expected of it later
-
-
 @cache
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, and with a law `wide`."""
     n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
-    leadable, gated, gaining = takes_law(kind), is_gated(kind), kind.gaining
+    leadable, gated, state_dependent_gain = takes_law(kind), is_gated(kind), kind.state_dependent_gain
     fixed, angles, homing_of = n - rows, kind.angles, kind.homing
     nearest, (affine, clip, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
 
@@ -259,8 +265,8 @@ def aims(kind: KernelSpec) -> Any:
         held = i < leads.active[g]
         pushing = noisy_position and leads.reach > 0.0 and count == 0 and (leads.led[g] == 0 or gated)
         for j in range(m if held else 0):
-            a[g, j] += 0.0 if gaining else leads.drift[g, i, j]
-            for k in range(m if gaining else 0):
+            a[g, j] += 0.0 if state_dependent_gain else leads.drift[g, i, j]
+            for k in range(m if state_dependent_gain else 0):
                 a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
         for j in range(m if pushing else 0):
             a[g, j] += scratch.pushed[j]
@@ -272,7 +278,7 @@ def aims(kind: KernelSpec) -> Any:
         """Write them after a share of step i of the grid; if nothing is weighed, only that of the one followed, h."""
         lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
-            lost[g] = lost[g] or (leadable and weigh and ratio[g] < ratio[h] - LOST)
+            lost[g] = lost[g] or (leadable and weigh and ratio[g] < ratio[h] - TUNING.lost)
             if lost[g]:  # never of h
                 continue
             if noisy_position and leads.ways.count[g] > 0:

@@ -86,14 +86,14 @@ def recorder(kind: KernelSpec) -> Any:
     Where walls push, the lead over a step is the mean of both ends, to second order: the next step adds the second half
     (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of what walls push.
     """
-    m, noisy_position, gaining = kind.m, kind.noisy_position, kind.gaining
+    m, noisy_position, state_dependent_gain = kind.m, kind.noisy_position, kind.state_dependent_gain
     gated, steady = is_gated(kind), is_steady(kind)
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
         """Turn `column`, of a, into controls, in `carried`."""
         column, carried = scratch.column, scratch.carried
-        if gaining:
+        if state_dependent_gain:
             solve(scratch.D, column, carried)
         else:
             for j in range(m):
@@ -160,9 +160,9 @@ class Kept(NamedTuple):
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
-    varying, varying_rate, gaining, drifting = kind.varying, kind.varying_rate, kind.gaining, kind.drifting
-    bending, moving, most = kind.bending, kind.moving, kind.modes
-    gain_at: Any = kind.control_block if gaining else drift
+    varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
+    drifting, curved_step, moving, most = kind.drifting, kind.curved_step, kind.moving, kind.modes
+    gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = covariance_of(kind), motion(kind)
     length_of, push_of, draw = length_for(kind), walls_for(kind), noise_for(kind)
@@ -202,7 +202,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if varying:
             noise_at(x, p, setup.inverse, scratch.G, B)
             rates = covariance(B)
-        if gaining:
+        if state_dependent_gain:
             gain_at(x, p, scratch.G)
             solve(B, scratch.G, D)
         if drifting and not drifted:
@@ -236,7 +236,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             probability that no wall was met on the way, where that is weighed.
         """
         arena, times, x, moved = setup.arena, leads.times, scratch.x, scratch.moved
-        T, bent = leads.control.shape[1], bending and setup.bridge and leads.least < np.inf
+        T, bent = leads.control.shape[1], curved_step and setup.bridge and leads.least < np.inf
         modes = most if bent else m
         begin(setup, leads, origin, keep, scratch, arena)
         first, sign = antithetic(sample, leads.first[h], leads.mirrored)

@@ -160,7 +160,7 @@ def motion(kind: KernelSpec) -> Any:
     until then, how much its path bends [rad], and the covariance of the position per second.
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
-    drift, drifting, midway, noisy_position = kind.drift, kind.drifting, kind.midway, kind.noisy_position
+    drift, drifting, stratonovich, noisy_position = kind.drift, kind.drifting, kind.stratonovich, kind.noisy_position
     varying = kind.varying
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance = covariance_of(kind)
@@ -234,7 +234,7 @@ def motion(kind: KernelSpec) -> Any:
                 y[j] = 0.0
             if drifting and not arrived:
                 half_way(setup, scratch, dt, bent)
-        if midway and not arrived:
+        if stratonovich and not arrived:
             rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
             moved[j] = x[j] + f[j] * dt

@@ -1,4 +1,4 @@
-"""psi among moving bodies against closed forms, against standing worlds, against samples and against itself."""
+"""psi among moving obstacles against closed forms, against standing worlds, against samples and against itself."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from thoroughly import first, thorough
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
-from pirrht.exact.bridges import Room, Step
+from pirrht.exact.boundaries import Surroundings, step_of
 from pirrht.exact.desirability import Desirability
+from pirrht.exact.gaussian_step import meet_boundaries, smooth, taps_along
 from pirrht.exact.grid import frame_at
-from pirrht.exact.march import march, taps_along
 from pirrht.geometry.motion import Mover
 from pirrht.moving.bodies import bodies_of, frames_of, poses_at
 
@@ -94,10 +94,10 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     T = steps * dt
     wall = moved("wall", [(0.0, 2.0, 1.5, 0.0), (T, 2.0 + speed * T, 1.5, 0.0)], block("wall", 0.0, 0.0, (0.1, 2.0)))
     scene = room(wall)
-    step = Step(dt, b * math.sqrt(dt), b, 0.0, math.inf, 9.0 * b * math.sqrt(dt))
+    step = step_of(dt, b, 0.0, math.inf)._replace(reach=9.0 * b * math.sqrt(dt))
     h = 0.04
     frame = frame_at(np.zeros(2), h, scene.goal)
-    walls = Room(frame, 0.0, 0.0, 5.0, 3.0, bodies_of(scene, step.reach))
+    walls = Surroundings(frame, 0.0, 0.0, 5.0, 3.0, bodies_of(scene, step.reach), np.ones(100), 1.0)
     x = h * np.arange(126)
     now = np.broadcast_to((k * x)[:, None], (126, 76)).copy()
     now[x < 2.3 + speed * T + 1e-9] = -np.inf
@@ -105,7 +105,8 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     poses = frames_of(poses_at(scene.movers, dt * np.arange(steps + 1)))
     for n in range(steps - 1, -1, -1):
         out = np.empty_like(now)
-        march(now, out, walls, poses[n], poses[n + 1], *taps, np.zeros_like(now), step)
+        smooth(now, np.ones_like(now), np.zeros_like(now), *taps, 0.0, out)
+        meet_boundaries(walls, step, poses[n], poses[n + 1], now, out)
         now = out
     z = x - 2.3
     some = (z > 0.02) & (z < 0.6)
@@ -242,7 +243,7 @@ def test_periods_without_a_common_multiple_are_refused():
 def test_a_car_among_moving_bodies_is_refused_by_name():
     scene = room(crosser())
     problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1))
-    with pytest.raises(OptionError, match="Unicycle among moving bodies; it takes SingleIntegrator"):
+    with pytest.raises(OptionError, match="Unicycle among moving obstacles; it takes SingleIntegrator"):
         Desirability.of(problem, FreeSpace.of(scene))
 
 

@@ -145,7 +145,7 @@ def test_a_heading_is_known_up_to_whole_turns():
         (lambda s: Problem(dynamics=Unicycle(b=0.3), scene=s, R=np.eye(1)), {"spacing": 0.1}, "points 0.087 m apart"),
         (lambda s: Problem(dynamics=Unicycle(b=0.3), scene=s, R=np.eye(1)), {"dt": 0.1}, "exit rule bridge"),
         (lambda s: Problem(dynamics=SingleIntegrator(b=0.02), scene=s, R=2 * np.eye(2)), {}, "10000 x 10000 points"),
-        (lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2)), {"dt": 1e-4}, "longer --dt"),
+        (lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2)), {"dt": 1e-4}, "longer step dt"),
         (lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2)), {"spacing": -1.0}, "positive"),
         (
             lambda s: Problem(dynamics=SingleIntegrator(), scene=s, R=2 * np.eye(2), q=lambda x, p: 1.0, q_min=1.0),

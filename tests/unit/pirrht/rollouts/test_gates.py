@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pirrht.rollouts.general.law import FAR_IN, FAR_OUT, MILLS, mills
+from pirrht.rollouts.general.law import MILLS, TUNING, mills
 
 
 def exact(z):
@@ -14,7 +14,7 @@ def exact(z):
 
 def test_the_rate_read_off_the_table_is_the_ratio_of_density_to_probability():
     """4000 places drawn with seed 3."""
-    for z in np.random.default_rng(3).uniform(FAR_IN, FAR_OUT, 4000):
+    for z in np.random.default_rng(3).uniform(TUNING.mills_from, TUNING.mills_to, 4000):
         assert mills(z) == pytest.approx(exact(z), rel=1e-4)
 
 
@@ -26,7 +26,7 @@ def test_between_rows_it_changes_as_its_own_equation_says():
 
 
 def test_beyond_the_table_it_goes_on_without_a_jump_that_matters():
-    assert mills(FAR_IN) == pytest.approx(MILLS[0], rel=2e-3)
+    assert mills(TUNING.mills_from) == pytest.approx(MILLS[0], rel=2e-3)
     assert mills(-30.0) == pytest.approx(30.0 + 1.0 / 30.0, rel=1e-6)
-    assert mills(FAR_OUT) == 0.0
+    assert mills(TUNING.mills_to) == 0.0
     assert MILLS[-1] < 1e-8

@@ -53,9 +53,9 @@ def test_the_slope_of_the_model_is_that_of_its_value():
         moved = knots.copy()
         moved[1:, :2] += change[:-1].reshape(-1, 2)
         moved[:, 2] += (t - t[0]) / (t[-1] - t[0]) * change[-1]
-        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, np.empty((0, BAND)), none, none)
+        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, (np.empty((0, BAND)), none, none))
 
-    modelled(around, near, steering.numbers, knots, 50.0, 0.3, matrix, border, slope)
+    modelled(around, near, steering.numbers, knots, 50.0, 0.3, (matrix, border, slope))
     numeric = [(value(1e-6 * row) - value(-1e-6 * row)) / 2e-6 for row in np.eye(n + 1)]
     assert slope == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(slope).max())
 
