@@ -13,7 +13,7 @@ from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
-from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent
 from pirrht.proposals.desirability_tube import way_of
@@ -167,7 +167,7 @@ class ProposalFactory:
         near = float(clearance(self.arena.field, x[0], x[1]))
         if not self.world.moving:
             return near
-        return min(near, float(traffic_clearance(self.world.setup.traffic, x[0], x[1], time)))
+        return min(near, float(moving_clearance(self.world.setup.traffic, x[0], x[1], time)))
 
     def from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""

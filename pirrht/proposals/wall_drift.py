@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import Field, two_walls
 from pirrht.jit.jit import kernel
 from pirrht.moving.exits import walls_among
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
@@ -83,7 +83,7 @@ class WallDrift:
     step: float  # first of the rollouts [s]
     beyond: float = 0.0  # `ProposalTables.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
-    traffic: Traffic | None = None  # moving obstacles
+    traffic: MovingObstacleArrays | None = None  # moving obstacles
     time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
 

@@ -41,26 +41,26 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     no_paths = empty_paths(0, 0, m)
 
     @kernel
-    def simulate(setup, leads, origin, start, stop, paths, chosen, total, alive, states, steps):  # type: ignore[no-untyped-def]
+    def simulate(setup, leads, origin, start, stop, paths, again):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
 
-        Those fill the arguments of `control` and `trace`, unless empty.
+        Those fill `again`, the arguments of `control` and `trace`, unless empty.
         """
-        number, group, weight = chosen
-        again, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
+        (number, group, weight), total, alive, states, steps = again
+        replayed, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
         nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
-        applied, base = np.zeros((alive.shape[1] if again else window, m)), np.empty(m)
-        led_by, h = np.empty((0 if again else window, m)), 0
-        for c in range(number.shape[0] if again else stop - start):
-            s = number[c] if again else start + c
+        applied, base = np.zeros((alive.shape[1] if replayed else window, m)), np.empty(m)
+        led_by, h = np.empty((0 if replayed else window, m)), 0
+        for c in range(number.shape[0] if replayed else stop - start):
+            s = number[c] if replayed else start + c
             while s >= leads.first[h + 1]:
                 h += 1
             while s < leads.first[h]:
                 h -= 1
-            log_ratio = ratio if again else paths.log_ratio[s]
+            log_ratio = ratio if replayed else paths.log_ratio[s]
             keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
             work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
-            if again:
+            if replayed:
                 if drawn:
                     steps[c] = taken
                 for i in range(taken if alive.shape[0] > 0 else 0):
@@ -82,15 +82,15 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
         """Fill `paths` for the samples from `start` to `stop`."""
         if stop > start:
-            simulate(setup, leads, origin, start, stop, paths, NONE_CHOSEN, *NO_CONTROLS, *NO_STATES)
+            simulate(setup, leads, origin, start, stop, paths, (NONE_CHOSEN, *NO_CONTROLS, *NO_STATES))
 
     def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        simulate(setup, leads, origin, 0, 0, no_paths, chosen, total, alive, *NO_STATES)
+        simulate(setup, leads, origin, 0, 0, no_paths, (chosen, total, alive, *NO_STATES))
 
     def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        simulate(setup, leads, origin, 0, 0, no_paths, Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps)
+        simulate(setup, leads, origin, 0, 0, no_paths, (Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps))
 
     return Kernels(sample, control, trace, TUNING.alone)
 
@@ -200,5 +200,5 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, traffic=space.traffic, marks=NO_RAYS,
+        pace=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
     )  # fmt: skip

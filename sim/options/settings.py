@@ -110,8 +110,7 @@ PLANNER_OPTIONS = (
         choices=BETWEEN, paper="hold",
     ),
     _setting(
-        "allocation", "samples go to the references by contribution in earlier plans, or equal (paper), as a "
-        "unicycle's do anyway",
+        "allocation", "samples go to the references by contribution in earlier plans, or equal (paper)",
         metavar="RULE", choices=ALLOCATIONS, paper="equal",
     ),
     _setting(
