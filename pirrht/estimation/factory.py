@@ -15,7 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
-from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
 from pirrht.proposals.desirability_tube import way_of
@@ -151,7 +151,7 @@ class ProposalFactory:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
         setup = self.world.setup
         near = float(clearance(setup.arena.field, x[0], x[1]))
-        return min(near, float(traffic_clearance(setup.traffic, x[0], x[1], time))) if self.world.moving else near
+        return min(near, float(moving_clearance(setup.traffic, x[0], x[1], time))) if self.world.moving else near
 
     def _from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""

@@ -58,7 +58,7 @@ def _body_radius(scene: Scene) -> float:
 
 def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
     where = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius"
-    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller --radius"
+    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller robot radius"
 
 
 def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
@@ -67,33 +67,33 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     clearance = float(collision.distance(point[None])[0]) - body
     for share in KEPT_SHARES:
         radius = body + min(share * clearance, clearance - SHORTEST)
-        reach, leads_out = 2.0 * (scene.margin - clearance) + TURNING_REACH * body, False
-        while not leads_out and reach < MAX_REACH * body:
-            leads_out = _leads_out(collision, point, radius, reach)
-            reach *= 1.0 if leads_out else 2.0
+        disc, leads_out = 2.0 * (scene.margin - clearance) + TURNING_REACH * body, False
+        while not leads_out and disc < MAX_REACH * body:
+            leads_out = _leads_out(collision, point, radius, disc)
+            disc *= 1.0 if leads_out else 2.0
         if leads_out:
             break
-    return Waiver(float(point[0]), float(point[1]), reach, scene.robot_radius - radius)
+    return Waiver(float(point[0]), float(point[1]), disc, scene.robot_radius - radius)
 
 
-def _leads_out(collision: Collision, point: Array, radius: float, reach: float) -> bool:
-    """Whether a disc of `reach` [m] holds a path on a lattice from a point (2,) [m] out of the margin.
+def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -> bool:
+    """Return whether a disc of a radius [m] holds a path on a lattice from a point (2,) [m] out of the margin.
 
-    It is free for a smaller radius [m], and ends where the planning radius is.
+    It is free for a smaller robot radius [m], and ends where the planning radius is.
     """
     from scipy.ndimage import label  # SciPy takes a tenth of a second to import, and few scenes need it
 
-    cell, full = min(reach / 8.0, radius / 3.0), collision.footprint.radius
-    count = int(np.ceil(reach / cell))
+    cell, full = min(disc / 8.0, radius / 3.0), collision.footprint.radius
+    count = int(np.ceil(disc / cell))
     places = point + cell * _lattice(count)
     away = np.hypot(*np.moveaxis(places - point, -1, 0))
     members = range(len(collision.world.obstacles))
     distance = collision.nearest_walls(places.reshape(-1, 2), members, full + 2.0 * cell).first.reshape(away.shape)
-    free = (away < reach) & (distance > radius)
+    free = (away < disc) & (distance > radius)
     free &= np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
     free[count, count] = True
     pieces, _ = label(free)
-    return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < EXIT_SHARE * reach)))
+    return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < EXIT_SHARE * disc)))
 
 
 def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:

@@ -1,4 +1,4 @@
-"""Walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
+"""Make walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
 
 from __future__ import annotations
 
@@ -61,10 +61,10 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
-    """Return rows of finite numbers (k, widest); what a row of fewer numbers leaves out is 0.
+    """Return rows of finite numbers (k, widest); numbers that a shorter row leaves out are 0.
 
     Raises:
-        SceneError: a row is something else; says which, and what a row holds.
+        SceneError: a row is something else; names it, and the numbers of a row.
     """
     out = np.zeros((len(rows), widths[-1]))
     for i, row in enumerate(rows):
@@ -73,8 +73,8 @@ def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
         except (TypeError, ValueError):
             numbers = np.zeros(())
         if numbers.ndim != 1 or len(numbers) not in widths or not np.isfinite(numbers).all():
-            shown = " ".join(str(row).split())[:60]
-            raise SceneError(f"{what}: row {i + 1} is {shown}; it must be finite numbers {columns}")
+            given = " ".join(str(row).split())[:60]
+            raise SceneError(f"{what}: row {i + 1} is {given}; it must be finite numbers {columns}")
         out[i, : len(numbers)] = numbers
     return out
 
@@ -129,13 +129,13 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _turn(corners: Sequence[Array], k: int) -> float:
-    """Whether a polygon turns to the left at its corner k, which is then positive."""
+    """Return by how much a polygon turns at its corner k, positive to the left."""
     before, here, after = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
     return float(_cross(here - before, after - here))
 
 
 def _is_ear(corners: Sequence[Array], k: int) -> bool:
-    """Whether the triangle at corner k of a simple polygon can be cut off."""
+    """Return whether the triangle at corner k of a simple polygon can be cut off."""
     a, b, c = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
     if _turn(corners, k) <= 0:
         return _turn(corners, k) == 0
@@ -145,7 +145,7 @@ def _is_ear(corners: Sequence[Array], k: int) -> bool:
 
 
 def _crosses_itself(corners: Array) -> bool:
-    """Whether two sides of a polygon that are no neighbours meet."""
+    """Return whether two sides of a polygon that are no neighbours meet."""
     a, b = corners, np.roll(corners, -1, axis=0)
     ends = [np.sign(_cross((b - a)[:, None], end[None] - a[:, None])) for end in (a, b)]
     apart = ends[0] * ends[1]  # (l, l) -1 where the ends of one side lie apart, seen from another

@@ -1,4 +1,4 @@
-"""The clearance field of a world, of whichever kind fits its size."""
+"""Sample the clearance field of a world, of the kind that fits its size."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     """Sample clearances [m] from the solids that count; the spacing is a share of the robot's radius at any size.
 
     Raises:
-        SceneError: the workspace is too large for that; says which size is not.
+        SceneError: the workspace is too large for that; names a size that is not.
     """
     world, radius = collision.world, collision.least_radius
     span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
@@ -51,6 +51,6 @@ def _too_large(span: Array, radius: float) -> str:
 
 
 def _rounded(length: float, rounding: Callable[[float], float]) -> str:
-    """A length [m] in three digits."""
+    """Write a length [m] in three digits."""
     unit = 10.0 ** (math.floor(math.log10(length)) - 2)
     return f"{rounding(length / unit) * unit:g}"

@@ -17,7 +17,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.field import Field, two_walls
 from pirrht.jit.jit import kernel
 from pirrht.moving.exits import walls_among
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
@@ -81,7 +81,7 @@ class WallDrift:
     field: Field
     reach: float  # `ProposalTables.reach` [m]; 0: no drift
     step: float  # first of the rollouts [s]
-    traffic: Traffic  # moving obstacles
+    traffic: MovingObstacleArrays  # moving obstacles
     beyond: float = 0.0  # `ProposalTables.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]

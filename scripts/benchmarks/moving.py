@@ -23,7 +23,7 @@ from benchmarks.timing import interleaved, row, ticks
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
 from sim.drive.episode import Tally
@@ -73,7 +73,7 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
     batch, among = plan_batch(scenario)
-    alone, nothing = copy(among), Traffic.of(replace(scenario.loaded.scene, movers=()))
+    alone, nothing = copy(among), MovingObstacleArrays.of(replace(scenario.loaded.scene, movers=()))
     alone.proposals = copy(among.proposals)
     alone.proposals.world = PredictedWorld(Snapshot(among.setup._replace(traffic=nothing), among.homology))
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])

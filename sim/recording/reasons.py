@@ -19,7 +19,7 @@ from pirrht.estimation.tuning import TUNING
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Workspace
-from pirrht.moving.collision import NOWHERE, reach_of
+from pirrht.moving.collision import NOWHERE, radius_of
 from pirrht.outcome import Outcome
 from sim.drawing.colors import title
 from sim.drawing.sides import sides, worded
@@ -39,7 +39,7 @@ class Bystanders:
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
         self._shapes = [Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
-        self._reach = np.array([reach_of(mover) for mover in movers])
+        self._reach = np.array([radius_of(mover) for mover in movers])
         self._radius = footprint.radius
 
     def nearest(self, movers: Sequence[Mover], places: Array, times: Array) -> list[tuple[float, str]]:

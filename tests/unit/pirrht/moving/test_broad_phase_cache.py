@@ -7,12 +7,12 @@ from moving import busy
 
 from pirrht.moving.broad_phase_cache import HELD, SEEN, held_of, listing, surely
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 
 
 def test_a_list_serves_as_long_as_it_says():
     world, rng = busy(), np.random.default_rng(1)
-    traffic, crowd = Traffic.of(world), MovingObstacles(world.movers, world.footprint)
+    traffic, crowd = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint)
     held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     served = 0
     for _ in range(200):
@@ -30,7 +30,7 @@ def test_a_list_serves_as_long_as_it_says():
 def test_what_a_list_knows_from_before_leaves_out_no_body_that_is_near():
     """Along a random way, with and without what earlier lists have left."""
     world, rng = busy(), np.random.default_rng(2)
-    traffic, skipped = Traffic.of(world), 0
+    traffic, skipped = MovingObstacleArrays.of(world), 0
     held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     x, t = np.array([1.0, 1.0]), 0.0
     for _ in range(400):
