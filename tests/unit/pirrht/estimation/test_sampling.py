@@ -14,7 +14,7 @@ from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.plan import shifted
+from pirrht.control.mppi import shifted
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
