@@ -1,4 +1,4 @@
-"""Brownian bridges beside a flat wall: whether one meets it within a step, and when.
+"""Draw whether and when a Brownian bridge meets a flat wall within a step.
 
 Between two times a path is a Brownian bridge. It crosses a flat wall at distances c0 and c1 with probability
 exp(-2 c0 c1 / variance); the time of the first crossing is then drawn exactly.
@@ -12,8 +12,8 @@ from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import normals, uniform
 
 FAR = 12.0  # exponents beyond this are taken as certain survival
-SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall beside it at least, since lines turn
-LEAST = 1e-12  # variances are kept above this, where noise does not act towards a wall
+SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall next to it at least, since lines turn
+MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
 @kernel
@@ -38,7 +38,7 @@ def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
 
 @inlined
 def survival(c0, c1, variance):  # type: ignore[no-untyped-def]
-    """Probability that a bridge between two positive distances misses the wall."""
+    """Return the probability that a bridge between two positive distances misses the wall."""
     if c1 <= 0.0:
         return 0.0
     exponent = 2.0 * c0 * c1 / variance

@@ -1,4 +1,4 @@
-"""What planner and sampler know about a scene: where the robot fits, and what there is to wind around."""
+"""Examine a scene for planner and sampler: free space, and obstacles to wind around."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.survey import build_field
 from pirrht.geometry.world import World
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued
 
@@ -30,17 +30,17 @@ from pirrht.topology.obstacles import Component, components, continued
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; all else follows from its world and footprint. `FreeSpace.of(scene)`
-    makes one, which takes a second or so; `with_task` is quick.
+    Only `scene` and `homology` depend on its task; the rest follows from workspace and footprint. `FreeSpace.of(scene)`
+    takes a second or so; `with_task` is quick.
     """
 
     scene: Scene
     collision: Collision
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
-    homology: Homology  # about what stands and what moves, with bases at 1 m/s
-    traffic: Traffic  # what moves, none of which the others know of
-    crowd: MovingObstacles  # the same as FCL knows it
+    homology: Homology  # about static and moving obstacles, with bases at 1 m/s
+    moving: MovingObstacleArrays  # J moving obstacles, of which field and collision know nothing
+    moving_collision: MovingObstacles  # those obstacles as FCL has them
 
     def __repr__(self) -> str:
         return f"FreeSpace({formatting.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
@@ -93,9 +93,9 @@ class FreeSpace:
         )
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
-        """The same world and footprint with another start (3,) [m, m, rad] or goal; nothing is sampled again.
+        """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
 
-        Only where a start or goal has less than the safety margin around it is the world examined anew.
+        Only where a start or goal has less than the safety margin around it is the scene examined again.
 
         Raises:
             SceneError: one of them lies outside the workspace or is in collision.
@@ -107,29 +107,29 @@ class FreeSpace:
         center = scene.goal.center.astype(float)
         return replace(self, scene=scene, homology=replace(self.homology, goal=center))
 
-    def among(self, movers: Sequence[Mover]) -> FreeSpace:
-        """The same standing world and task among other bodies that move."""
+    def with_movers(self, movers: Sequence[Mover]) -> FreeSpace:
+        """Return the static world and task among other moving obstacles."""
         scene = replace(self.scene, movers=tuple(movers))
         return replace(self, scene=scene, **_moving(scene, self.homology))
 
-    def foretold(self, movers: Sequence[Mover]) -> FreeSpace:
-        """The same bodies on other motions: what is known of their shapes is shared, with FCL's own, and not made anew.
+    def with_prediction(self, movers: Sequence[Mover]) -> FreeSpace:
+        """Return the space with predicted motions of its movers; shapes, FCL's included, are shared.
 
-        Both are to be asked by one thread at a time.
+        One thread at a time may query both.
         """
         scene = replace(self.scene, movers=tuple(movers))
         return replace(
             self,
             scene=scene,
-            traffic=self.traffic.moving(movers),
+            moving=self.moving.with_motions(movers),
             homology=self.homology.with_moving(movers, scene.footprint),
-            crowd=MovingObstacles(movers, scene.footprint, self.crowd.shapes),
+            moving_collision=MovingObstacles(movers, scene.footprint, self.moving_collision.shapes),
         )
 
     @property
     def world(self) -> World:
         """Take the snapshot of what is free at (x, t), lengths in [m]."""
-        return World.of(self.field, self.scene.goal, self.traffic)
+        return World.of(self.field, self.scene.goal, self.moving)
 
     def free(self, x: Array) -> bool:
         """Return whether the robot may be at a state x (n,), of which the position (2,) [m] is judged."""
@@ -145,17 +145,17 @@ class FreeSpace:
         return find_passages(self.field, self.collision)
 
     def clearance(self, position: Array) -> float:
-        """FCL's clearance of the robot's centre at one position (2,) [m]."""
+        """Return FCL's clearance of the robot's centre at one position (2,) [m]."""
         return float(self.collision.clearance(position[None, :2])[0])
 
 
 def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
-    """What is known of a scene's bodies that move."""
+    """Gather the moving obstacles of a scene."""
     movers, footprint = scene.movers, scene.footprint
     return {
         "homology": homology.with_moving(movers, footprint),
-        "traffic": Traffic.of(scene),
-        "crowd": MovingObstacles(movers, footprint),
+        "moving": MovingObstacleArrays.of(scene),
+        "moving_collision": MovingObstacles(movers, footprint),
     }
 
 

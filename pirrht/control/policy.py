@@ -105,7 +105,7 @@ class Policy(ABC):
         prediction = self.predict.at(x, self.run.known, budget.enough)
         if prediction is not self.run.prediction:
             self.run.set_prediction(prediction, x)
-            self.path_integral.set_prediction(prediction.space.traffic, prediction.homology)
+            self.path_integral.set_prediction(prediction.space.moving, prediction.homology)
             self.tree = self.tree and prediction.tree
 
 

@@ -95,8 +95,8 @@ class ConstantVelocity:
         movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
         start = np.array([x[0], x[1], self.space.scene.start[2]])
         if self._shapes is None:
-            self._shapes = self.space.among(movers)  # FCL's of its own: a run queries those of the scene meanwhile
-        space = replace(self._shapes, scene=replace(self.space.scene, start=start)).foretold(movers)
+            self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
+        space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
         homology, tree = self.steering.homology(space), self._tree(space, enough)
         return Prediction(space=space, homology=homology, tree=tree, since=seen)
 

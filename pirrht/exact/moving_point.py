@@ -78,7 +78,7 @@ def timetable(movers: tuple[Mover, ...], longest: float) -> Timetable:
     """Divide motions into steps of at most `longest` [s]; OptionError if periods have no useful common multiple."""
     motions = [mover.motion for mover in movers]
     repeated = [m for m in motions if m.repeat]
-    still = max([0.0, *(-m.lead if m.repeat else m.last for m in motions)])
+    still = max([0.0, *(-m.offset if m.repeat else m.last for m in motions)])
     lead = _steps(_knots(motions, 0.0, still), longest)
     if not repeated:
         rest = still + longest * np.arange(1, TUNING.last_steps + 1)
@@ -106,7 +106,7 @@ def _knots(motions: list[Motion], begin: float, end: float) -> Array:
     """Times from begin to end [s], both included, at which a motion has a row."""
     found = [np.array([begin, end])]
     for m in motions:
-        rows, period = m.rows[:, 0] - m.lead, float(m.rows[-1, 0])
+        rows, period = m.rows[:, 0] - m.offset, float(m.rows[-1, 0])
         first, last = ((t - rows[0]) / period for t in (begin, end)) if m.repeat else (0.0, 0.0)
         found += [rows + k * period for k in range(max(math.floor(first), 0), math.floor(last) + 1)]
     every = np.unique(np.concatenate(found))

@@ -1,4 +1,4 @@
-"""Planar curves made of arcs and straight pieces: where they run, where they enter the goal, how they wind.
+"""Trace planar curves of arcs and straight pieces, find where they enter the goal, and measure how they wind.
 
 A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
 Everything here is exact for such curves: no curve is divided into steps to be measured.

@@ -1,9 +1,9 @@
-"""The clearance field of a large world: square blocks of points, fine where walls bend or change, else coarse.
+"""Sample the clearance field of a large world in square blocks of points, fine where walls bend or change, else coarse.
 
 Blocks of one level have the same number of points and spacing 2^level h; the table names for every place the finest
-block that covers it. Every point of a block is asked, so it errs by what interpolation between its own points can be
-too high by, and by nothing beside flat faces (`flat`), where a coarse block therefore serves as well as a fine one.
-Where no solid is within reach all places share one constant block.
+block that covers it. Every point of a block is queried, so it errs by what interpolation between its own points can be
+too high by, and by nothing next to flat faces (`flat`), where a coarse block therefore serves as well as a fine one.
+Where no solid is within cutoff all places share one constant block.
 """
 
 from __future__ import annotations
@@ -16,18 +16,12 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import BAND, LEVEL_BITS, LEVELS, NOTHING, REACH, SHARP, Arrays, Field
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Arrays, Field
 from pirrht.geometry.flat import CURVED, FLAT
+from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found
 from pirrht.jit.jit import inlined, kernel
 
-WIDTHS = (8, 16, 32)  # cells on a side of a block; wider ones make the table smaller and waste more points
-TABLE = 32_000_000  # places of the largest table, 4 bytes each
-MOST = 24_000_000  # points of all blocks: 12 bytes, and about a quarter of a microsecond each
-NEAR = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
-MOST_ASKED = 1_000_000  # points at which solids are asked about one at a time, some 10 microseconds each
-ROOMY = 8.0  # widths of a cell: with more clearance interpolation errs by less than a hundredth, flat or not
-AT_ONCE = 4096  # blocks
 TOP = LEVELS - 1
 
 Origins = NDArray[np.int64]  # (k, 2) first cells of blocks, in the finest spacing
@@ -45,14 +39,18 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
     """Sample clearances [m] from the solids that count in blocks, the finest of spacing h [m].
 
     Raises:
-        TooLarge: the table, the blocks or the questions would be too many.
+        TooLarge: the table, the blocks or the queries would be too many.
     """
     builder = _Builder.of(collision, members, h)
     origins = builder.near_blocks()
     for level in range(TOP, -1, -1):
         builder.reserve(level, origins)
         origins = np.concatenate(
-            [builder.add(level, origins[i : i + AT_ONCE]) for i in range(0, len(origins), AT_ONCE)] or [origins]
+            [
+                builder.add(level, origins[i : i + TUNING.blocks_at_once])
+                for i in range(0, len(origins), TUNING.blocks_at_once)
+            ]
+            or [origins]
         )
     return Field.in_blocks(collision.world, h, builder.table, builder.arrays())
 
@@ -63,21 +61,21 @@ def block_width(span: Array, h: float) -> int:
     Raises:
         TooLarge: the table would be too large with any.
     """
-    for cells in WIDTHS:
+    for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
         places = float(np.prod(_tops(span, h, cells) * 2.0**TOP))
-        if places <= TABLE:
+        if places <= TUNING.table_places:
             return cells
-    raise TooLarge(float(np.sqrt(TABLE / places)))
+    raise TooLarge(float(np.sqrt(TUNING.table_places / places)))
 
 
 def _tops(span: Array, h: float, cells: int) -> Array:
-    """How many of the coarsest blocks lie along each side."""
+    """Count the coarsest blocks along each side."""
     tops: Array = np.ceil(span / (h * cells * 2**TOP) - 1e-9)
     return tops
 
 
 class _Builder(NamedTuple):
-    """What has been sampled so far."""
+    """The blocks that have been sampled so far."""
 
     collision: Collision
     members: list[int]
@@ -92,13 +90,13 @@ class _Builder(NamedTuple):
         cells = block_width(span, h)
         table = np.zeros((_tops(span, h, cells) * 2**TOP).astype(int), dtype=np.int32)
         table[:] = TOP  # block 0, which is constant
-        far, shape = REACH if len(members) else NOTHING, (1, cells + 1, cells + 1)
+        far, shape = REACH if len(members) else TUNING.nothing, (1, cells + 1, cells + 1)
         constant = (np.full(shape, far, np.float32), np.full(shape, far, np.float32), np.full(shape, -1, np.int32))
         return cls(collision, list(members), h, cells, table, [constant])
 
     @property
     def size(self) -> int:
-        """Blocks so far."""
+        """Count the blocks so far."""
         return sum(len(part[0]) for part in self.parts)
 
     def arrays(self) -> Arrays:
@@ -106,7 +104,7 @@ class _Builder(NamedTuple):
         return nearest, second, label
 
     def near_blocks(self) -> Origins:
-        """The coarsest blocks that a solid may be within reach of."""
+        """Return the coarsest blocks that may have a solid within the cutoff."""
         width = self.h * self.cells * 2**TOP
         near = np.zeros(tuple(n >> TOP for n in self.table.shape), dtype=bool)
         low, high = (side[self.members] - self.collision.world.lower for side in self.collision.extents())
@@ -119,31 +117,31 @@ class _Builder(NamedTuple):
         return origins
 
     def reserve(self, level: int, origins: Origins) -> None:
-        """Refuse blocks (k, 2) that are too many, or too much to ask; a finer level asks about twice as much."""
+        """Refuse blocks (k, 2) that are too many or take too many queries; a finer level takes about twice as many."""
         points = (self.size + len(origins)) * (self.cells + 1) ** 2
-        if points > MOST:
-            raise TooLarge(float(np.sqrt(MOST / points)))
-        if level == TOP and len(origins) * self.cells**2 > NEAR:
-            raise TooLarge(float(np.sqrt(NEAR / (len(origins) * self.cells**2))))
+        if points > TUNING.block_points:
+            raise TooLarge(float(np.sqrt(TUNING.block_points / points)))
+        if level == TOP and len(origins) * self.cells**2 > TUNING.coarse_cells:
+            raise TooLarge(float(np.sqrt(TUNING.coarse_cells / (len(origins) * self.cells**2))))
         middles = self.collision.world.lower + (origins + (self.cells << level) / 2) * self.h
-        reach = REACH + self.collision.footprint.radius + self.cells * 2**level * self.h
-        asked = self.collision.asked_points(middles, self.members, reach) * (self.cells + 1) ** 2 << level
-        if asked > MOST_ASKED:
-            raise TooLarge(float(np.sqrt(MOST_ASKED / asked)))
+        cutoff = REACH + self.collision.footprint.radius + self.cells * 2**level * self.h
+        queries = self.collision.queried_points(middles, self.members, cutoff) * (self.cells + 1) ** 2 << level
+        if queries > TUNING.queries:
+            raise TooLarge(float(np.sqrt(TUNING.queries / queries)))
 
     def add(self, level: int, origins: Origins) -> Origins:
-        """Sample blocks (k, 2) of a level and enter them; the blocks of the next finer level that are wanted."""
+        """Sample blocks (k, 2) of a level and enter them; return the required blocks of the next finer level."""
         r, S, width = self.collision.footprint.radius, self.cells + 1, self.h * 2**level
         steps = np.stack(np.meshgrid(np.arange(S), np.arange(S), indexing="ij"), axis=-1)
         points = self.collision.world.lower + (origins[:, None, None] + (steps << level)) * self.h
-        shape, reach = points.shape[:3], REACH + r
-        walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, reach, width)
+        shape, cutoff = points.shape[:3], REACH + r
+        walls = self.collision.nearest_walls(points.reshape(-1, 2), self.members, cutoff, width)
         first, second = walls.first.reshape(shape), walls.second.reshape(shape)
         found = Found(first, second, walls.which.reshape(shape), walls.away.reshape(points.shape))
         _go_on_inside(found, width)
         kind = np.zeros((len(origins), self.cells, self.cells), dtype=np.int8)
-        if level:  # on the finest level what flat faces spare is not worth the question
-            kind = self.collision.flat_cells(points, found, self.members, min(reach, r + ROOMY * width))
+        if level:  # on the finest level what flat faces spare is not worth the query
+            kind = self.collision.flat_cells(points, found, self.members, min(cutoff, r + TUNING.exact_cells * width))
         nearest, farther, finer = np.empty(shape), np.empty(shape), np.zeros((len(origins), 2, 2), dtype=np.bool_)
         _finish(found, kind, width, r, level == 0, nearest, farther, finer)
         self._enter(level, origins)
@@ -180,7 +178,7 @@ def _finish(found, kind, width, radius, finest, nearest, second, finer):  # type
 
     Args: nearest walls as (k, S, S), kinds of cells (k, S - 1, S - 1), spacing [m], the robot's radius [m], whether
         there is no finer level; out: clearances from both walls (k, S, S) [m], and in which quarters finer blocks are
-        wanted (k, 2, 2).
+        required (k, 2, 2).
     """
     k, S = nearest.shape[:2]
     margin = np.empty((S, S))
@@ -208,7 +206,7 @@ def _finish(found, kind, width, radius, finest, nearest, second, finer):  # type
 
 @inlined
 def _depth(first, away, i, j, width):  # type: ignore[no-untyped-def]
-    """A number [m] at most 0 for a point inside of a solid: as far down as the distances around it fall off, linearly.
+    """Return a depth [m], at most 0, of a point inside a solid: as far down as distances around it fall off linearly.
 
     Then interpolation between points inside and outside is linear where the face is flat, and not too high elsewhere.
     """
@@ -233,18 +231,18 @@ def _spread(near, i, j, width, radius, margin):  # type: ignore[no-untyped-def]
 
 @inlined
 def _coarse(near, far, which, kind, i, j, width, radius):  # type: ignore[no-untyped-def]
-    """Whether a cell is too wide for what is in it."""
+    """Return whether a cell is too wide for the walls in it."""
     a, b, c, d = near[i, j], near[i + 1, j], near[i, j + 1], near[i + 1, j + 1]
     least = min(min(a, b), min(c, d))
-    if max(max(a, b), max(c, d)) <= -1.5 * width or least >= max(BAND * width, SHARP * radius):
+    if max(max(a, b), max(c, d)) <= -1.5 * width or least >= max(TUNING.band * width, TUNING.sharp * radius):
         return False
-    if kind == CURVED and least < BAND * width:
+    if kind == CURVED and least < TUNING.band * width:
         return True
-    if least >= SHARP * radius:
+    if least >= TUNING.sharp * radius:
         return False
     m = which[i, j]
     if kind != FLAT and (which[i + 1, j] != m or which[i, j + 1] != m or which[i + 1, j + 1] != m):
         return True
     a, b, c, d = far[i, j], far[i + 1, j], far[i, j + 1], far[i + 1, j + 1]
     lowest, highest = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-    return highest - lowest > 1.5 * width and lowest < SHARP * radius
+    return highest - lowest > 1.5 * width and lowest < TUNING.sharp * radius

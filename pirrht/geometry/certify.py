@@ -1,4 +1,4 @@
-"""What the clearance field certifies: points, segments and curves that are free, or blocked beyond doubt.
+"""Certify by the clearance field that points, segments and curves are free, or blocked beyond doubt.
 
 Clearance is 1-Lipschitz, so a disc of that radius about a free point is free: a march from disc to disc, each begun
 where the last one ended, certifies what it covers (paper, `ObstacleFree`).
@@ -10,23 +10,24 @@ import math
 
 from pirrht.geometry.arcs import along, point_along
 from pirrht.geometry.field import border, clearance, closest
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.jit import inlined, kernel
 
 FREE, UNSURE, BLOCKED = 1, 0, -1
-LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
+LEAST_STEP = TUNING.least_step
 
 
 @kernel
 def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
-    """Whether the Lipschitz upper bound from the nearest grid point is already negative."""
+    """Return whether the Lipschitz upper bound from the nearest grid point is already negative."""
     at, dx, dy, width = closest(field, x, y)
     return load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0
 
 
 @inlined
 def refused(field, x, y):  # type: ignore[no-untyped-def]
-    """BLOCKED or UNSURE, for a point that is not certified to be free."""
+    """Return BLOCKED or UNSURE for a point that is not certified to be free."""
     return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
 
 
@@ -52,13 +53,13 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 @kernel
 def certify_point(field, x, y):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
+    """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
     return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
 
 
 @kernel
 def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """FREE, BLOCKED or UNSURE for one curve, (3,), (P,) [1/m], (P,) [m]: discs of certified clearance must cover it.
+    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m]: certified discs must cover it.
 
     Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
     """
@@ -84,7 +85,7 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
 
 @kernel
 def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Whether the field alone certifies a curve, (3,), (P,) [1/m], (P,) [m]; it does not tell blocked from unsure."""
+    """Return whether the field alone certifies a curve (3,), (P,) [1/m], (P,) [m]; blocked and unsure are one."""
     x, y, theta = start[0], start[1], start[2]
     for p in range(length.shape[0]):
         kappa, total = curvature[p], length[p]

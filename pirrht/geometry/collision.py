@@ -1,4 +1,4 @@
-"""How far is the robot from the obstacles, and is this path free: FCL is asked here only.
+"""Measure distances from obstacles and decide whether paths are free; only this module queries FCL.
 
 The robot is a sphere at a fixed height. FCL's distance from a sphere is exact for boxes, cylinders, spheres,
 capsules and the outside of triangle meshes; meshes are hollow to it, and from an ellipsoid it can be
@@ -21,26 +21,23 @@ from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_o
 from pirrht.geometry.flat import CURVED, flat_cells
 from pirrht.geometry.scene import Footprint, Kind, Workspace
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
-from pirrht.geometry.walls import Answer, Found, asked_points, nearest_walls
+from pirrht.geometry.tuning import TUNING
+from pirrht.geometry.walls import Answer, Found, nearest_walls, queried_points
 
-TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
-SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
-CONFIRMED = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
-KINK = 3.0  # in so many cells around it, interpolation is wrong where the distance to the rim takes over
-SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
+SHORTEST = TUNING.shortest
 
 
 def touches(
-    free: Callable[[float], float], way: Callable[[float, float], float], end: float = 1.0, *, slack: float = 0.0,
+    free: Callable[[float], float], approach: Callable[[float, float], float], end: float = 1.0, *, slack: float = 0.0,
     undecided: bool = True,
 ) -> bool:  # fmt: skip
-    """Bisect a way from 0 to `end` until free distances decide whether two things touch on it.
+    """Bisect a path from 0 to `end` until free distances decide whether two things touch on it.
 
-    A piece ab is free if free(a) + free(b) > way(a, b) + slack.
+    A piece ab is free if free(a) + free(b) > approach(a, b) + slack.
 
     Args:
-        free: distance between them at a place of the way [m]; at most 0 in contact.
-        way: how far they may come nearer between two places at most [m].
+        free: distance between them at a place of the path [m]; at most 0 in contact.
+        approach: how far they may come nearer between two places at most [m].
         slack: over-estimate of two distances [m].
         undecided: the answer where a piece stays undecided down to SHORTEST.
     """
@@ -49,7 +46,7 @@ def touches(
         a, free_a, b, free_b = pieces.pop()
         if not min(free_a, free_b) > 0.0:
             return True
-        length = way(a, b)
+        length = approach(a, b)
         if free_a + free_b > length + slack:
             continue
         if length < SHORTEST:
@@ -68,7 +65,7 @@ class Collision:
     def __init__(self, world: Workspace, footprint: Footprint) -> None:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
-        self._asking = RLock()  # the probe is one for all, and threads move it
+        self._lock = RLock()  # the probe is one for all, and threads move it
         doubtful = [o.kind in (Kind.ELLIPSOID, Kind.MESH) for o in world.obstacles]
         self._solids = [solid_of(o) for o in world.obstacles]
         self._shells = [
@@ -82,78 +79,79 @@ class Collision:
         self._collision_request = fcl.CollisionRequest()
         self._waivers = np.array(world.waivers).reshape(-1, 4)
         self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
-        self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
+        self._slack = 2 * TUNING.hull_error if self._doubtful else 1e-9
         self._forms = Solids.of(world.obstacles)
         self._lowest, self._highest = self._forms.low, self._forms.high
 
     def extents(self) -> tuple[Array, Array]:
-        """Rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
+        """Return rectangles around the obstacles seen from above: lower and upper corners, 2 x (M, 2) [m]."""
         return self._lowest, self._highest
 
     def distance(self, points: Array) -> Array:
-        """From the robot's centre to the nearest obstacle, (k, 2) -> (k,) [m]; 0 inside, infinite if none."""
+        """Return distances of the robot's centre from obstacles, (k, 2) -> (k,) [m]; 0 inside, infinite if none."""
         if not self._solids:
             return np.full(len(points), np.inf)
         nearest = self._nearest
         return np.array([nearest(point) for point in self._lift(points)], dtype=float)
 
     def obstacle_distance(self, index: int, points: Array) -> Array:
-        """From the robot's centre to `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
+        """Return distances of the robot's centre from `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
         return np.array([self._from_one(index, point) for point in self._lift(points)], dtype=float)
 
-    def nearest_walls(self, points: Array, members: Sequence[int], reach: float, cell: float = 0.0) -> Found:
-        """The nearest of the solids `members` and the nearest that stands in another direction, points (k, 2) [m].
+    def nearest_walls(self, points: Array, members: Sequence[int], cutoff: float, cell: float = 0.0) -> Found:
+        """Return the nearest of the solids `members` and the nearest in another direction at points (k, 2) [m].
 
-        No distance above `reach` [m] is told. FCL is asked about solids for which no closed form is known. With a cell
+        No distance above `cutoff` [m] is reported. FCL answers for solids without a confirmed closed form. With a cell
         [m], bilinear interpolation between points so far apart is not too high where less margin begins to count.
         """
         counted = np.array(members, dtype=np.int64)
         height = self.footprint.height
-        found = nearest_walls(self._forms, self._confirmed, counted, self._answer, points, height, reach)
+        found = nearest_walls(self._forms, self._confirmed, counted, self._answer, points, height, cutoff)
         if not len(self._waivers):
             return found
-        first, second = (np.minimum(self._eased(d, points, cell), reach) for d in (found.first, found.second))
+        first, second = (np.minimum(self._eased(d, points, cell), cutoff) for d in (found.first, found.second))
         return found._replace(first=first, second=second)
 
-    def flat_cells(self, points: Array, found: Found, members: Sequence[int], reach: float) -> NDArray[np.int8]:
-        """In which cells of blocks of points (k, S, S, 2) [m] distances are linear, as `flat.flat_cells` says."""
+    def flat_cells(self, points: Array, found: Found, members: Sequence[int], cutoff: float) -> NDArray[np.int8]:
+        """Return in which cells of blocks of points (k, S, S, 2) [m] distances are linear (`flat.flat_cells`)."""
         counted, height = np.array(members, dtype=np.int64), self.footprint.height
-        kinds = flat_cells(self._forms, self._confirmed, counted, points, found, height, reach)
-        kinds[self.near_waivers(points[:, :-1, :-1], reach)] = CURVED
+        kinds = flat_cells(self._forms, self._confirmed, counted, points, found, height, cutoff)
+        kinds[self.near_waivers(points[:, :-1, :-1], cutoff)] = CURVED
         return kinds
 
     def near_waivers(self, points: Array, distance: float) -> BoolArray:
-        """Whether points (..., 2) are less than a distance [m] off a disc in which less margin counts, (...,)."""
+        """Return whether points (..., 2) are within a distance [m] of a disc in which less margin counts, (...,)."""
         near = np.zeros(points.shape[:-1], dtype=np.bool_)
-        for x, y, reach, _ in self._waivers:
-            near |= np.hypot(points[..., 0] - x, points[..., 1] - y) < reach + distance
+        for x, y, disc, _ in self._waivers:
+            near |= np.hypot(points[..., 0] - x, points[..., 1] - y) < disc + distance
         return near
 
-    def asked_points(self, points: Array, members: Sequence[int], reach: float) -> int:
-        """How many of the points (k, 2) [m] may be within reach [m] of solids that FCL has to be asked about."""
-        return asked_points(self._forms, self._confirmed, np.array(members, dtype=np.int64), points, reach)
+    def queried_points(self, points: Array, members: Sequence[int], cutoff: float) -> int:
+        """Count points (k, 2) [m] that may be within a cutoff [m] of solids without a confirmed closed form."""
+        return queried_points(self._forms, self._confirmed, np.array(members, dtype=np.int64), points, cutoff)
 
     @cached_property
     def _confirmed(self) -> BoolArray:
-        """Of which solids FCL confirms the closed form, at corners and sides of rectangles around them, (M,)."""
+        """Return of which solids FCL confirms the closed form at corners and sides of rectangles around them, (M,)."""
         confirmed = self._forms.form >= 0
         r, height = self.footprint
+        spots = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
         for m in np.flatnonzero(confirmed):
             middle, half = 0.5 * (self._lowest[m] + self._highest[m]), 0.5 * (self._highest[m] - self._lowest[m])
-            around = np.vstack([middle + share * (half + r) * SPOTS for share in (0.4, 1.0)])
+            around = np.vstack([middle + share * (half + r) * spots for share in (0.4, 1.0)])
             exact = self.obstacle_distance(int(m), around)
             found = np.array([distance_from(self._forms, m, *spot, height) for spot in around])
-            confirmed[m] = np.all(np.abs(np.where(found > PROBE, found, 0.0) - exact) < CONFIRMED)
+            confirmed[m] = np.all(np.abs(np.where(found > PROBE, found, 0.0) - exact) < TUNING.form_error)
         return confirmed
 
     def clearance(self, points: Array) -> Array:
-        """Free distance in every direction, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
+        """Return free distances, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
         border = np.minimum(points - self.world.lower, self.world.upper - points).min(axis=-1)
         nearest: Array = np.minimum(border, self.distance(points) - self.footprint.radius)
         return nearest
 
     def free(self, points: Array) -> BoolArray:
-        """Whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""
+        """Return whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""
         return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
@@ -169,12 +167,12 @@ class Collision:
             result[k] = not self._hits(self._all_solids, capsule(radius, middles[k], spans[k]))
             if not result[k] and len(self._waivers):
                 length = float(np.hypot(*spans[k]))
-                way = spans[k] / max(length, 1e-300)
-                result[k] = self.bisect_free(lambda s, k=k, way=way: tails[k] + s * way, length)  # type: ignore[misc]
+                along = spans[k] / max(length, 1e-300)
+                result[k] = self.bisect_free(lambda s, k=k, along=along: tails[k] + s * along, length)  # type: ignore[misc]
         return result
 
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
-        """Whether a curve is free, certified by clearances: a piece ab is free if c(a) + c(b) > |ab|.
+        """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
         Args:
             position: arc length in [0, length] [m] -> robot centre (2,) [m].
@@ -210,7 +208,7 @@ class Collision:
                 data[0] = d
             return d <= 0, data[0]
 
-        with self._asking:
+        with self._lock:
             self.calls += 1
             probe.setTranslation(point)
             self._all_shells.distance(probe, best, visit)
@@ -228,10 +226,10 @@ class Collision:
         one takes over from the other, interpolation in cells [m] is too high by half a cell, which is subtracted.
         """
         eased = d
-        for x, y, reach, less in self._waivers:
+        for x, y, disc, less in self._waivers:
             away = np.hypot(points[..., 0] - x, points[..., 1] - y)
-            other = np.minimum(self.footprint.radius + reach - away, d + less)
-            kink = np.where(np.abs(eased - other) < KINK * cell, min(0.6 * cell, 0.5 * less), 0.0)
+            other = np.minimum(self.footprint.radius + disc - away, d + less)
+            kink = np.where(np.abs(eased - other) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
             eased = np.maximum(eased, other) - kink
         return np.where(d > 0.0, eased, d)
 
@@ -241,13 +239,13 @@ class Collision:
         return self.footprint.radius - float(self._waivers[:, 3].max(initial=0.0))
 
     def _answer(self, index: int, point: Array) -> Answer:
-        """How far one solid is from a point (3,) [m], for `nearest_walls`."""
+        """Return distance and offset of a point (3,) [m] from one solid, for `nearest_walls`."""
         result = fcl.DistanceResult()
         d = self._from_one(index, point, result)
         if d <= 0.0:
             return 0.0, 0.0, 0.0
         obstacle = self.world.obstacles[index]
-        if obstacle.kind is Kind.MESH:  # FCL tells that of a mesh first, and in the mesh's own frame
+        if obstacle.kind is Kind.MESH:  # FCL reports that of a mesh first, and in the mesh's own frame
             near = obstacle.rotation @ result.nearest_points[0] + obstacle.position
         else:
             near = result.nearest_points[1]
@@ -255,7 +253,7 @@ class Collision:
 
     def _from_one(self, index: int, point: Array, result: Any = None) -> float:
         result = fcl.DistanceResult() if result is None else result
-        with self._asking:
+        with self._lock:
             self.calls += 1
             self._probe.setTranslation(point)
             d: float = PROBE + fcl.distance(self._probe, self._shells[index], self._distance_request, result)
@@ -266,8 +264,8 @@ class Collision:
         return self._corrected(point, d, lambda body: self._hits_one(self._solids[index], body))
 
     def _corrected(self, point: Array, d: float, hits: Callable[[Any], bool]) -> float:
-        """The greatest radius up to d of a ball that hits nothing, to within TOLERANCE."""
-        margin = 0.5 * TOLERANCE
+        """Return the greatest radius up to d of a ball that hits nothing, to within TUNING.hull_error."""
+        margin = 0.5 * TUNING.hull_error
         if d <= margin or not hits(ball(point, d - margin)):
             return d
         if hits(ball(point, PROBE)):

@@ -1,6 +1,6 @@
-"""The clearance field of a small world: FCL's distances on one grid, coarser far from obstacles.
+"""Sample the clearance field of a small world: FCL's distances on one grid, coarser far from obstacles.
 
-A level's points are asked where the coarser level's cells are near a wall or walls change; elsewhere its values are
+A level's points are queried where the coarser level's cells are near a wall or walls change; elsewhere its values are
 carried over, less what interpolation may be too high by.
 """
 
@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import BAND, LEVELS, NOTHING, REACH, SHARP, Field
+from pirrht.geometry.field import LEVELS, REACH, Field
+from pirrht.geometry.tuning import TUNING
 
 Mask = NDArray[np.bool_]  # (nx, ny)
 Values = tuple[Array, Array, NDArray[np.int64]]  # nearest, second and label at the points of a grid, (nx, ny)
 
 
 def dense_shape(span: Array, h: float) -> tuple[int, int]:
-    """Points of the grid that covers a workspace's span (2,) [m] with a spacing h [m]."""
+    """Return the points of the grid that covers a workspace's span (2,) [m] with a spacing h [m]."""
     nx, ny = (np.ceil(span / (h * 2 ** (LEVELS - 1))).astype(int) * 2 ** (LEVELS - 1) + 1).tolist()
     return nx, ny
 
@@ -38,9 +39,9 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
     for _ in range(LEVELS - 1):
         least, most = _least(nearest), -_least(-nearest)
         margin = width**2 / (4.0 * np.maximum(least + least_r - np.sqrt(2.0) * width, 0.5 * least_r))
-        shallow, near = most > -1.5 * width, SHARP * r
+        shallow, near = most > -1.5 * width, TUNING.sharp * r
         corners = world.lower + width * np.moveaxis(np.indices(least.shape), 0, -1)
-        refine = _within(shallow & (least < BAND * width) | collision.near_waivers(corners, 2.0 * width))
+        refine = _within(shallow & (least < TUNING.band * width) | collision.near_waivers(corners, 2.0 * width))
         change = _within(_change(shallow & (least < near), second, label, width, near))
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
@@ -53,36 +54,36 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
 
 
 class _Level:
-    """Asks FCL for the grid points of one level that masks select."""
+    """The grid points of one level, for which FCL is queried where masks select them."""
 
     def __init__(self, collision: Collision, members: Sequence[int], cell: float) -> None:
         self.collision, self.members, self.cell = collision, members, cell
 
     def at(self, width: float, refine: Mask, change: Mask, guess: Values | None) -> Values:
-        """Values at the points to refine, and the second wall and the label where these change; elsewhere the guess."""
+        """Return values at points to refine, second wall and label where these change, and elsewhere the guess."""
         if guess is None:
-            shape, far = refine.shape, REACH if self.members else NOTHING
-            reach, guess = REACH, (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
+            shape, far = refine.shape, REACH if self.members else TUNING.nothing
+            cutoff, guess = REACH, (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
         else:
-            reach = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest solid of a refined cell is farther
+            cutoff = min(REACH, 2.0 * (TUNING.band + 1.5) * width)  # no nearest solid of a refined cell is farther
         if self.members:
-            near = max(reach, min(REACH, SHARP * self.collision.footprint.radius + 3.0 * width))
-            self.ask(width, refine & ~change, refine, reach, guess)
-            self.ask(width, change, refine, near, guess)
+            near = max(cutoff, min(REACH, TUNING.sharp * self.collision.footprint.radius + 3.0 * width))
+            self.query(width, refine & ~change, refine, cutoff, guess)
+            self.query(width, change, refine, near, guess)
         return guess
 
-    def ask(self, width: float, mask: Mask, refine: Mask, reach: float, values: Values) -> None:
-        """Put what is found within reach [m] into the values, in place."""
+    def query(self, width: float, mask: Mask, refine: Mask, cutoff: float, values: Values) -> None:
+        """Put walls that are found within a cutoff [m] into the values, in place."""
         (nearest, second, label), at, r = values, np.nonzero(mask), self.collision.footprint.radius
         points = self.collision.world.lower + np.column_stack(at) * width
-        one, two, which, _ = self.collision.nearest_walls(points, self.members, reach + r, self.cell)
+        one, two, which, _ = self.collision.nearest_walls(points, self.members, cutoff + r, self.cell)
         nearest[at] = np.where(refine[at], one - r, nearest[at])  # a guess is what it has to be: never too high
         label[at] = which
-        second[at] = np.where(two < reach + r, two - r, np.maximum(second[at], reach))
+        second[at] = np.where(two < cutoff + r, two - r, np.maximum(second[at], cutoff))
 
 
 def _least(values: Array) -> Array:
-    """Least corner of each cell."""
+    """Return the least corner of each cell."""
     least: Array = np.minimum(
         np.minimum(values[:-1, :-1], values[1:, :-1]), np.minimum(values[:-1, 1:], values[1:, 1:])
     )
@@ -90,7 +91,7 @@ def _least(values: Array) -> Array:
 
 
 def _change(cells: Mask, second: Array, label: NDArray[np.int64], width: float, near: float) -> Mask:
-    """In which of these cells another solid takes over as one of two near walls."""
+    """Return in which of these cells another solid takes over as one of two near walls."""
     i, j = np.nonzero(cells)
     corners = (i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)
     values, labels = np.array([second[at] for at in corners]), np.array([label[at] for at in corners])
@@ -101,7 +102,7 @@ def _change(cells: Mask, second: Array, label: NDArray[np.int64], width: float, 
 
 
 def _within(cell: Mask) -> Mask:
-    """Points of the next finer grid that lie in cells, less those of this one."""
+    """Return points of the next finer grid that lie in cells, less those of this one."""
     fine = np.zeros(tuple(2 * s + 1 for s in cell.shape), dtype=bool)
     block = np.repeat(np.repeat(cell, 2, axis=0), 2, axis=1)
     for i in (0, 1):

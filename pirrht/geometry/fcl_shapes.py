@@ -1,4 +1,4 @@
-"""Obstacles and robots as objects of FCL."""
+"""Build obstacles and robots as objects of FCL."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pirrht.geometry.scene import Kind, Obstacle
 
 
 def ball(center: Array, radius: float) -> Any:
-    """A sphere about center (3,) of a radius [m]."""
+    """Return a sphere about center (3,) of a radius [m]."""
     return fcl.CollisionObject(fcl.Sphere(radius), fcl.Transform(center))
 
 
 def capsule(radius: float, middle: Array, span: Array) -> Any:
-    """What a sphere of a radius [m] covers that goes along span (2,) [m], half of it before `middle` (3,) [m]."""
+    """Return the capsule that a sphere of a radius [m] sweeps along span (2,) [m] about `middle` (3,) [m]."""
     length = float(np.hypot(span[0], span[1]))
     if length < 1e-9:
         return ball(middle, radius)
@@ -27,7 +27,7 @@ def capsule(radius: float, middle: Array, span: Array) -> Any:
 
 
 def tree_of(objects: list[Any]) -> Any:
-    """A tree of bounding boxes around k objects of FCL, which answers for all of them at once."""
+    """Return a tree of bounding boxes around k objects of FCL, which answers for all of them at once."""
     manager = fcl.DynamicAABBTreeCollisionManager()
     manager.registerObjects(objects)
     manager.setup()
@@ -39,7 +39,7 @@ def _pose(obstacle: Obstacle) -> Any:
 
 
 def solid_of(obstacle: Obstacle) -> Any:
-    """An obstacle as a convex solid in world coordinates [m]; `collide` is right for it."""
+    """Return an obstacle as a convex solid in world coordinates [m]; `collide` is right for it."""
     a, b, c = (float(s) for s in obstacle.size)
     match obstacle.kind:
         case Kind.BOX:
@@ -60,7 +60,7 @@ def solid_of(obstacle: Obstacle) -> Any:
 
 
 def shell_of(obstacle: Obstacle) -> Any:
-    """The surface of a mesh of corners (k, 3) [m] and triangles (l, 3), from which distances are right."""
+    """Return the surface of a mesh of corners (k, 3) [m] and triangles (l, 3), from which distances are right."""
     vertices, faces = _hull(obstacle)
     shape = fcl.BVHModel()
     shape.beginModel(len(vertices), len(faces))
@@ -70,7 +70,7 @@ def shell_of(obstacle: Obstacle) -> Any:
 
 
 def _hull(obstacle: Obstacle) -> tuple[Array, IntArray]:
-    """Corners and triangles of a mesh, seen counter-clockwise from outside."""
+    """Return corners and triangles of a mesh, seen counter-clockwise from outside."""
     assert obstacle.vertices is not None
     assert obstacle.faces is not None
     vertices = np.ascontiguousarray(obstacle.vertices, dtype=float)

@@ -1,4 +1,4 @@
-"""The clearance field: distances sampled once on a grid, so that a million queries cost milliseconds.
+"""Interpolate the clearance field: distances sampled once on a grid, so that a million queries cost milliseconds.
 
 The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
 of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Workspace
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.addresses import load_float32, load_int32
 from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import inlined, kernel
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
-BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
-REACH = 1.0  # the field tells no clearance above this [m]; exits and bridges are decided far below it
-SHARP = 4.0  # where walls change that are less than this many robot radii away, the change is refined
-NOTHING = 1e6  # clearance where there are no obstacles at all [m]
+REACH = TUNING.cutoff
 LEVEL_BITS = 2  # of a table's entry: the lowest bits are a block's level, the others its number
 
 Arrays = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
@@ -62,7 +60,7 @@ class Grid(NamedTuple):
 
 
 class Field(Grid):
-    """The same together with the arrays that the addresses point to."""
+    """A `Grid` together with the arrays that its addresses point to."""
 
     arrays: Arrays  # of all points, (nx, ny) or (blocks, stride, stride)
     blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
@@ -75,7 +73,7 @@ class Field(Grid):
 
     @classmethod
     def in_blocks(cls, world: Workspace, spacing: float, table: NDArray[np.int32], arrays: Arrays) -> Field:
-        """The same of blocks (k, stride, stride) and a table (rows, columns) of numbers and levels."""
+        """Take hold of values in blocks (k, stride, stride) and a table (rows, columns) of their numbers and levels."""
         cells = arrays[0].shape[1] - 1
         nx, ny = (cells * n + 1 for n in table.shape)
         shape = (nx, ny, cells + 1, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
@@ -101,7 +99,7 @@ def _packed(nearest: Array, second: Array, label: NDArray[np.int64]) -> Arrays:
 
 
 def set_back(field: Field, distance: float) -> Field:
-    """The same field with all walls, the border included, moved back by a distance [m]."""
+    """Return the field with all walls, the border included, moved back by a distance [m]."""
     nearest, second, label = field.arrays
     arrays = nearest + np.float32(distance), second + np.float32(distance), label
     moved = field._replace(
@@ -118,13 +116,13 @@ def set_back(field: Field, distance: float) -> Field:
 
 @inlined
 def border(field, x, y):  # type: ignore[no-untyped-def]
-    """Distance of (x, y) [m] to the border of the workspace, negative outside [m]."""
+    """Return the distance of (x, y) [m] to the border of the workspace, negative outside [m]."""
     return min(min(x - field.left, field.right - x), min(y - field.low, field.high - y))
 
 
 @inlined
 def finest_cell(field, x, y):  # type: ignore[no-untyped-def]
-    """(x, y) [m] in spacings from the grid's first point, and the cell (i, j) of the finest grid."""
+    """Return (x, y) [m] in spacings from the grid's first point, and the cell (i, j) of the finest grid."""
     fx, fy = (x - field.x0) * field.per, (y - field.y0) * field.per
     i = min(max(np.int32(fx), np.int32(0)), np.int32(field.nx - 2))
     j = min(max(np.int32(fy), np.int32(0)), np.int32(field.ny - 2))
@@ -133,7 +131,7 @@ def finest_cell(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def cell_of(field, x, y):  # type: ignore[no-untyped-def]
-    """The cell of (x, y) [m]: index of its first point, where in it (x, y) lies, 0 to 1 each, and 1/width [1/m]."""
+    """Return the cell of (x, y) [m]: index of its first point, place in it, 0 to 1 each, and 1/width [1/m]."""
     fx, fy, i, j = finest_cell(field, x, y)
     if field.table == 0:
         return i * np.int32(field.ny) + j, fx - np.float32(i), fy - np.float32(j), field.per
@@ -142,7 +140,7 @@ def cell_of(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def cell_in_block(field, fx, fy, i, j):  # type: ignore[no-untyped-def]
-    """The same where points lie in blocks, of the finest cell (i, j), (fx, fy) spacings from the grid's first point."""
+    """Return what `cell_of` does in a field of blocks, from what `finest_cell` returns."""
     entry = load_int32(field.table, (i >> field.shift) * field.columns + (j >> field.shift))
     level = entry & ((1 << LEVEL_BITS) - 1)
     span = field.shift + level
@@ -156,14 +154,14 @@ def cell_in_block(field, fx, fy, i, j):  # type: ignore[no-untyped-def]
 
 @inlined
 def bilinear(a, b, c, d, u, v):  # type: ignore[no-untyped-def]
-    """Value at (u, v) in a cell, each from 0 to 1; corner values a, b in the first column and c, d in the second."""
+    """Return the value at (u, v), 0 to 1 each, in a cell; corners a, b are in the first column, c, d in the second."""
     low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
     return low * (ONE - u) + high * u
 
 
 @inlined
 def bilinear_slope(a, b, c, d, u, v, per):  # type: ignore[no-untyped-def]
-    """The same and its gradient (d/dx, d/dy) [value/m], with `per` cells per meter [1/m]."""
+    """Return the bilinear value and its gradient (d/dx, d/dy) [value/m], with `per` cells per meter [1/m]."""
     low, high = a * (ONE - v) + b * v, c * (ONE - v) + d * v
     return low * (ONE - u) + high * u, (high - low) * per, ((b - a) * (ONE - u) + (d - c) * u) * per
 
@@ -177,21 +175,21 @@ def _corners(field, grid, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def interpolate(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """Bilinear value [m] at (x, y) [m] in the workspace of the grid at an address, field.nearest or field.second."""
+    """Return the bilinear value [m] at (x, y) [m] in the workspace of the grid at an address of the field."""
     a, b, c, d, u, v, _ = _corners(field, grid, x, y)
     return bilinear(a, b, c, d, u, v)
 
 
 @inlined
 def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
-    """The same and its gradient (d/dx, d/dy) [m/m]."""
+    """Return the bilinear value [m] at (x, y) [m] and its gradient (d/dx, d/dy) [m/m]."""
     a, b, c, d, u, v, per = _corners(field, grid, x, y)
     return bilinear_slope(a, b, c, d, u, v, per)
 
 
 @inlined
 def value_at(field, i, j):  # type: ignore[no-untyped-def]
-    """Clearance to the nearest solid [m] at a point (i, j) of the finest grid."""
+    """Return the clearance from the nearest solid [m] at a point (i, j) of the finest grid."""
     if field.table == 0:
         return load_float32(field.nearest, i * field.ny + j)
     return interpolate(field, field.nearest, field.x0 + i * field.spacing, field.y0 + j * field.spacing)
@@ -199,7 +197,7 @@ def value_at(field, i, j):  # type: ignore[no-untyped-def]
 
 @inlined
 def closest(field, x, y):  # type: ignore[no-untyped-def]
-    """Index of the point that is closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
+    """Return the index of the point closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
     if field.table == 0:
         i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
         j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
@@ -212,13 +210,13 @@ def closest(field, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def nearest_label(field, x, y):  # type: ignore[no-untyped-def]
-    """Solid that is nearest at the grid's point closest to (x, y) [m]; -1 where none is near."""
+    """Return the solid that is nearest at the grid's point closest to (x, y) [m]; -1 where none is near."""
     return load_int32(field.label, closest(field, x, y)[0])
 
 
 @inlined
 def clearance(field, x, y):  # type: ignore[no-untyped-def]
-    """A lower bound [m] of the clearance at (x, y) [m], border included."""
+    """Return a lower bound [m] of the clearance at (x, y) [m], border included."""
     edge = border(field, x, y)
     if edge <= 0.0:
         return edge
@@ -230,10 +228,6 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
     """Write the clearance at points (k, 2) to out (k,) [m]."""
     for k in range(len(points)):
         out[k] = clearance(field, points[k, 0], points[k, 1])
-
-
-TINY = np.float32(1e-12)
-JUMP, AWAY = np.float32(2.0), np.float32(1e6)  # steeper than a distance can be: another wall is second from there on
 
 
 @inlined
@@ -260,12 +254,13 @@ def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
     c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
     d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
-    d = d if mx * mx + my * my < JUMP else AWAY
-    one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
+    d = d if mx * mx + my * my < np.float32(2.0) else np.float32(1e6)  # steeper than a distance can be: another wall
+    tiny = np.float32(1e-12)  # for places on a wall
+    one, other = ONE / math.sqrt(nx * nx + ny * ny + tiny), ONE / math.sqrt(mx * mx + my * my + tiny)
     nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
     left, right = np.float32(x - field.left), np.float32(field.right - x)
     low, high = np.float32(y - field.low), np.float32(field.high - y)
-    beside, below = min(left, right), min(low, high)
+    across, along = min(left, right), min(low, high)
     side, level = ONE if left < right else -ONE, ONE if low < high else -ONE
-    c, nx, ny, d, mx, my = _with_edge(beside, side, ZERO, c, nx, ny, d, mx, my)
-    return _with_edge(below, ZERO, level, c, nx, ny, d, mx, my)
+    c, nx, ny, d, mx, my = _with_edge(across, side, ZERO, c, nx, ny, d, mx, my)
+    return _with_edge(along, ZERO, level, c, nx, ny, d, mx, my)

@@ -1,4 +1,4 @@
-"""Where distances are linear: in a cell beside a flat face interpolation errs by nothing, however wide the cell is.
+"""Find cells in which distances are linear: next to a flat face interpolation is exact, however wide the cell is.
 
 A convex distance whose gradient is the same at the corners of a cell is linear in it. A cell is certified if this is so
 for every solid that can be the nearest anywhere in the cell.
@@ -17,15 +17,12 @@ from pirrht.geometry.walls import Found, square_to
 from pirrht.jit.jit import inlined, kernel
 
 CURVED, BENT, FLAT = 0, 1, 2  # what is known of a cell: nothing; several faces, each of them flat; one face only
-LINEAR = 1e-9  # relative difference between a distance and its planar part that is rounding
-PARALLEL = 1e-7  # sine of an angle that is rounding
-HALF_DIAGONAL = math.sqrt(0.5)
 
 
 def flat_cells(
-    solids: Solids, closed: BoolArray, members: IntArray, points: Array, found: Found, height: float, reach: float
+    solids: Solids, closed: BoolArray, members: IntArray, points: Array, found: Found, height: float, cutoff: float
 ) -> NDArray[np.int8]:
-    """CURVED, BENT or FLAT for the cells of square blocks, (k, S - 1, S - 1).
+    """Return CURVED, BENT or FLAT for the cells of square blocks, (k, S - 1, S - 1).
 
     Args:
         solids: M obstacles.
@@ -34,19 +31,19 @@ def flat_cells(
         points: of blocks, (k, S, S, 2) [m], all at one height [m].
         found: nearest walls as (k, S, S, ...), distances continued below 0 within solids.
         height: of all points [m].
-        reach: cells about as far from the nearest solid are CURVED, unasked; at most what `found` has been told up
-            to [m].
+        cutoff: cells about as far from the nearest solid are CURVED, without a query; at most the
+            cutoff of `found` [m].
     """
     k, S = points.shape[:2]
     out = np.zeros((k, S - 1, S - 1), dtype=np.int8)
-    bins = bins_of(solids, members, points.reshape(-1, 2), reach)
+    bins = bins_of(solids, members, points.reshape(-1, 2), cutoff)
     width = float(points[0, 1, 0, 0] - points[0, 0, 0, 0])
-    _judge(solids, closed, bins, points, found, width, height, reach, out)
+    _judge(solids, closed, bins, points, found, width, height, cutoff, out)
     return out
 
 
 @kernel
-def _judge(solids, closed, bins, points, found, width, height, reach, out):  # type: ignore[no-untyped-def]
+def _judge(solids, closed, bins, points, found, width, height, cutoff, out):  # type: ignore[no-untyped-def]
     near = solids.low, solids.high, bins.member  # taken out of the records once: that costs more than a cell
     corner = np.empty((4, 5))  # x, y, distance, and the vector from the nearest point [m]
     label = np.empty(4, dtype=np.int64)
@@ -57,8 +54,8 @@ def _judge(solids, closed, bins, points, found, width, height, reach, out):  # t
                 low = min(min(first[i, j], first[i + 1, j]), min(first[i, j + 1], first[i + 1, j + 1]))
                 high = max(max(first[i, j], first[i + 1, j]), max(first[i, j + 1], first[i + 1, j + 1]))
                 # Some point of the cell is as near to a solid as to the nearest: this far from the middle at most.
-                most = max(low, 0.0) + 3.0 * HALF_DIAGONAL * width
-                if most >= reach or high <= 0.0:
+                most = max(low, 0.0) + 3.0 * math.sqrt(0.5) * width
+                if most >= cutoff or high <= 0.0:
                     continue
                 for c in range(4):
                     p, q = i + c // 2, j + c % 2
@@ -69,7 +66,7 @@ def _judge(solids, closed, bins, points, found, width, height, reach, out):  # t
 
 @inlined
 def _kind(solids, closed, bins, near, corner, label, most, entered, height):  # type: ignore[no-untyped-def]
-    """That of one cell, whose solids are at most so far from its middle [m]; `entered` by one of them."""
+    """Return the kind of one cell, whose solids are at most so far from its middle [m]; `entered` by one of them."""
     x, y = 0.5 * (corner[0, 0] + corner[3, 0]), 0.5 * (corner[0, 1] + corner[3, 1])
     begin, end = bin_at(bins, x, y)
     left, right, member = near
@@ -94,14 +91,14 @@ def _kind(solids, closed, bins, near, corner, label, most, entered, height):  # 
 
 @inlined
 def _same(nx, ny, ux, uy):  # type: ignore[no-untyped-def]
-    return abs(nx * uy - ny * ux) < PARALLEL and nx * ux + ny * uy > 0.0
+    return abs(nx * uy - ny * ux) < 1e-7 and nx * ux + ny * uy > 0.0
 
 
 @inlined
 def _face(solids, m, corner, label, height):  # type: ignore[no-untyped-def]
-    """Whether the corners outside of solid m see one flat face of it, and the unit vector (x, y) away from that.
+    """Return whether corners outside of solid m see one flat face of it, and the unit vector (x, y) away from that.
 
-    At corners inside the distance has to be continued at most as far up as the face tells.
+    At corners inside the distance has to be continued at most as far up as the face allows.
     """
     nx, ny, level, known = 0.0, 0.0, 0.0, False
     for c in range(4):
@@ -114,13 +111,13 @@ def _face(solids, m, corner, label, height):  # type: ignore[no-untyped-def]
             if d <= PROBE:
                 return False, 0.0, 0.0
             ex, ey = offset_from(solids, m, x, y, height)
-        if abs(math.sqrt(ex * ex + ey * ey) - d) > LINEAR * (1.0 + d):
+        if abs(math.sqrt(ex * ex + ey * ey) - d) > 1e-9 * (1.0 + d):  # rounding
             return False, 0.0, 0.0
         ex, ey = ex / d, ey / d
         if known and not _same(nx, ny, ex, ey):
             return False, 0.0, 0.0
         nx, ny, level, known = ex, ey, d - ex * x - ey * y, True
     for c in range(4):
-        if corner[c, 2] <= 0.0 and corner[c, 2] > level + nx * corner[c, 0] + ny * corner[c, 1] + LINEAR:
+        if corner[c, 2] <= 0.0 and corner[c, 2] > level + nx * corner[c, 0] + ny * corner[c, 1] + 1e-9:  # rounding
             return False, 0.0, 0.0
     return known, nx, ny

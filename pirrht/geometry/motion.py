@@ -1,4 +1,4 @@
-"""How obstacles move: rows of a time and a pose, linear in between."""
+"""Describe how obstacles move: rows of a time and a pose, linear in between."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ SHAPES = 1024  # of bodies of which is remembered what does not depend on how th
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
-    """Where a body is at any time: poses linear between rows, standing still after the last or starting over.
+    """Poses of an obstacle at any time, linear between rows; it rests after the last or starts over.
 
     Raises:
         SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
@@ -26,7 +26,7 @@ class Motion:
 
     rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]
     repeat: bool = False  # whether it starts over at the first row when it has reached the last
-    lead: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
+    offset: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
     _rows: list[list[float]] = field(init=False, repr=False)  # the same rows as numbers
 
     def __post_init__(self) -> None:
@@ -50,19 +50,19 @@ class Motion:
 
     @property
     def last(self) -> float:
-        """When it stands still for good [s], negative if it does already; infinity where it starts over."""
-        return math.inf if self.repeat else float(self.rows[-1, 0]) - self.lead
+        """Return when it rests for good [s], negative if it does already; infinity where it starts over."""
+        return math.inf if self.repeat else float(self.rows[-1, 0]) - self.offset
 
     def pose(self, time: Array | float) -> Array:
-        """x, y [m] and yaw [rad] at times (...) [s], (..., 3); before the first row it stands there."""
-        t = np.asarray(time, dtype=float) + self.lead
+        """Return x, y [m] and yaw [rad] at times (...) [s], (..., 3); before the first row it rests there."""
+        t = np.asarray(time, dtype=float) + self.offset
         if self.repeat:
             t = np.where(t > 0.0, np.mod(t, self.rows[-1, 0]), t)
         return np.stack([np.interp(t, self.rows[:, 0], self.rows[:, k]) for k in (1, 2, 3)], axis=-1)
 
     def pose_at(self, time: float) -> tuple[float, float, float]:
-        """The same at one time [s], as numbers."""
-        t = time + self.lead
+        """Return x, y [m] and yaw [rad] at one time [s], as numbers."""
+        t = time + self.offset
         if self.repeat and t > 0.0:
             t %= self._rows[-1][0]
         i = bisect_right(self._rows, t, key=itemgetter(0))
@@ -74,8 +74,8 @@ class Motion:
         return x, y, yaw
 
     def velocity(self, time: float) -> Array:
-        """Rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
-        t, period = time + self.lead, float(self.rows[-1, 0])
+        """Return rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
+        t, period = time + self.offset, float(self.rows[-1, 0])
         if len(self.rows) < 2 or t < 0.0 or (t > period and not self.repeat):
             return np.zeros(3)
         if self.repeat and t > period:
@@ -89,13 +89,13 @@ class Motion:
         return f"Motion({len(self.rows)} rows over {self.rows[-1, 0]:g} s{again})"
 
     def after(self, time: float) -> Motion:
-        """The same motion as told by a clock that starts at a time [s] of this one's."""
-        return replace(self, lead=self.lead + time)
+        """Return the motion on a clock that starts at a time [s] of this one's."""
+        return replace(self, offset=self.offset + time)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mover:
-    """A body that moves, and what it is made of."""
+    """A moving obstacle and its solids."""
 
     name: str
     solids: tuple[Obstacle, ...]  # in the body's own frame, x and y from its origin, heights above the ground [m]
@@ -105,7 +105,7 @@ class Mover:
         return f"Mover({self.name!r}, {self.motion!r})"
 
     def at(self, time: float) -> tuple[Obstacle, ...]:
-        """Its solids in the world at a time [s]."""
+        """Return its solids in the world at a time [s]."""
         x, y, yaw = self.motion.pose_at(time)
         turn, shift = about_vertical(yaw), np.array([x, y, 0.0])
         return tuple(replace(o, position=turn @ o.position + shift, rotation=turn @ o.rotation) for o in self.solids)

@@ -1,4 +1,4 @@
-"""Solids: what stands, or in a moving body's own frame what it is made of."""
+"""Describe solids: static obstacles, and parts of a moving obstacle in its own frame."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Kind(Enum):
 
 
 def about_vertical(yaw: float) -> Array:
-    """The rotation (3, 3) by a yaw [rad]."""
+    """Return the rotation (3, 3) by a yaw [rad]."""
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 

@@ -1,8 +1,8 @@
-"""Passages: where two obstacles, or an obstacle and the border, face each other with room for the robot between.
+"""Find passages: two obstacles, or an obstacle and the border, face each other and the robot fits between.
 
 A saddle of the clearance field says about where; the middle of the free chord there, and the line along which this
-chord is shortest, say exactly where and how wide. A passage also has an axis: the way through it along which the
-clearance is greatest, until there is room on both sides.
+chord is shortest, say exactly where and how wide. A passage also has an axis: the line through it along which the
+clearance is greatest, until both sides are wide.
 """
 
 from __future__ import annotations
@@ -16,43 +16,34 @@ from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance, value_at
-from pirrht.geometry.saddles import narrow_places
+from pirrht.geometry.narrow_passages import narrow_places
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import kernel
 
-ANGLES = 16  # directions that are tried first, over half a turn
-TURNS = 4  # searches for the direction, each four times as fine
-MOVES = 10  # along the axis, to where a passage is narrowest
-NARROWER = 1e-3  # a move must shorten the chord by this share of it
-HALVINGS = 12
-STEP = 0.5  # of a walk along the axis [robot radii]
-STEPS = 60  # of the longest walk to one side
-WIDER = 1.0  # a walk ends where there is more clearance than in the middle by this [robot radii]
-ROOMY = 2.0  # a passage of this clearance needs no way through it: uniform draws see it [robot radii]
-MOST = 2 * STEPS + 2
-BORDER = "border"  # its name beside those of solids
+BORDER = "border"  # its name next to those of solids
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Passages:
-    """The P open passages of a world, narrowest first, and ways through them."""
+    """The P open passages of a world, narrowest first, and their axes."""
 
     place: Array  # (P, 2) middle of the narrowest chord [m]
     heading: Array  # (P,) along the passage, at right angles to that chord [rad]
-    width: Array  # (P,) of a straight corridor that leaves the robot as much room [m]
-    way: Array  # (l, 3) points on the axes [m], [m] and headings there [rad]; all middles come first, in their order
+    width: Array  # (P,) of a straight corridor that leaves the robot as much clearance [m]
+    axis: Array  # (l, 3) points on the axes [m], [m] and headings there [rad]; all middles come first, in their order
 
     @property
     def count(self) -> int:
-        """P."""
+        """Count the passages, P."""
         return len(self.width)
 
     def chords(self) -> tuple[Array, Array]:
-        """Both ends of the narrowest chords, wall to wall, 2 x (P, 2) [m]: what goes through a passage crosses it."""
+        """Return both ends of the narrowest chords, 2 x (P, 2) [m]; a path through a passage crosses its chord."""
         across = 0.5 * self.width[:, None] * np.column_stack([-np.sin(self.heading), np.cos(self.heading)])
         return self.place - across, self.place + across
 
     def crossed(self, line: Array) -> BoolArray:
-        """Through which passages a polyline (l, 2) [m] leads, (P,)."""
+        """Return through which passages a polyline (l, 2) [m] leads, (P,)."""
         left, right = self.chords()
         ends = _side(left, right, line)
         pieces = _side(line[:-1], line[1:], np.vstack([left, right]))
@@ -62,7 +53,7 @@ class Passages:
         return crossed
 
     def between(self, k: int, collision: Collision) -> list[str]:
-        """What passage k leads between: names of two solids, or of one and "border"."""
+        """Return the names of two solids, or of one and "border", between which passage k leads."""
         world, ends = collision.world, np.array([chord[k] for chord in self.chords()])
         every = range(len(world.obstacles))
         nearest = collision.nearest_walls(ends, every, collision.footprint.radius).which.tolist()
@@ -73,17 +64,17 @@ class Passages:
 
 
 def _side(tails: Array, heads: Array, points: Array) -> Array:
-    """Where points (l, 2) lie beside lines through two points each, 2 x (k, 2): (k, l), positive to the left [m^2]."""
+    """Return on which side of lines 2 x (k, 2) points (l, 2) lie: (k, l), positive to the left [m^2]."""
     along, to = heads - tails, points[None] - tails[:, None]
     side: Array = along[:, :1] * to[..., 1] - along[:, 1:] * to[..., 0]
     return side
 
 
 def find_passages(field: Field, collision: Collision) -> Passages:
-    """Every passage of a world that a robot can use, from its clearance field; FCL is asked where that is unsure."""
+    """Find every passage that a robot can use by the clearance field; FCL decides where that is unsure."""
     radius = collision.footprint.radius
     middles: list[Array] = []
-    walks, work = [], np.empty((MOST, 3))
+    walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 3))
     middle = np.empty(4)  # x, y, heading, clearance
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
@@ -101,7 +92,7 @@ def find_passages(field: Field, collision: Collision) -> Passages:
         place=found[:, :2],
         heading=found[:, 2],
         width=2.0 * (found[:, 3] + radius),
-        way=np.vstack([found[:, :3], *(walks[i] for i in order)]),
+        axis=np.vstack([found[:, :3], *(walks[i] for i in order)]),
     )
 
 
@@ -129,7 +120,7 @@ def _best_of_block(field, row, column, stride, middle):  # type: ignore[no-untyp
 
 @kernel
 def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
-    """How far it is from (x, y) along (ux, uy) to where the clearance falls to -h, `most` if it does not [m].
+    """Return the distance from (x, y) along (ux, uy) to where the clearance falls to -h, `most` if it does not [m].
 
     Below 0 the walls' slopes have not met yet and the field is as fine as anywhere, so this is exact where the
     clearance at the axis itself is cut off between grid points.
@@ -143,7 +134,7 @@ def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
             return most
         low = high
         high += max(0.7 * (c - level), 0.25 * field.spacing)
-    for _ in range(HALVINGS):
+    for _ in range(TUNING.chord_halvings):
         s = 0.5 * (low + high)
         if clearance(field, x + s * ux, y + s * uy) > level:
             low = s
@@ -154,7 +145,7 @@ def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
 
 @kernel
 def _chord(field, x, y, angle, most):  # type: ignore[no-untyped-def]
-    """Length of the chord through (x, y) at an angle [rad], and how far its middle lies from there [m]."""
+    """Return the length of the chord through (x, y) at an angle [rad], and how far its middle is from there [m]."""
     ux, uy = math.cos(angle), math.sin(angle)
     ahead, behind = _end_of_chord(field, x, y, ux, uy, most), _end_of_chord(field, x, y, -ux, -uy, most)
     return ahead + behind, 0.5 * (ahead - behind)
@@ -162,13 +153,13 @@ def _chord(field, x, y, angle, most):  # type: ignore[no-untyped-def]
 
 @kernel
 def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
-    """Move x, y, heading, clearance (4,) to the middle of the shortest chord about; whether the robot fits there."""
+    """Move x, y, heading, clearance (4,) to the middle of the shortest chord; return whether the robot fits."""
     most = 3.0 * (max(middle[3], 0.0) + radius)
-    angle, step, length = 0.0, np.pi / ANGLES, np.inf
-    for _ in range(TURNS):
+    angle, step, length = 0.0, np.pi / TUNING.chord_angles, np.inf
+    for _ in range(TUNING.chord_turns):
         shortest, base = np.inf, angle
-        for k in range(ANGLES):
-            trial = base + (k - ANGLES // 2) * step
+        for k in range(TUNING.chord_angles):
+            trial = base + (k - TUNING.chord_angles // 2) * step
             length = _chord(field, middle[0], middle[1], trial, most)[0]
             if length < shortest:
                 shortest, angle = length, trial
@@ -180,19 +171,19 @@ def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
 
 @kernel
 def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-def]
-    """Move (x, y) to the middle of the shortest chord at an angle [rad], to both sides of it; its length [m]."""
+    """Move (x, y) to the middle of the shortest chord at an angle [rad], to both sides of it; return its length [m]."""
     ux, uy, move = math.cos(angle), math.sin(angle), radius
     best, shift = _chord(field, middle[0], middle[1], angle, most)
     middle[0] += shift * ux
     middle[1] += shift * uy
-    for _ in range(MOVES):
+    for _ in range(TUNING.chord_moves):
         shorter = False
         for side in (-move, move):
             x, y = middle[0] - side * uy, middle[1] + side * ux
             if clearance(field, x, y) <= -field.spacing:  # where the passage bends, this is in a wall
                 continue
             length, shift = _chord(field, x, y, angle, most)
-            if length < best - NARROWER * move:
+            if length < best - TUNING.chord_gain * move:
                 best, shorter = length, True
                 middle[0], middle[1] = x + shift * ux, y + shift * uy
         if not shorter:
@@ -202,8 +193,8 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
 
 @kernel
 def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
-    """Write the corners of the way through a passage but for its middle, and their headings; their number."""
-    if middle[3] > ROOMY * radius:
+    """Write the corners of a passage's axis but for its middle, and their headings; return their number."""
+    if middle[3] > TUNING.wide * radius:
         return 0
     count = _walk_to(field, radius, middle, 1.0, out, 0)
     return _walk_to(field, radius, middle, -1.0, out, count)
@@ -211,11 +202,11 @@ def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
 
 @kernel
 def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untyped-def]
-    """Walk along the axis to one side until there is room; corners are written only where the way bends."""
+    """Walk along the axis to one side until it is wide; corners are written only where the axis bends."""
     ux, uy = side * math.cos(middle[2]), side * math.sin(middle[2])
-    x, y, step, least = middle[0], middle[1], STEP * radius, middle[3]
+    x, y, step, least = middle[0], middle[1], TUNING.walk_step * radius, middle[3]
     from_x, from_y, heading = x, y, middle[2]
-    for _ in range(STEPS):
+    for _ in range(TUNING.walk_steps):
         next_x, next_y = x + step * ux, y + step * uy
         most = 2.0 * (max(clearance(field, x, y), 0.0) + radius)
         length, shift = _chord(field, next_x, next_y, math.atan2(ux, -uy), most)
@@ -232,7 +223,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         gap = math.hypot(next_x - x, next_y - y)
         ux, uy = (next_x - x) / gap, (next_y - y) / gap
         x, y, heading = next_x, next_y, math.atan2(side * uy, side * ux)
-        if c > least + WIDER * radius:
+        if c > least + TUNING.walk_wider * radius:
             break
     if x != from_x or y != from_y:
         out[count, 0], out[count, 1], out[count, 2] = x, y, heading

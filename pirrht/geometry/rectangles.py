@@ -1,4 +1,4 @@
-"""Few rectangles whose union is a set of cells, in time linear in their number.
+"""Cover a set of cells by few rectangles, in time linear in their number.
 
 Rectangles may overlap: a cross takes two of them, and three or more that do not. The least number is NP-hard to find
 (Culberson and Reckhow 1994). Candidates are the maximal runs of each row and each column, stretched sideways as far as
@@ -18,7 +18,7 @@ Rectangles = NDArray[np.int64]
 
 
 def cover(occupied: Cells) -> Rectangles:
-    """Rectangles (k, 4) of cells (rows, columns), largest first: first row, row after the last, and so of columns."""
+    """Return rectangles (k, 4) of cells, largest first: first row, row after the last, and so for columns."""
     turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
     found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
     found = found[np.argsort(-_areas(found), kind="stable")]
@@ -28,7 +28,7 @@ def cover(occupied: Cells) -> Rectangles:
 
 
 def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
-    """How many rectangles cover each cell of a grid."""
+    """Count the rectangles that cover each cell of a grid."""
     r0, r1, c0, c1 = rectangles.T
     depth = np.zeros((shape[0] + 1, shape[1] + 1), np.int32)
     for rows, columns, sign in ((r0, c0, 1), (r1, c1, 1), (r0, c1, -1), (r1, c0, -1)):
@@ -44,7 +44,7 @@ def _areas(rectangles: Rectangles) -> NDArray[np.int64]:
 
 
 def _stretched(occupied: Cells) -> Rectangles:
-    """The maximal run of each row, stretched over the rows above and below in which all its cells are occupied."""
+    """Return the maximal run of each row, stretched over rows above and below in which all its cells are occupied."""
     rows, columns = occupied.shape
     step = np.diff(np.pad(occupied, ((0, 0), (1, 1))).view(np.int8), axis=1)
     row, first = np.nonzero(step > 0)
@@ -52,17 +52,17 @@ def _stretched(occupied: Cells) -> Rectangles:
     if not len(row):
         return np.zeros((0, 4), np.int64)
     runs = np.column_stack([row * columns + first, row * columns + end]).ravel()
-    reach = np.zeros((2, rows * columns + 1), np.int32)  # occupied cells in a row, upwards and downwards from each
-    for heights, order in zip(reach, (range(rows), range(rows - 1, -1, -1)), strict=True):
+    occupied_along = np.zeros((2, rows * columns + 1), np.int32)  # in a row, upwards and downwards from each
+    for heights, order in zip(occupied_along, (range(rows), range(rows - 1, -1, -1)), strict=True):
         grid, last = heights[:-1].reshape(rows, columns), np.zeros(columns, np.int32)
         for r in order:
             last = grid[r] = (last + 1) * occupied[r]
-    up, down = (np.minimum.reduceat(heights, runs)[::2] for heights in reach)
+    up, down = (np.minimum.reduceat(heights, runs)[::2] for heights in occupied_along)
     return np.column_stack([row - up + 1, row + down, first, end])
 
 
 def _taken(rectangles: Rectangles, occupied: Cells) -> Cells:
-    """Which rectangles (k,) cover a cell that no earlier one does."""
+    """Return which rectangles (k,) cover a cell that no earlier one does."""
     rows, columns = occupied.shape
     right = np.repeat(np.arange(columns + 1, dtype=np.int32)[None], rows, axis=0)
     down = np.repeat(np.arange(rows + 1, dtype=np.int32)[None], columns, axis=0)
@@ -72,7 +72,7 @@ def _taken(rectangles: Rectangles, occupied: Cells) -> Cells:
 
 
 def _needed(rectangles: Rectangles, shape: tuple[int, ...]) -> Rectangles:
-    """Without those that the others cover; only few are in doubt."""
+    """Return the rectangles without those that the others cover; only few are in doubt."""
     depth = union(rectangles, shape)
     alone = np.zeros((shape[0] + 1, shape[1] + 1), np.int32)  # cells covered once, left of and above each corner
     np.cumsum(np.cumsum(depth == 1, axis=0, dtype=np.int32), axis=1, out=alone[1:, 1:])
@@ -104,7 +104,7 @@ def _take(rectangles, right, down, taken):  # type: ignore[no-untyped-def]
 
 @kernel
 def _cover(along, across, first, end, low, high):  # type: ignore[no-untyped-def]
-    """Cover the lines from `first` to `end`, each from `low` to `high`; whether that is new to any cell."""
+    """Cover the lines from `first` to `end`, each from `low` to `high`; return whether that is new to any cell."""
     new = False
     for line in range(first, end):
         at = _find(along[line], low)
@@ -117,7 +117,7 @@ def _cover(along, across, first, end, low, high):  # type: ignore[no-untyped-def
 
 @kernel
 def _find(links, at):  # type: ignore[no-untyped-def]
-    """The first place from `at` on that links to itself; the way there is halved."""
+    """Return the first place from `at` on that links to itself; the path there is halved."""
     while links[at] != at:
         links[at] = links[links[at]]
         at = links[at]

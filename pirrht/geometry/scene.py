@@ -1,4 +1,4 @@
-"""Scenes as plain values: what stands where, where the robot starts and where it should go."""
+"""Describe scenes as plain values: obstacles, the start of the robot, and its goal."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ from pirrht.errors import SceneError
 from pirrht.geometry import solids
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.obstacle import Kind, Obstacle
+from pirrht.geometry.tuning import TUNING
 
 __all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
-
-WALL = 0.5  # height of walls that are made of plain numbers [m], more for a robot whose centre is higher
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,12 +45,12 @@ class Goal:
         return f"Goal({formatting.vector(self.center)}, radius {self.radius:g} m)"
 
     def contains(self, position: Array) -> NDArray[np.bool_]:
-        """Whether positions (..., 2) [m] lie in the closed disc, (...,)."""
+        """Return whether positions (..., 2) [m] lie in the closed disc, (...,)."""
         inside: NDArray[np.bool_] = np.hypot(*np.moveaxis(position - self.center, -1, 0)) <= self.radius
         return inside
 
 
-ROUNDING = 1e-9  # overlap that is rounding and no contact [m]
+ROUNDING = TUNING.rounding
 
 
 class Waiver(NamedTuple):
@@ -59,12 +58,12 @@ class Waiver(NamedTuple):
 
     x: float
     y: float
-    reach: float  # radius of the disc
+    radius: float  # of the disc
     less: float  # by which the margin is smaller, except near the rim
 
 
 class Workspace(NamedTuple):
-    """What stands where; distances, clearance fields and topological obstacles depend on it and the footprint alone."""
+    """Static obstacles and border; distances, fields and topology depend on them and the footprint alone."""
 
     lower: Array  # (2,) least corner of the box that holds the robot's centre [m]
     upper: Array  # (2,) greatest corner [m]
@@ -72,7 +71,7 @@ class Workspace(NamedTuple):
     waivers: tuple[Waiver, ...] = ()
 
     def contains(self, position: Array) -> bool:
-        """Whether a robot centre (2,) [m] lies strictly inside the workspace."""
+        """Return whether a robot centre (2,) [m] lies strictly inside the workspace."""
         return bool(np.all(position > self.lower) and np.all(position < self.upper))
 
 
@@ -84,7 +83,7 @@ class Footprint(NamedTuple):
 
 
 class Task(TypedDict):
-    """What a scene needs to know besides its obstacles."""
+    """Start, goal and robot of a scene."""
 
     start: ArrayLike  # x, y [m] and perhaps a heading [rad], which is 0 if not given, (2,) or (3,)
     goal: Goal | ArrayLike  # or x, y, radius [m], (3,)
@@ -98,16 +97,16 @@ class Scene:
     """A planar workspace with solid obstacles, the footprint of a robot in it, and its task: a start and a goal.
 
     Attributes:
-        name: what messages and pictures call it.
+        name: its name in messages and pictures.
         lower: least corner of the box that holds the robot's centre, (2,) [m].
         upper: its greatest corner, (2,) [m].
-        obstacles: convex solids that stand.
+        obstacles: static convex solids.
         goal: the disc to be reached.
         start: x, y [m] and heading [rad], (3,).
         robot_radius: of the sphere as which the robot plans [m].
         robot_height: of that sphere's centre above the ground [m].
         defaults: option name -> value that the scene asks for, in the option's unit.
-        movers: bodies that move; `obstacles` holds only what stands.
+        movers: moving obstacles; `obstacles` holds only static ones.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
         waivers: discs in which less margin counts; `FreeSpace.of` sets them.
 
@@ -144,10 +143,10 @@ class Scene:
     def __repr__(self) -> str:
         across, up = self.upper - self.lower
         stand = f"{len(self.obstacles)} obstacle{'s' if len(self.obstacles) != 1 else ''}"
-        way = f"from {formatting.vector(self.start[:2])} to {formatting.vector(self.goal.center)}"
+        task = f"from {formatting.vector(self.start[:2])} to {formatting.vector(self.goal.center)}"
         return (
-            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, {way}, "
-            f"robot of {self.robot_radius:g} m)"
+            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, "
+            f"{task}, robot of {self.robot_radius:g} m)"
         )
 
     def __post_init__(self) -> None:
@@ -266,15 +265,15 @@ class Scene:
 
     @property
     def world(self) -> Workspace:
-        """Bounds, 2 x (2,) [m], obstacles, and where margins are smaller."""
+        """Return bounds, 2 x (2,) [m], obstacles, and discs in which margins are smaller."""
         return Workspace(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property
     def footprint(self) -> Footprint:
-        """Radius and height of the robot [m]."""
+        """Return radius and height of the robot [m]."""
         return Footprint(self.robot_radius, self.robot_height)
 
 
 def _height(task: Task) -> float:
-    """Of walls that are as far from a robot as their outlines are [m]."""
-    return max(WALL, 2.0 * task.get("robot_height", 0.0))
+    """Return the height [m] of walls that are as far from a robot as their outlines are."""
+    return max(TUNING.wall_height, 2.0 * task.get("robot_height", 0.0))

@@ -1,4 +1,4 @@
-"""Distances from boxes, cylinders, spheres and capsules in closed form.
+"""Compute distances from boxes, cylinders, spheres and capsules in closed form.
 
 FCL computes the same numbers one at a time, through four Python calls; a clearance field needs a million.
 `Collision` uses a closed form only where FCL has confirmed it for the solid at hand.
@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
-PROBE = 1e-6  # radius of the sphere that stands for the robot's centre; nearer than this counts as inside [m]
+PROBE = TUNING.probe
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)
 
 
@@ -47,7 +48,7 @@ class Solids(NamedTuple):
 
 
 def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
-    """Corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
+    """Return corners of an axis-parallel rectangle that contains the solid seen from above, 2 x (2,) [m]."""
     a, b, c = (float(s) for s in obstacle.size)
     if obstacle.kind is Kind.MESH:
         assert obstacle.vertices is not None
@@ -60,13 +61,13 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
         }.get(obstacle.kind, np.array([a, b, c]))
         low = -high
     middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
-    reach = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
-    return (middle - reach)[:2], (middle + reach)[:2]
+    extent = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
+    return (middle - extent)[:2], (middle + extent)[:2]
 
 
 @inlined
 def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Distance from a solid to a point in its own frame, at most 0 inside [m]."""
+    """Return the distance from a solid to a point in its own frame, at most 0 inside [m]."""
     if form == 0:
         x, y, z = max(abs(x) - a, 0.0), max(abs(y) - b, 0.0), max(abs(z) - c, 0.0)
         return math.sqrt(x * x + y * y + z * z)
@@ -80,7 +81,7 @@ def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @inlined
 def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """A point (x, y, z) as solid m's own frame has it [m]."""
+    """Return a point (x, y, z) in solid m's own frame [m]."""
     dx, dy, dz = x - solids.position[m, 0], y - solids.position[m, 1], z - solids.position[m, 2]
     R = solids.rotation[m]
     return (
@@ -92,7 +93,7 @@ def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """Distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
+    """Return the distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
     size = solids.size[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     return max(outside(solids.form[m], size[0], size[1], size[2], x, y, z), 0.0)
@@ -100,7 +101,7 @@ def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 
 @inlined
 def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Vector from a solid's nearest point to a point outside, in the solid's own frame [m]."""
+    """Return the vector from a solid's nearest point to a point outside, in the solid's own frame [m]."""
     if form == 0:
         return x - min(max(x, -a), a), y - min(max(y, -b), b), z - min(max(z, -c), c)
     if form == 1:
@@ -115,7 +116,7 @@ def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """The same as a planar vector (x, y) from the solid's nearest point [m], for points outside only."""
+    """Return the planar vector (x, y) from solid m's nearest point to a point (x, y, z) outside [m]."""
     size, R = solids.size[m], solids.rotation[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     ex, ey, ez = offset_of(solids.form[m], size[0], size[1], size[2], x, y, z)
@@ -123,19 +124,19 @@ def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 
 
 def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
-    """Points (k, 2) [m] by square tiles of a width [m]: rows (l,), least and greatest corner (2,) of those."""
+    """Yield points (k, 2) [m] by square tiles of a width [m]: rows (l,), least and greatest corner (2,) of those."""
     if not len(points):
         return
     tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
     number = tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]
     order = np.argsort(number, kind="stable")
-    starts = np.concatenate(([0], np.flatnonzero(np.diff(number[order])) + 1))
-    least, most = (extreme.reduceat(points[order], starts, axis=0) for extreme in (np.minimum, np.maximum))
-    yield from zip(np.split(order, starts[1:]), least, most, strict=True)
+    begins = np.concatenate(([0], np.flatnonzero(np.diff(number[order])) + 1))
+    least, most = (extreme.reduceat(points[order], begins, axis=0) for extreme in (np.minimum, np.maximum))
+    yield from zip(np.split(order, begins[1:]), least, most, strict=True)
 
 
 class Bins(NamedTuple):
-    """Which solids are near, by square cells in rows along y."""
+    """Solids that may be near, by square cells in rows along y."""
 
     left: float  # corner of the first cell [m]
     low: float  # [m]
@@ -146,15 +147,12 @@ class Bins(NamedTuple):
     member: NDArray[np.int64]  # (k,) solids, in the order of their indices within a cell
 
 
-MOST_BINS = 2048  # along a side
-
-
-def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, reach: float) -> Bins:
-    """Those of the solids `members` (l,) that may be less than `reach` [m] from a place among points (k, 2) [m]."""
+def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, cutoff: float) -> Bins:
+    """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
     corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
-    width = max(reach, float((end - corner).max()) / MOST_BINS)
+    width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
     counts = ((end - corner) / width).astype(np.int64) + 1
-    wide = reach * (1.0 + 1e-9) + 1e-9
+    wide = cutoff * (1.0 + 1e-9) + 1e-9
     low = np.floor((solids.low[members] - wide - corner) / width)
     high = np.floor((solids.high[members] + wide - corner) / width)
     here = np.all((high >= 0) & (low < counts), axis=1)
@@ -170,7 +168,7 @@ def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, reach: fl
 
 @kernel
 def _count(low, high, rows, first):  # type: ignore[no-untyped-def]
-    """How many rectangles of cells cover each cell, written one place later."""
+    """Count the rectangles of cells that cover each cell, written one place later."""
     for m in range(len(low)):
         for i in range(low[m, 0], high[m, 0] + 1):
             for j in range(low[m, 1], high[m, 1] + 1):
@@ -190,7 +188,7 @@ def _sort_in(low, high, members, rows, free, member):  # type: ignore[no-untyped
 
 @inlined
 def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
-    """Where the solids near (x, y) [m] begin and end among `bins.member`."""
+    """Return where the solids near (x, y) [m] begin and end among `bins.member`."""
     i = min(max(int((x - bins.left) / bins.width), 0), bins.columns - 1)
     j = min(max(int((y - bins.low) / bins.width), 0), bins.rows - 1)
     return bins.first[i * bins.rows + j], bins.first[i * bins.rows + j + 1]

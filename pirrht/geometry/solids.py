@@ -1,4 +1,4 @@
-"""Walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
+"""Make walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Kind, Obstacle, about_vertical
-
-SMALLEST = 1e-6  # side, radius, or area of a solid that counts as one [m], [m^2]
+from pirrht.geometry.tuning import TUNING
 
 
 def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], a yaw about the middle [rad]."""
     numbers = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
     half, middle = 0.5 * (numbers[:, 2:4] - numbers[:, :2]), 0.5 * (numbers[:, :2] + numbers[:, 2:4])
-    for i in np.flatnonzero(np.any(half < SMALLEST, axis=1)):
+    for i in np.flatnonzero(np.any(half < TUNING.smallest, axis=1)):
         raise SceneError(f"box {i + 1} is {numbers[i].tolist()}; x0 must be less than x1, and y0 than y1")
     return tuple(
         _standing(f"box {i}", Kind.BOX, np.array([*h, 0.5 * height]), xy, height, about_vertical(float(yaw)))
@@ -30,7 +29,7 @@ def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
 def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
     numbers = table(rows, (3,), "discs", "x, y, radius [m]")
-    for i in np.flatnonzero(numbers[:, 2] < SMALLEST):
+    for i in np.flatnonzero(numbers[:, 2] < TUNING.smallest):
         raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
     return tuple(
         _standing(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]), height)
@@ -61,10 +60,10 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
-    """Return rows of finite numbers (k, widest); what a row of fewer numbers leaves out is 0.
+    """Return rows of finite numbers (k, widest); numbers that a shorter row leaves out are 0.
 
     Raises:
-        SceneError: a row is something else; says which, and what a row holds.
+        SceneError: a row is something else; names it, and the numbers of a row.
     """
     out = np.zeros((len(rows), widths[-1]))
     for i, row in enumerate(rows):
@@ -73,8 +72,8 @@ def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
         except (TypeError, ValueError):
             numbers = np.zeros(())
         if numbers.ndim != 1 or len(numbers) not in widths or not np.isfinite(numbers).all():
-            shown = " ".join(str(row).split())[:60]
-            raise SceneError(f"{what}: row {i + 1} is {shown}; it must be finite numbers {columns}")
+            given = " ".join(str(row).split())[:60]
+            raise SceneError(f"{what}: row {i + 1} is {given}; it must be finite numbers {columns}")
         out[i, : len(numbers)] = numbers
     return out
 
@@ -110,7 +109,7 @@ def _convex_parts(name: str, corners: Array) -> list[Array]:
     if _crosses_itself(corners):
         raise SceneError(f"{name} crosses itself; list its corners in their order around it")
     area = 0.5 * float(np.sum(_cross(corners, np.roll(corners, -1, axis=0))))
-    if abs(area) < SMALLEST**2:
+    if abs(area) < TUNING.smallest**2:
         raise SceneError(f"{name} has no inside; give it three corners or more that are not in line")
     left = list(corners if area > 0 else corners[::-1])
     if all(_turn(left, k) >= 0 for k in range(len(left))):
@@ -129,13 +128,13 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _turn(corners: Sequence[Array], k: int) -> float:
-    """Whether a polygon turns to the left at its corner k, which is then positive."""
+    """Return by how much a polygon turns at its corner k, positive to the left."""
     before, here, after = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
     return float(_cross(here - before, after - here))
 
 
 def _is_ear(corners: Sequence[Array], k: int) -> bool:
-    """Whether the triangle at corner k of a simple polygon can be cut off."""
+    """Return whether the triangle at corner k of a simple polygon can be cut off."""
     a, b, c = corners[k - 1], corners[k], corners[(k + 1) % len(corners)]
     if _turn(corners, k) <= 0:
         return _turn(corners, k) == 0
@@ -145,7 +144,7 @@ def _is_ear(corners: Sequence[Array], k: int) -> bool:
 
 
 def _crosses_itself(corners: Array) -> bool:
-    """Whether two sides of a polygon that are no neighbours meet."""
+    """Return whether two sides of a polygon that are no neighbours meet."""
     a, b = corners, np.roll(corners, -1, axis=0)
     ends = [np.sign(_cross((b - a)[:, None], end[None] - a[:, None])) for end in (a, b)]
     apart = ends[0] * ends[1]  # (l, l) -1 where the ends of one side lie apart, seen from another

@@ -1,4 +1,4 @@
-"""The two nearest walls: the nearest of many solids, and the nearest that stands in another direction.
+"""Find the two nearest walls: the nearest of many solids, and the nearest in another direction.
 
 Sampled paths are killed at both, each taken as flat. The next box of a wall made of several adds nothing to that;
 the facing wall of a passage does, and so does the other side of a concave corner.
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.shapes import PROBE, Bins, Solids, bin_at, bins_of, distance_from, offset_from, tiles
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, jitable, kernel
 
-APART = 0.5  # cosine of the angle from which on two directions are those of two walls
-LEVEL = 0.15  # sine of the angle by which a solid has to rise from the plane of the nearer wall
+APART_COSINE = TUNING.apart_cosine
+RISE_SINE = TUNING.rise_sine
 
 Answer = tuple[float, float, float]  # distance and planar vector (x, y) from the nearest point [m], all 0 inside
-Ask = Callable[[int, Array], Answer]  # of a solid, at a point (3,) [m]
+Query = Callable[[int, Array], Answer]  # of a solid, at a point (3,) [m]
 
 
 class Found(NamedTuple):
@@ -34,7 +35,7 @@ class Found(NamedTuple):
 
 @jitable
 def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
-    """Whether a solid is a wall of its own beside a nearer one, by vectors from the nearest points e and a [m].
+    """Return whether a solid is a wall of its own next to a nearer one, by vectors from the nearest points e and a [m].
 
     Their directions are more than 60 degrees apart, and the point rises from the plane of the nearer wall, as that of
     a box does not which stands in line with it further on. From within a solid and from below all are apart.
@@ -43,14 +44,14 @@ def stands_apart(ex: float, ey: float, ax: float, ay: float) -> bool:
     if along <= 0.0:
         return True
     rise, between = square - along, square - 2.0 * along + other  # the rise times the nearer distance
-    if rise <= 0.0 or rise * rise < LEVEL * LEVEL * square * between:
+    if rise <= 0.0 or rise * rise < RISE_SINE * RISE_SINE * square * between:
         return False
-    return along * along < APART * APART * square * other
+    return along * along < APART_COSINE * APART_COSINE * square * other
 
 
 @inlined
 def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
-    """Square of the distance from (x, y) to the rectangle around a solid [m^2]."""
+    """Return the square of the distance from (x, y) to the rectangle around a solid [m^2]."""
     dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
     return dx * dx + dy * dy
 
@@ -79,7 +80,7 @@ def _nearest_of(solids, bins, points, rows, height, found):  # type: ignore[no-u
 
 @kernel
 def _second_of(solids, bins, points, rows, height, found):  # type: ignore[no-untyped-def]
-    """The same for the nearest that stands apart from the nearest of all solids, which is known."""
+    """Put the nearest that stands apart from the nearest of all solids, which is known, into `found`."""
     low, high, member = solids.low, solids.high, bins.member
     _, second, which, away = found
     for i in rows:
@@ -102,7 +103,7 @@ def _second_of(solids, bins, points, rows, height, found):  # type: ignore[no-un
 
 @kernel
 def _crowded(bins, points):  # type: ignore[no-untyped-def]
-    """Which of the points (k, 2) [m] have solids in their bins, (k,)."""
+    """Return which of the points (k, 2) [m] have solids in their bins, (k,)."""
     out = np.zeros(len(points), dtype=np.bool_)
     for i in range(len(points)):
         begin, end = bin_at(bins, points[i, 0], points[i, 1])
@@ -111,86 +112,86 @@ def _crowded(bins, points):  # type: ignore[no-untyped-def]
 
 
 def nearest_walls(
-    solids: Solids, closed: BoolArray, members: IntArray, ask: Ask, points: Array, height: float, reach: float
+    solids: Solids, closed: BoolArray, members: IntArray, query: Query, points: Array, height: float, cutoff: float
 ) -> Found:
-    """The two nearest walls of each point.
+    """Find the two nearest walls of each point.
 
     Args:
         solids: M obstacles.
-        closed: whether a solid's closed form is used, (M,); otherwise it is asked about.
+        closed: whether a solid's closed form is used, (M,); otherwise it is queried.
         members: indices of the solids that count, (l,).
-        ask: says how far a solid is from a point.
+        query: returns distance and offset of a point from a solid.
         points: robot centres, (k, 2) [m], all at one height [m].
         height: of all points [m].
-        reach: no distance above this is told [m].
+        cutoff: no distance above this is reported [m].
     """
     k = len(points)
-    found = Found(np.full(k, reach), np.full(k, reach), np.full(k, -1, dtype=np.int64), np.zeros((k, 2)))
+    found = Found(np.full(k, cutoff), np.full(k, cutoff), np.full(k, -1, dtype=np.int64), np.zeros((k, 2)))
     if not k:
         return found
     plain, others = members[closed[members]], members[~closed[members]]
-    rows, bins = np.arange(k), bins_of(solids, plain, points, reach)
+    rows, bins = np.arange(k), bins_of(solids, plain, points, cutoff)
     _nearest_of(solids, bins, points, rows, height, found)
     if len(others):
-        doubtful = _crowded(bins_of(solids, others, points, reach), points)
-        _ask_others(solids, others, ask, points, np.flatnonzero(doubtful), height, reach, found, bins)
+        doubtful = _crowded(bins_of(solids, others, points, cutoff), points)
+        _query_others(solids, others, query, points, np.flatnonzero(doubtful), height, cutoff, found, bins)
         rows = np.flatnonzero(~doubtful)
     _second_of(solids, bins, points, rows, height, found)
     return found
 
 
-def asked_points(solids: Solids, closed: BoolArray, members: IntArray, points: Array, reach: float) -> int:
-    """How many of the points (k, 2) [m] lie where solids without a closed form have to be asked about."""
+def queried_points(solids: Solids, closed: BoolArray, members: IntArray, points: Array, cutoff: float) -> int:
+    """Count points (k, 2) [m] that lie where solids without a closed form have to be queried."""
     others = members[~closed[members]]
-    return int(_crowded(bins_of(solids, others, points, reach), points).sum()) if len(others) and len(points) else 0
+    return int(_crowded(bins_of(solids, others, points, cutoff), points).sum()) if len(others) and len(points) else 0
 
 
-def _ask_others(
+def _query_others(
     solids: Solids,
     others: IntArray,
-    ask: Ask,
+    query: Query,
     points: Array,
     rows: IntArray,
     height: float,
-    reach: float,
+    cutoff: float,
     found: Found,
     bins: Bins,
 ) -> None:
-    """Ask about solids (l,) at rows of the points, where the nearest of the plain ones in bins is known, and finish."""
+    """Query solids (l,) at rows of the points, where the nearest of the plain ones in bins is known, and finish."""
     lifted = np.column_stack((points, np.full(len(points), height)))
-    for tile, low, high in tiles(points[rows], reach):
+    for tile, low, high in tiles(points[rows], cutoff):
         gap = np.maximum(np.maximum(solids.low[others] - high, low - solids.high[others]), 0.0)
-        near = others[(gap * gap).sum(axis=1) < reach * reach]
-        asked = _Asked(solids, near, ask, lifted, rows[tile], reach)
-        asked.nearest_of(found)
+        near = others[(gap * gap).sum(axis=1) < cutoff * cutoff]
+        queries = _Queries(solids, near, query, lifted, rows[tile], cutoff)
+        queries.nearest_of(found)
         _second_of(solids, bins, points, rows[tile], height, found)
-        asked.second_of(found)
+        queries.second_of(found)
 
 
-class _Asked:
-    """Pairs of a point and a solid that is asked about, each at most once."""
+class _Queries:
+    """Pairs of a point and a solid that is queried, each at most once."""
 
-    def __init__(self, solids: Solids, members: IntArray, ask: Ask, points: Array, rows: IntArray, reach: float):
+    def __init__(self, solids: Solids, members: IntArray, query: Query, points: Array, rows: IntArray, cutoff: float):
         bounds = _lower_bounds(solids, members, points[rows])
-        at, columns = np.nonzero(bounds < reach)
+        at, columns = np.nonzero(bounds < cutoff)
         values = bounds[at, columns]
         order = np.lexsort((values, at))  # nearest first, so that most pairs are decided by their bound
         self.rows: list[int] = rows[at[order]].tolist()
         self.members: list[int] = members[columns[order]].tolist()
         self.bounds: list[float] = values[order].tolist()
-        self.ask, self.points = ask, points
+        self.query, self.points = query, points
         self.answers: dict[tuple[int, int], Answer] = {}
 
     def nearest_of(self, found: Found) -> None:
-        """What `_nearest_of` does."""
+        """Put the nearest of the queried solids into `found`."""
         first, _, which, away = found
         for row, m in self.closer_than(first):
-            d, x, y = self.answers[row, m] = self.ask(m, self.points[row])
+            d, x, y = self.answers[row, m] = self.query(m, self.points[row])
             if d < first[row]:
                 first[row], which[row], away[row] = d, m, (x, y)
 
     def second_of(self, found: Found) -> None:
-        """What `_second_of` does."""
+        """Put the nearest queried solid that stands apart into `found`."""
         _, second, which, away = found
         for row, m in self.closer_than(second):
             if m == which[row]:
@@ -200,7 +201,7 @@ class _Asked:
                 second[row] = d
 
     def closer_than(self, known: Array) -> Iterator[tuple[int, int]]:
-        """Pairs (row, solid) that may be closer than what is known (k,) [m], which may shrink on the way."""
+        """Yield pairs (row, solid) that may be closer than the known distances (k,) [m], which may shrink meanwhile."""
         for row, m, bound in zip(self.rows, self.members, self.bounds, strict=True):
             if bound < known[row]:
                 yield row, m
@@ -208,12 +209,12 @@ class _Asked:
     def answer(self, row: int, m: int) -> Answer:
         known = self.answers.get((row, m))
         if known is None:
-            known = self.answers[row, m] = self.ask(m, self.points[row])
+            known = self.answers[row, m] = self.query(m, self.points[row])
         return known
 
 
 def _lower_bounds(solids: Solids, members: IntArray, points: Array) -> Array:
-    """Distances from points (k, 2) to the members' rectangles, (k, l) [m]."""
+    """Return distances from points (k, 2) to the members' rectangles, (k, l) [m]."""
     low, high = solids.low[members], solids.high[members]
     x, y = points[:, :1], points[:, 1:2]
     dx = np.maximum(np.maximum(low[:, 0] - x, x - high[:, 0]), 0.0)

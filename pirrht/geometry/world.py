@@ -51,7 +51,7 @@ class Moving(Protocol):
 
 
 class World(NamedTuple):
-    """What is free at (x, t), as numbers and addresses that kernels take cheaply."""
+    """A snapshot of what is free at (x, t), as numbers and addresses that kernels take cheaply."""
 
     field: Field  # of static obstacles and border
     goal: tuple[float, float]  # centre of the goal's disc [m]

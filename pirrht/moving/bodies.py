@@ -1,7 +1,7 @@
-"""How far the robot is from solids that stand and from solids that move, each asked in its own body's frame.
+"""Measure how far the robot is from static and moving solids, each in its own body's frame.
 
-Boxes, cylinders, spheres and capsules have closed forms. Of other solids a body moves a table along: FCL's distances
-on a lattice around each, sampled once, since in its own frame a shape stands still. For a robot that is small against
+Boxes, cylinders, spheres and capsules have closed forms. Other solids have a table: FCL's distances on
+a lattice around each, sampled once, since in its own frame a shape is static. For a robot that is small against
 these solids the lattices are coarser than it would need, and what interpolation may be too high by is taken off.
 """
 
@@ -19,14 +19,11 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Obstacle, Scene, Workspace
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
 from pirrht.jit.jit import inlined, kernel
-
-PITCH = 0.05  # spacing of a table as a share of the robot's radius, as long as ...
-MOST = 1_000_000  # ... all tables together have no more points: 8 bytes each, and FCL takes some microseconds for one
-FAR = 1e3  # half the side of the plane in which a body is looked at on its own [m]
+from pirrht.moving.tuning import TUNING
 
 
 class Bodies(NamedTuple):
-    """K solids: those of the standing world, which is body 0, then those of J movers, bodies 1 to J."""
+    """K solids: those of the static world, which is body 0, then those of J movers, bodies 1 to J."""
 
     solids: Solids  # (K,) each in its own body's frame
     owner: IntArray  # (K,) body of each
@@ -39,25 +36,25 @@ class Bodies(NamedTuple):
     radius: float  # of the robot [m]
 
 
-def bodies_of(scene: Scene, reach: float) -> Bodies:
-    """The solids of a scene, distances from which are right up to a reach [m] and greater than it beyond."""
-    return gathered([scene.obstacles, *(mover.solids for mover in scene.movers)], scene.footprint, reach)
+def bodies_of(scene: Scene, cutoff: float) -> Bodies:
+    """Gather the solids of a scene, distances from which are right up to a cutoff [m] and greater than it beyond."""
+    return gathered([scene.obstacles, *(mover.solids for mover in scene.movers)], scene.footprint, cutoff)
 
 
-def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: float) -> Bodies:
-    """The same of any solids; those of body 0, which stands, come first."""
+def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, cutoff: float) -> Bodies:
+    """Gather any solids by bodies; those of body 0, which is static, come first."""
     every = [solid for group in groups for solid in group]
     solids = Solids.of(every)
-    K, tables, fine = len(every), np.flatnonzero(solids.form < 0), PITCH * footprint.radius
-    margin = reach + footprint.radius + 2.0 * fine
+    K, tables, fine = len(every), np.flatnonzero(solids.form < 0), TUNING.table_pitch * footprint.radius
+    margin = cutoff + footprint.radius + 2.0 * fine
     area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
-    pitch = max(fine, math.sqrt(area / MOST))
+    pitch = max(fine, math.sqrt(area / TUNING.table_points))
     first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
     parts: list[Array] = [np.zeros(0)]
-    plane = np.full(2, FAR)
+    plane = np.full(2, 1e3)  # beyond any solid [m]
     for k in tables:
-        corner[k] = solids.low[k] - reach - footprint.radius - pitch
-        shape[k] = np.ceil((solids.high[k] + reach + footprint.radius - corner[k]) / pitch).astype(int) + 2
+        corner[k] = solids.low[k] - cutoff - footprint.radius - pitch
+        shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2
         first[k] = sum(map(len, parts))
         alone = Collision(Workspace(-plane, plane, (every[k],)), footprint)
         index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
@@ -77,7 +74,7 @@ def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, reach: 
 
 
 def _excess(distance: Array, pitch: float) -> Array:
-    """How much too high bilinear interpolation next to a point may be, from the distance there [m].
+    """Bound how much too high bilinear interpolation next to a point may be, from the distance there [m].
 
     A distance changes by no more than the way to the corners of a cell, and its second derivative is at most 1 over it.
     """
@@ -87,19 +84,19 @@ def _excess(distance: Array, pitch: float) -> Array:
 
 
 def poses_at(movers: tuple[Mover, ...], times: Array) -> Array:
-    """x, y [m] and yaw [rad] of all bodies at times (k,) [s], (k, 1 + J, 3); body 0 stays where it is."""
+    """Return x, y [m] and yaw [rad] of all bodies at times (k,) [s], (k, 1 + J, 3); body 0 stays where it is."""
     still = np.zeros((len(times), 1, 3))
     return np.concatenate([still, *(mover.motion.pose(times)[:, None, :] for mover in movers)], axis=1)
 
 
 def frames_of(poses: Array) -> Array:
-    """Poses (..., 3) as x, y [m], cosine and sine of the yaw, (..., 4)."""
+    """Return poses (..., 3) as x, y [m], cosine and sine of the yaw, (..., 4)."""
     return np.concatenate([poses[..., :2], np.cos(poses[..., 2:]), np.sin(poses[..., 2:])], axis=-1)
 
 
 @inlined
 def clearance_from(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
-    """Clearance of the robot's centre at (x, y) [m] from solid k [m], minus the robot's radius deep inside.
+    """Return the clearance of the robot's centre at (x, y) [m] from solid k [m], minus the robot's radius deep inside.
 
     Args:
         bodies: of `Bodies`.
@@ -113,7 +110,7 @@ def clearance_from(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def clearance_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
-    """The same of a place (u, v) [m] in the frame of the solid's body."""
+    """Return the clearance of a place (u, v) [m] in the frame of the solid's body from solid k [m]."""
     if bodies.solids.form[k] >= 0:
         return distance_from(bodies.solids, k, u, v, bodies.height) - bodies.radius
     return _in_table(bodies, k, u, v)[0] - bodies.radius
@@ -121,9 +118,9 @@ def clearance_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
 
 @kernel
 def clearance_and_slope(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
-    """The same, the vector (x, y) from the nearest point seen from above [m], and the gradient (x, y) of the distance.
+    """Return the clearance from solid k [m], the vector (x, y) from its nearest point [m], and the distance's gradient.
 
-    The vector is zero inside.
+    The vector is as seen from above, and zero inside.
     """
     owner = bodies.owner[k]
     u, v = _in_body(pose, owner, x, y)
@@ -134,7 +131,7 @@ def clearance_and_slope(bodies, k, pose, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def clearance_and_slope_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
-    """The same of a place (u, v) [m] in the frame of the solid's body, and in that frame."""
+    """Return clearance, vector and gradient of a place (u, v) [m] in the frame of solid k's body, in that frame."""
     if bodies.solids.form[k] >= 0:
         d = distance_from(bodies.solids, k, u, v, bodies.height)
         if d <= 0.0:
@@ -149,7 +146,7 @@ def clearance_and_slope_of(bodies, k, u, v):  # type: ignore[no-untyped-def]
 
 @inlined
 def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
-    """A point (x, y) as a body's own frame has it [m]."""
+    """Return a point (x, y) in a body's own frame [m]."""
     if owner == 0:
         return x, y
     dx, dy = x - pose[owner, 0], y - pose[owner, 1]
@@ -159,7 +156,7 @@ def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
 
 @kernel
 def _in_table(bodies, k, u, v):  # type: ignore[no-untyped-def]
-    """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
+    """Return the distance [m] and its gradient at (u, v) [m] in solid k's frame; off the lattice that of its margin."""
     nx, ny = bodies.shape[k, 0], bodies.shape[k, 1]
     fx, fy = (u - bodies.corner[k, 0]) / bodies.pitch, (v - bodies.corner[k, 1]) / bodies.pitch
     gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)

@@ -1,7 +1,7 @@
-"""List bodies that may be near a path, by place and step of the grid: found once for all paths.
+"""List moving obstacles that may be near a path, by place and step of the grid, found once for all paths.
 
-Time is cut into stretches of whole steps and space into cells. A cell of a stretch has all bodies within the reach of
-any of its places at any time of the stretch. Beyond that reach, or outside of the cells, all bodies count.
+Time is cut into stretches of whole steps and space into cells. A cell of a stretch has all obstacles within the cutoff
+of any of its places at any time of the stretch. Beyond that cutoff, or outside of the cells, all obstacles count.
 """
 
 from __future__ import annotations
@@ -16,23 +16,18 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import PERIOD, disc_of, of_body, piece_of, restart_of
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import CELL_STATE, TUNING
 
-REACHES = 3.0  # of walls that push (`ProposalTables.reach`), within which bodies are asked for
-STRETCH = 0.2  # stretches last at least so long [s]
-MOST = 1 << 16  # cells of all stretches, which grow where there would be more
-PITCH = 1.0  # side of a cell over the reach
-SLACK = 1e-6  # bodies count from so much further away, for rounding's sake [m]
-HELD = 2  # numbers of what a path has listed: of which cell, or EVERYBODY or NOBODY, and how many jumps are past
-CELL, PAST = range(HELD)
+REACHES = TUNING.push_cutoff
+CELL, PAST = range(CELL_STATE)
 EVERYBODY, NOBODY = -1, -2
-SHORTEST = 1e-9  # a body keeps its velocity for at least so long [s]
 
 
 class Nearby(NamedTuple):
-    """Bodies near each cell in each stretch of T steps."""
+    """Moving obstacles near each cell in each stretch of T steps."""
 
-    reach: float  # to which bodies count [m]; negative: nothing moves
+    cutoff: float  # to which bodies count [m]; negative: nothing moves
     corner: tuple[float, float]  # least x and y of the cells [m]
     per: float  # one over the side of a cell [1/m]
     shape: tuple[int, int]  # number of cells along x and y
@@ -42,20 +37,20 @@ class Nearby(NamedTuple):
     jumps: Array  # (k + 1,) when bodies are suddenly elsewhere, ascending, on their clock, and infinity [s]
 
     @classmethod
-    def of(cls, traffic: Traffic, frame: Sequence[float], times: Array, reach: float) -> Nearby:
-        """Build it for paths in a frame (x, y, X, Y) [m] whose steps end at times (T + 1,) [s], and a reach [m]."""
+    def of(cls, moving: MovingObstacleArrays, frame: Sequence[float], times: Array, cutoff: float) -> Nearby:
+        """Build cells for paths in a frame (x, y, X, Y) [m] whose steps end at times (T + 1,) [s], and a cutoff [m]."""
         stretch, bounds = _stretches(times)
         left, low, right, high = map(float, frame)
-        wide, deep, most = right - left, high - low, MOST / (len(bounds) - 1)
-        pitch = max(PITCH * reach, math.sqrt(wide * deep / most), max(wide, deep) / most)
+        wide, deep, most = right - left, high - low, TUNING.cells / (len(bounds) - 1)
+        pitch = max(TUNING.cell_side * cutoff, math.sqrt(wide * deep / most), max(wide, deep) / most)
         shape = max(1, math.ceil(wide / pitch)), max(1, math.ceil(deep / pitch))
         cells = (left, low), 1.0 / pitch, shape
         first = np.zeros(shape[0] * shape[1] * (len(bounds) - 1) + 1, np.int32)
-        _mark(traffic, bounds, cells, reach + SLACK, first[1:], np.empty(0, np.int32))
+        _mark(moving, bounds, cells, cutoff + 1e-6, first[1:], np.empty(0, np.int32))
         np.cumsum(first, out=first)
         body = np.empty(first[-1], np.int32)
-        _mark(traffic, bounds, cells, reach + SLACK, first[:-1].copy(), body)
-        return cls(reach, *cells, stretch, first, body, _jumps(traffic, times[0], times[-1]))
+        _mark(moving, bounds, cells, cutoff + 1e-6, first[:-1].copy(), body)
+        return cls(cutoff, *cells, stretch, first, body, _jumps(moving, times[0], times[-1]))
 
 
 NO_NEARBY = Nearby(
@@ -65,48 +60,48 @@ NO_NEARBY = Nearby(
 
 
 def _stretches(times: Array) -> tuple[IntArray, Array]:
-    """Assign steps that end at times (T + 1,) to stretches, (T,); when these begin and the last one ends."""
+    """Assign steps that end at times (T + 1,) to stretches, (T,), and return the times that bound these."""
     stretch, bounds = np.zeros(len(times) - 1, np.int64), [float(times[0])]
     for i in range(len(stretch)):
-        if times[i] - bounds[-1] >= STRETCH:
+        if times[i] - bounds[-1] >= TUNING.stretch:
             bounds.append(float(times[i]))
         stretch[i] = len(bounds) - 1
     return stretch, np.array([*bounds, float(times[-1])])
 
 
 @kernel
-def _jumps(traffic, begin, end):  # type: ignore[no-untyped-def]
-    """Times between two [s] at which bodies are suddenly elsewhere, ascending, and infinity."""
+def _jumps(moving, begin, end):  # type: ignore[no-untyped-def]
+    """Return times between two [s] at which obstacles are suddenly elsewhere, ascending, and infinity."""
     found = [math.inf]
-    for j in range(traffic.J):
-        t = restart_of(traffic, j, begin)
+    for j in range(moving.J):
+        t = restart_of(moving, j, begin)
         while t < end:
             found.append(t)
-            t += of_body(traffic, j, PERIOD)
+            t += of_body(moving, j, PERIOD)
     return np.sort(np.array(found))
 
 
 @kernel
-def _mark(traffic, bounds, cells, reach, room, body):  # type: ignore[no-untyped-def]
+def _mark(moving, bounds, cells, cutoff, vacant, body):  # type: ignore[no-untyped-def]
     """Note which bodies count in which cells of stretches that begin, and end, at bounds (stretches + 1,) [s].
 
     `cells` are their corner [m], one over their side [1/m] and numbers; a cell is its middle, grown by half its
-    diagonal. `room` (cells,) tells where in `body` its next one goes, counted up; without `body` they are counted only.
+    diagonal. `vacant` (cells,) holds where in `body` its next one goes, counted up; without `body` it counts only.
     """
     _, per, shape = cells
     seen = np.full(shape[0] * shape[1], -1)
     for s in range(bounds.shape[0] - 1):
-        for j in range(traffic.J):
-            t, far = bounds[s], disc_of(traffic, j) + reach + math.sqrt(0.5) / per
+        for j in range(moving.J):
+            t, far = bounds[s], disc_of(moving, j) + cutoff + math.sqrt(0.5) / per
             while t <= bounds[s + 1]:
-                ox, oy, _, vx, vy, _, until = piece_of(traffic, j, t)
+                ox, oy, _, vx, vy, _, until = piece_of(moving, j, t)
                 past = min(until, bounds[s + 1]) - t
-                _mark_way(ox, oy, past * vx, past * vy, far, cells, (s, j, traffic.J), seen, room, body)
-                t = max(until, t + SHORTEST)
+                _mark_way(ox, oy, past * vx, past * vy, far, cells, (s, j, moving.J), seen, vacant, body)
+                t = max(until, t + 1e-9)
 
 
 @kernel
-def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, room, body):  # type: ignore[no-untyped-def]
+def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, vacant, body):  # type: ignore[no-untyped-def]
     """Note one body (stretch, number, of so many) on a path from (ox, oy) by (dx, dy) [m], unless `seen` has."""
     (left, low), per, shape = cells
     s, j, J = whose
@@ -121,13 +116,13 @@ def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, room, body):  # type: ign
             seen[cell] = stamp
             at = s * shape[0] * shape[1] + cell
             if body.shape[0] > 0:
-                body[room[at]] = j
-            room[at] += 1
+                body[vacant[at]] = j
+            vacant[at] += 1
 
 
 @inlined
 def _columns(begin, end, per, count):  # type: ignore[no-untyped-def]
-    """Columns of cells, of so many, from a place to another [m]."""
+    """Return columns of cells, of so many, from a place to another [m]."""
     return range(max(math.floor(begin * per), 0), min(math.floor(end * per) + 1, count))
 
 
@@ -138,36 +133,36 @@ def begin_list(held):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def list_everybody(bodies, held, listed):  # type: ignore[no-untyped-def]
-    """List all of so many bodies; returns how many."""
+def list_everybody(bodies, held, candidates):  # type: ignore[no-untyped-def]
+    """List all of so many bodies; return how many."""
     if held[CELL] != EVERYBODY:
         held[CELL] = EVERYBODY
         for j in range(bodies):
-            listed[j] = j
+            candidates[j] = j
     return bodies
 
 
 @inlined
-def list_around(nearby, bodies, i, x, y, within, count, held, listed):  # type: ignore[no-untyped-def]
-    """List bodies that may come so near (x, y) [m] in step i; returns how many.
+def list_around(cells, bodies, i, x, y, within, count, held, candidates):  # type: ignore[no-untyped-def]
+    """List bodies that may come so near (x, y) [m] in step i; return how many.
 
-    `count`, `held` (HELD,) and `listed` (bodies,), ascending, are what the last call has left.
+    `count`, `held` (CELL_STATE,) and `candidates` (bodies,), ascending, are what the last call has left.
     """
-    u, v = (x - nearby.corner[0]) * nearby.per, (y - nearby.corner[1]) * nearby.per
-    if not (within <= nearby.reach and 0.0 <= u < nearby.shape[0] and 0.0 <= v < nearby.shape[1]):
-        return list_everybody(bodies, held, listed)
-    cell = (nearby.stretch[i] * nearby.shape[0] + int(u)) * nearby.shape[1] + int(v)
+    u, v = (x - cells.corner[0]) * cells.per, (y - cells.corner[1]) * cells.per
+    if not (within <= cells.cutoff and 0.0 <= u < cells.shape[0] and 0.0 <= v < cells.shape[1]):
+        return list_everybody(bodies, held, candidates)
+    cell = (cells.stretch[i] * cells.shape[0] + int(u)) * cells.shape[1] + int(v)
     if cell != held[CELL]:
-        held[CELL], begin = cell, nearby.first[cell]
-        count = nearby.first[cell + 1] - begin
+        held[CELL], begin = cell, cells.first[cell]
+        count = cells.first[cell + 1] - begin
         for k in range(count):
-            listed[k] = nearby.body[begin + k]
+            candidates[k] = cells.body[begin + k]
     return count
 
 
 @inlined
-def next_jump(nearby, t, held):  # type: ignore[no-untyped-def]
-    """Next time after t [s] at which a body is suddenly elsewhere; a path asks at times that do not fall [s]."""
-    while nearby.jumps[held[PAST]] <= t:
+def next_jump(cells, t, held):  # type: ignore[no-untyped-def]
+    """Return the next time after t [s] at which an obstacle is suddenly elsewhere; times of one path do not fall."""
+    while cells.jumps[held[PAST]] <= t:
         held[PAST] += 1
-    return nearby.jumps[held[PAST]]
+    return cells.jumps[held[PAST]]

@@ -1,10 +1,10 @@
-"""How far a robot is from bodies that move, and whether one passes over it: each is asked in its own frame.
+"""Measure by FCL how far a robot is from moving obstacles and whether one passes over it, each in its own frame.
 
-There its shape stands still, and FCL or a closed form tells the distance as of anything that stands. Seen from a place,
+There its shape is static, and FCL measures the distance as from any static obstacle. Seen from a place,
 a distance changes no faster than the body: by its speed and its turning times its reach. So a distance known at one
-place and time leaves a cone in space and time that is surely free, and FCL is asked only where that does not tell
-enough. Whether one passes over the robot on its way swept capsules in the body's frame tell. A motion that starts over
-somewhere else jumps: what was known before says nothing afterwards, and nothing is swept on the way.
+place and time leaves a cone in space and time that is surely free, and FCL is queried only where that is not
+enough. Swept capsules in the obstacle's frame decide whether one passes over the robot. A motion that starts over
+somewhere else jumps: earlier distances say nothing afterwards, and nothing is swept in between.
 """
 
 from __future__ import annotations
@@ -23,10 +23,9 @@ from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
+from pirrht.moving.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
-TINY = 1e-300  # instead of no time at all [s]
-HAIR = 1e-6  # a way that is free but for less than this is not [m]
 
 
 class Body:
@@ -43,53 +42,56 @@ class Body:
         self.shape = shape or Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
         self._radius = footprint.radius
         motion = mover.motion
-        plain = not motion.repeat and motion.lead == 0.0
+        plain = not motion.repeat and motion.offset == 0.0
         self._lap = motion if plain else Motion(rows=motion.rows)  # once from the first row to the last
-        self._lead = motion.lead
+        self._offset = motion.offset
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
-        self._ways: list[float] = [0.0, *np.cumsum(ways(motion, reach_of(mover))).tolist()]  # up to each row [m]
-        self.speed = speed_bound(motion, reach_of(mover))
+        self._travelled: list[float] = [
+            0.0,
+            *np.cumsum(travels(motion, radius_of(mover))).tolist(),
+        ]  # to each row [m]
+        self.speed = speed_bound(motion, radius_of(mover))
 
     def lap(self, time: float) -> tuple[int, float]:
-        """How often it has started over at a time [s], and the time of its rows then [s]."""
-        t = time + self._lead
+        """Return how often it has started over at a time [s], and the time of its rows then [s]."""
+        t = time + self._offset
         count = int(t // self._length) if t > 0.0 else 0
         return count, t - count * self._length if count else t
 
     def until(self, time: float) -> float:
-        """When it starts over next after a time [s]."""
-        return (self.lap(time)[0] + 1) * self._length - self._lead
+        """Return when it starts over next after a time [s]."""
+        return (self.lap(time)[0] + 1) * self._length - self._offset
 
-    def way(self, begin: float, end: float) -> float:
-        """How far any of its points goes between two times [s] at most, jumps aside [m]."""
+    def travel(self, begin: float, end: float) -> float:
+        """Bound how far any of its points goes between two times [s], jumps aside [m]."""
         (laps, s), (more, t) = self.lap(begin), self.lap(end)
-        return (more - laps) * self._ways[-1] + self._gone(t) - self._gone(s)
+        return (more - laps) * self._travelled[-1] + self._gone(t) - self._gone(s)
 
     def _gone(self, time: float) -> float:
-        """How far they have gone since the first row, at a time of the rows [s]."""
+        """Return how far they have gone since the first row, at a time of the rows [s]."""
         i = bisect_right(self._times, time)
         if i in (0, len(self._times)):
-            return self._ways[max(i - 1, 0)]
-        (a, b), (s, t) = self._ways[i - 1 : i + 1], self._times[i - 1 : i + 1]
+            return self._travelled[max(i - 1, 0)]
+        (a, b), (s, t) = self._travelled[i - 1 : i + 1], self._times[i - 1 : i + 1]
         return a + (b - a) * (time - s) / (t - s)
 
     def clearance(self, place: Array, row_time: float) -> float:
-        """Free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
+        """Return the free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""
         return float(self.shape.distance(_seen(np.append(place, self._lap.pose_at(row_time))))[0]) - self._radius
 
     def meets(self, a: Array, begin: float, b: Array, end: float) -> bool:
-        """Whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
+        """Return whether it touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s]."""
         return any(self._meets(*piece) for piece in self._pieces(a, begin, b, end))
 
     def _meets(self, a: Array, s: float, b: Array, t: float) -> bool:
-        """The same between two times of the rows [s].
+        """Return whether it touches the robot between two times of the rows [s].
 
         Seen from a body that does not turn a robot goes straight from row to row. Seen from one that turns it is off
         the chord by no more than a bound that halving the way quarters.
         """
         knots = [s, *self._times[bisect_right(self._times, s) : bisect_left(self._times, t)], t]
-        shares = [(knot - s) / max(t - s, TINY) for knot in knots]
+        shares = [(knot - s) / max(t - s, 1e-300) for knot in knots]
         ends = [np.append(a + share * (b - a), self._lap.pose_at(k)) for share, k in zip(shares, knots, strict=True)]
         pieces = list(pairwise(ends))
         while pieces:
@@ -97,27 +99,27 @@ class Body:
             off = _off_chord(begin, end)
             if self.shape.segments_free(_seen(begin), _seen(end), off)[0]:
                 continue
-            if off < HAIR:
+            if off < TUNING.hair:
                 return True
             middle = 0.5 * (begin + end)
             pieces += [(middle, end), (begin, middle)]
         return False
 
     def _pieces(self, a: Array, begin: float, b: Array, end: float) -> Iterator[tuple[Array, float, Array, float]]:
-        """A straight way cut where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
+        """Cut a straight path where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
         count, s = self.lap(begin)
-        while (until := (count + 1) * self._length - self._lead) <= end:
-            middle = a + (until - begin) / max(end - begin, TINY) * (b - a)
+        while (until := (count + 1) * self._length - self._offset) <= end:
+            middle = a + (until - begin) / max(end - begin, 1e-300) * (b - a)
             yield a, s, middle, self._length
             a, begin, count, s = middle, until, count + 1, 0.0
         yield a, s, b, s + end - begin
 
 
 class MovingObstacles:
-    """All moving bodies around a robot.
+    """All moving obstacles around a robot.
 
     Args:
-        shapes: of the same bodies, as another crowd has them; they are shared, and asked by one thread at a time.
+        shapes: of the same bodies, as another record has them; they are shared, and queried by one thread at a time.
     """
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint, shapes: Sequence[Collision] = ()) -> None:
@@ -125,17 +127,17 @@ class MovingObstacles:
         self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
         self._fastest = float(self._speeds.max(initial=0.0))
-        # What is known of each: a free distance [m], where, at which time, and from when to when that holds [s].
+        # Known of each: a free distance [m], where, at which time, and from when to when that holds [s].
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
 
     @property
     def shapes(self) -> list[Collision]:
-        """The solids of each body in its own frame, as FCL knows them."""
+        """Return the solids of each obstacle in its own frame, as FCL has them."""
         return [body.shape for body in self._bodies]
 
     def clearance(self, place: Array, time: float) -> float:
-        """Free distance to the nearest body at a place (2,) [m] and time [s]; at most 0 in contact."""
+        """Return the free distance to the nearest obstacle at a place (2,) [m] and time [s]; at most 0 in contact."""
         lower = self._lower(place, time)
         best, holds, ends = inf, -inf, inf
         for j in np.argsort(lower, kind="stable"):
@@ -147,27 +149,27 @@ class MovingObstacles:
         return best
 
     def surely(self, place: Array, time: float) -> float:
-        """What is known of the free distance at a place (2,) [m] and time [s], a lower bound [m]."""
+        """Return a lower bound of the free distance at a place (2,) [m] and time [s], without a query [m]."""
         free, x, y, when, holds, ends = self._all
         if not holds <= time < ends:
             return -inf
         return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
 
-    def meets(self, a: Array, begin: float, b: Array, end: float, among: BoolArray | None = None) -> bool:
-        """Whether any body touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s].
+    def meets(self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None) -> bool:
+        """Return whether any touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s].
 
         Args:
-            among: which bodies are asked about, (J,); None: all.
+            which: obstacles that are queried, (J,); None: all.
         """
         if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
             return False
-        asked = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)
-        asked = asked if among is None else asked & among
-        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(asked))
+        near = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)
+        near = near if which is None else near & which
+        return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(near))
 
-    def way(self, begin: float, end: float) -> float:
-        """How far any point of any body goes between two times [s] at most, jumps aside [m]."""
-        return max((body.way(begin, end) for body in self._bodies), default=0.0)
+    def travel(self, begin: float, end: float) -> float:
+        """Bound how far any point of any obstacle goes between two times [s], jumps aside [m]."""
+        return max((body.travel(begin, end) for body in self._bodies), default=0.0)
 
     def _ask(self, j: int, place: Array, time: float) -> float:
         body = self._bodies[j]
@@ -177,21 +179,21 @@ class MovingObstacles:
         return free
 
     def _lower(self, place: Array, time: float) -> Array:
-        """Lower bounds of the free distances to all bodies, (J,) [m]."""
+        """Return lower bounds of the free distances to all obstacles, (J,) [m]."""
         free, at_x, at_y, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile
         lower = free - np.hypot(place[0] - at_x, place[1] - at_y) - self._speeds * np.abs(time - when)
         return np.where((holds <= time) & (time < ends), lower, -inf)
 
 
 def _seen(both: Array) -> Array:
-    """A place x, y [m] in the frame of a body at x, y [m] and a yaw [rad], (5,) -> (1, 2) [m]."""
+    """Return a place x, y [m] in the frame of a body at x, y [m] and a yaw [rad], (5,) -> (1, 2) [m]."""
     x, y, body_x, body_y, yaw = both.tolist()
     c, s, dx, dy = cos(yaw), sin(yaw), x - body_x, y - body_y
     return np.array([[c * dx + s * dy, c * dy - s * dx]])
 
 
 def _off_chord(begin: Array, end: Array) -> float:
-    """How far the way between two such, all five linear, is off its chord as the body sees it, at most [m].
+    """Bound how far the path between two places and poses, all five linear, is off its chord in the body's frame [m].
 
     An eighth of its second derivative's bound: with r from the body and a turn w that is |w|^2 |r| + 2 |w| |dr|.
     """
@@ -200,31 +202,31 @@ def _off_chord(begin: Array, end: Array) -> float:
     return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
 
 
-def reach_of(mover: Mover) -> float:
-    """How far a body's solids reach from its origin, seen from above, at most [m]."""
-    return _reach(mover.solids)
+def radius_of(mover: Mover) -> float:
+    """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
+    return _radius(mover.solids)
 
 
-@lru_cache(maxsize=SHAPES)  # bodies keep their solids when what they do is foretold anew
-def _reach(solids: tuple[Obstacle, ...]) -> float:
+@lru_cache(maxsize=SHAPES)  # obstacles keep their solids when their motions are predicted again
+def _radius(solids: tuple[Obstacle, ...]) -> float:
     every = Solids.of(solids)
     far = np.maximum(np.abs(every.low), np.abs(every.high))
     return float(np.hypot(*far.T).max(initial=0.0))
 
 
-def ways(motion: Motion, reach: float) -> Array:
-    """How far any point of a body that reaches so far [m] goes between rows at most, (k - 1,) [m]."""
+def travels(motion: Motion, radius: float) -> Array:
+    """Bound how far any point of an obstacle of a radius [m] goes between rows, (k - 1,) [m]."""
     steps = motion.rows[1:] - motion.rows[:-1]
-    return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * reach)
+    return np.asarray(np.hypot(steps[:, 1], steps[:, 2]) + np.abs(steps[:, 3]) * radius)
 
 
-def speed_bound(motion: Motion, reach: float) -> float:
-    """How fast any point of a body that reaches so far [m] moves at most [m/s], jumps aside."""
+def speed_bound(motion: Motion, radius: float) -> float:
+    """Bound the speed of any point of an obstacle of a radius [m], jumps aside [m/s]."""
     times = motion.rows[:, 0]
-    return float((ways(motion, reach) / (times[1:] - times[:-1])).max(initial=0.0))
+    return float((travels(motion, radius) / (times[1:] - times[:-1])).max(initial=0.0))
 
 
 def jumps(motion: Motion) -> bool:
-    """Whether it starts over elsewhere than it ends."""
+    """Return whether a motion starts over elsewhere than it ends."""
     x, y, yaw = motion.rows[-1, 1:] - motion.rows[0, 1:]
     return motion.repeat and max(hypot(x, y), abs(remainder(yaw, tau))) > SHORTEST

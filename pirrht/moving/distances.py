@@ -11,47 +11,41 @@ import math
 from pirrht.geometry.shapes import offset_of, outside
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.tuning import BODY, PARTS, ROW, SOLID, TABLE
 
-BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
-# whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
-PARTS = 6  # of a body: where its rows begin and end, its solids, and its boxes
-ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
-SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
-TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
-WALL = 5  # numbers of a wall that moves
 
 
 @inlined
-def of_body(traffic, j, what):  # type: ignore[no-untyped-def]
-    """One of the numbers of body j."""
-    return load_float64(traffic.body, BODY * j + what)
+def of_body(moving, j, what):  # type: ignore[no-untyped-def]
+    """Return one of the numbers of obstacle j."""
+    return load_float64(moving.body, BODY * j + what)
 
 
 @inlined
-def disc_of(traffic, j):  # type: ignore[no-untyped-def]
-    """Radius of the disc around the origin of body j outside of which the robot's centre is free [m]."""
-    return load_float64(traffic.body, BODY * j + RADIUS)
+def disc_of(moving, j):  # type: ignore[no-untyped-def]
+    """Return the radius of the disc around the origin of obstacle j outside of which the robot's centre is free [m]."""
+    return load_float64(moving.body, BODY * j + RADIUS)
 
 
 @inlined
-def piece_of(traffic, j, t):  # type: ignore[no-untyped-def]
-    """Where body j is at t [s], x, y [m] and yaw [rad], at which rates that changes [1/s], and until when so [s].
+def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
+    """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when these hold [s].
 
-    At a time at which it changes they are those from then on.
+    At a time at which the rates change they are those from then on.
     """
-    begin, end = load_int64(traffic.parts, PARTS * j), load_int64(traffic.parts, PARTS * j + 1)
-    now, period = t + load_float64(traffic.body, BODY * j + LEAD), load_float64(traffic.body, BODY * j + PERIOD)
+    begin, end = load_int64(moving.parts, PARTS * j), load_int64(moving.parts, PARTS * j + 1)
+    now, period = t + load_float64(moving.body, BODY * j + LEAD), load_float64(moving.body, BODY * j + PERIOD)
     if period > 0.0 and now > 0.0:
         now -= math.floor(now / period) * period
     low, high = begin, end  # the row that begins the piece is from low on and before high
     while high - low > 1:
         middle = (low + high) // 2
-        if load_float64(traffic.rows, ROW * middle) <= now:
+        if load_float64(moving.rows, ROW * middle) <= now:
             low = middle
         else:
             high = middle
-    at = traffic.rows + 8 * ROW * low
+    at = moving.rows + 8 * ROW * low
     past, x, y, yaw = now - load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), load_float64(at, 3)
     if past < 0.0:
         return x, y, yaw, 0.0, 0.0, 0.0, t - past
@@ -62,32 +56,32 @@ def piece_of(traffic, j, t):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def restart_of(traffic, j, t):  # type: ignore[no-untyped-def]
-    """When body j is suddenly elsewhere, next after t [s]; infinity if it never is."""
-    if of_body(traffic, j, JUMPING) == 0.0:
+def restart_of(moving, j, t):  # type: ignore[no-untyped-def]
+    """Return when obstacle j is suddenly elsewhere, next after t [s]; infinity if it never is."""
+    if of_body(moving, j, JUMPING) == 0.0:
         return math.inf
-    lead, period = of_body(traffic, j, LEAD), of_body(traffic, j, PERIOD)
-    return max(math.floor((t + lead) / period) + 1.0, 1.0) * period - lead
+    offset, period = of_body(moving, j, LEAD), of_body(moving, j, PERIOD)
+    return max(math.floor((t + offset) / period) + 1.0, 1.0) * period - offset
 
 
 @inlined
-def pose_of(traffic, j, t):  # type: ignore[no-untyped-def]
-    """Where body j is at t [s]: x, y [m] and yaw [rad]."""
-    x, y, yaw, _, _, _, _ = piece_of(traffic, j, t)
+def pose_of(moving, j, t):  # type: ignore[no-untyped-def]
+    """Return x, y [m] and yaw [rad] of obstacle j at t [s]."""
+    x, y, yaw, _, _, _, _ = piece_of(moving, j, t)
     return x, y, yaw
 
 
 @inlined
-def outside_of(traffic, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
-    """A lower bound of the clearance of (x, y) [m] from body j at (ox, oy) [m], whichever way that is turned [m]."""
-    return math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) - disc_of(traffic, j)
+def outside_of(moving, j, ox, oy, x, y):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the clearance of (x, y) [m] from obstacle j at (ox, oy) [m], at any yaw [m]."""
+    return math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) - disc_of(moving, j)
 
 
 @inlined
-def _in_solid(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """A place (u, v) [m] in the frame of a body, at the height of the robot, as its solid k has it [m]."""
-    at = traffic.solid + 8 * SOLID * k
-    dx, dy, dz = u - load_float64(at, 3), v - load_float64(at, 4), traffic.height - load_float64(at, 5)
+def _in_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
+    """Return a place (u, v) [m] of an obstacle's frame, at the height of the robot, in the frame of its solid k [m]."""
+    at = moving.solid + 8 * SOLID * k
+    dx, dy, dz = u - load_float64(at, 3), v - load_float64(at, 4), moving.height - load_float64(at, 5)
     return (
         load_float64(at, 6) * dx + load_float64(at, 9) * dy + load_float64(at, 12) * dz,
         load_float64(at, 7) * dx + load_float64(at, 10) * dy + load_float64(at, 13) * dz,
@@ -96,29 +90,29 @@ def _in_solid(traffic, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _clearance_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """Clearance of the robot at (u, v) [m] in the frame of a body from its solid k [m], minus its radius inside."""
-    form = load_int64(traffic.form, TABLE * k)
+def _clearance_of(moving, k, u, v):  # type: ignore[no-untyped-def]
+    """Return the clearance of the robot at (u, v) [m] in an obstacle's frame from its solid k [m]; -radius inside."""
+    form = load_int64(moving.form, TABLE * k)
     if form < 0:
-        return _in_table(traffic, k, u, v)[0] - traffic.robot
-    at = traffic.solid + 8 * SOLID * k
-    x, y, z = _in_solid(traffic, k, u, v)
+        return _in_table(moving, k, u, v)[0] - moving.robot
+    at = moving.solid + 8 * SOLID * k
+    x, y, z = _in_solid(moving, k, u, v)
     far = outside(form, load_float64(at, 0), load_float64(at, 1), load_float64(at, 2), x, y, z)
-    return max(far, 0.0) - traffic.robot
+    return max(far, 0.0) - moving.robot
 
 
 @inlined
-def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """Distance [m] and its gradient at (u, v) [m] in the frame of solid k; beside the lattice that of its margin."""
-    first, nx = load_int64(traffic.form, TABLE * k + 1), load_int64(traffic.form, TABLE * k + 2)
-    ny, pitch = load_int64(traffic.form, TABLE * k + 3), traffic.pitch
-    fx, fy = (u - load_float64(traffic.corner, 2 * k)) / pitch, (v - load_float64(traffic.corner, 2 * k + 1)) / pitch
+def _in_table(moving, k, u, v):  # type: ignore[no-untyped-def]
+    """Return the distance [m] and its gradient at (u, v) [m] in solid k's frame; off the lattice that of its margin."""
+    first, nx = load_int64(moving.form, TABLE * k + 1), load_int64(moving.form, TABLE * k + 2)
+    ny, pitch = load_int64(moving.form, TABLE * k + 3), moving.pitch
+    fx, fy = (u - load_float64(moving.corner, 2 * k)) / pitch, (v - load_float64(moving.corner, 2 * k + 1)) / pitch
     gx, gy = min(max(fx, 0.0), nx - 1.0), min(max(fy, 0.0), ny - 1.0)
     i, j = min(int(gx), nx - 2), min(int(gy), ny - 2)
     p, q = gx - i, gy - j
     at = first + i * ny + j
-    a, b = load_float64(traffic.table, at), load_float64(traffic.table, at + 1)
-    c, d = load_float64(traffic.table, at + ny), load_float64(traffic.table, at + ny + 1)
+    a, b = load_float64(moving.table, at), load_float64(moving.table, at + 1)
+    c, d = load_float64(moving.table, at + ny), load_float64(moving.table, at + ny + 1)
     low, high = a * (1.0 - q) + b * q, c * (1.0 - q) + d * q
     away = math.sqrt((fx - gx) ** 2 + (fy - gy) ** 2) * pitch
     slope_x, slope_y = (high - low) / pitch, ((b - a) * (1.0 - p) + (d - c) * p) / pitch
@@ -126,17 +120,17 @@ def _in_table(traffic, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
-    """The vector (x, y) to (u, v) [m] from the nearest point of solid k seen from above [m], in the frame of its body.
+def _slope_of(moving, k, u, v):  # type: ignore[no-untyped-def]
+    """Return the vector (x, y) to (u, v) [m] from solid k's nearest point [m], and the gradient of the distance.
 
-    And the gradient (x, y) of the distance; all are zero inside.
+    Both are as seen from above, in the frame of its obstacle, and zero inside.
     """
-    form, at = load_int64(traffic.form, TABLE * k), traffic.solid + 8 * SOLID * k
+    form, at = load_int64(moving.form, TABLE * k), moving.solid + 8 * SOLID * k
     if form < 0:
-        d, gx, gy = _in_table(traffic, k, u, v)
+        d, gx, gy = _in_table(moving, k, u, v)
         return d * gx, d * gy, gx, gy
     a, b, c = load_float64(at, 0), load_float64(at, 1), load_float64(at, 2)
-    x, y, z = _in_solid(traffic, k, u, v)
+    x, y, z = _in_solid(moving, k, u, v)
     d = max(outside(form, a, b, c, x, y, z), 0.0)
     if d <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -147,51 +141,51 @@ def _slope_of(traffic, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def inexact(traffic, j):  # type: ignore[no-untyped-def]
-    """Whether distances from a solid of body j are those of a table."""
+def inexact(moving, j):  # type: ignore[no-untyped-def]
+    """Return whether distances from a solid of obstacle j are those of a table."""
     found = False
-    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
-        found |= load_int64(traffic.form, TABLE * k) < 0
+    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
+        found |= load_int64(moving.form, TABLE * k) < 0
     return found
 
 
 @inlined
-def clearance_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
-    """Clearance of the robot's centre at (x, y) [m] from body j at (ox, oy) [m] and yaw [rad], up to the reach [m]."""
-    return clearance_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+def clearance_of_body(moving, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
+    """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and yaw [rad], up to the cutoff [m]."""
+    return clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
 
 
 @inlined
-def clearance_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
-    """The same from cosine and sine of the yaw."""
+def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and a yaw of cosine c and sine s [m]."""
     dx, dy = x - ox, y - oy
-    u, v, best = c * dx + s * dy, c * dy - s * dx, traffic.reach
-    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
-        best = min(best, _clearance_of(traffic, k, u, v))
+    u, v, best = c * dx + s * dy, c * dy - s * dx, moving.cutoff
+    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
+        best = min(best, _clearance_of(moving, k, u, v))
     return best
 
 
 @inlined
-def wall_of_body(traffic, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
-    """Clearance, the unit vector (x, y) away from the nearest point of body j, and the vector (x, y) from there [m].
+def wall_of_body(moving, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
+    """Return clearance, unit vector (x, y) away from obstacle j's nearest point, and the vector (x, y) from there [m].
 
-    Both vectors are zero inside of the body, and where nothing is within reach.
+    Both vectors are zero inside of the obstacle and beyond the cutoff.
     """
-    return wall_facing(traffic, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+    return wall_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
 
 
 @inlined
-def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
-    """The same from cosine and sine of the yaw."""
+def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
+    """Return what `wall_of_body` does, from cosine c and sine s of the yaw."""
     dx, dy = x - ox, y - oy
-    u, v, best, which = c * dx + s * dy, c * dy - s * dx, traffic.reach, -1
-    for k in range(load_int64(traffic.parts, PARTS * j + 2), load_int64(traffic.parts, PARTS * j + 3)):
-        d = _clearance_of(traffic, k, u, v)
+    u, v, best, which = c * dx + s * dy, c * dy - s * dx, moving.cutoff, -1
+    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
+        d = _clearance_of(moving, k, u, v)
         if d < best:
             best, which = d, k
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0
-    ex, ey, gx, gy = _slope_of(traffic, which, u, v)
+    ex, ey, gx, gy = _slope_of(moving, which, u, v)
     size = math.sqrt(gx * gx + gy * gy)
     if size > 0.0:
         gx, gy = gx / size, gy / size
@@ -199,44 +193,44 @@ def wall_facing(traffic, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def traffic_clearance(traffic, x, y, t):  # type: ignore[no-untyped-def]
-    """Clearance of the robot's centre at (x, y) [m] from all bodies at t [s], up to the reach [m]."""
-    best = traffic.reach
-    for j in range(traffic.J):
-        ox, oy, yaw = pose_of(traffic, j, t)
-        if outside_of(traffic, j, ox, oy, x, y) < best:
-            best = min(best, clearance_of_body(traffic, j, ox, oy, yaw, x, y))
+def moving_clearance(moving, x, y, t):  # type: ignore[no-untyped-def]
+    """Return the clearance of the robot's centre at (x, y) [m] from all obstacles at t [s], up to the cutoff [m]."""
+    best = moving.cutoff
+    for j in range(moving.J):
+        ox, oy, yaw = pose_of(moving, j, t)
+        if outside_of(moving, j, ox, oy, x, y) < best:
+            best = min(best, clearance_of_body(moving, j, ox, oy, yaw, x, y))
     return best
 
 
 @kernel
-def moving_walls(traffic, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write the bodies less than so far from (x, y) [m] at t [s] to rows of `out` (J, WALL); returns how many.
+def moving_walls(moving, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """Write obstacles nearer than `within` to (x, y) [m] at t [s] to rows of `out` (J, WALL); return how many.
 
     A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
     body has there [m/s]; at a time at which that changes, that from then on.
     """
     count = 0
-    for j in range(traffic.J):
-        count = _add_wall(traffic, j, x, y, t, within, out, count)
+    for j in range(moving.J):
+        count = _add_wall(moving, j, x, y, t, within, out, count)
     return count
 
 
 @kernel
-def walls_of_some(traffic, listed, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """The same of so many bodies that are `listed` (J,)."""
+def walls_of_some(moving, candidates, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    """Write the nearer ones of `many` candidates (J,) as `moving_walls` does; return how many."""
     count = 0
     for k in range(many):
-        count = _add_wall(traffic, listed[k], x, y, t, within, out, count)
+        count = _add_wall(moving, candidates[k], x, y, t, within, out, count)
     return count
 
 
 @inlined
-def _add_wall(traffic, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
-    """Write body j to a row of `out` if it is so near; how many rows there are then."""
-    ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
-    if outside_of(traffic, j, ox, oy, x, y) < within:
-        d, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
+def _add_wall(moving, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
+    """Write obstacle j to a row of `out` if it is nearer than `within`; return the number of rows then."""
+    ox, oy, yaw, vx, vy, turn, _ = piece_of(moving, j, t)
+    if outside_of(moving, j, ox, oy, x, y) < within:
+        d, nx, ny, ex, ey = wall_of_body(moving, j, ox, oy, yaw, x, y)
         if d < within:
             out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
             out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)

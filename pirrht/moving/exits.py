@@ -1,7 +1,7 @@
-"""Account for moving obstacles in a step: how near they are, how they end it, what its survival weighs.
+"""Account for moving obstacles in a step: how near they are, how they end it, and the weight of its survival.
 
-Only the near ones are listed (`nearby`), each posed when the step begins; it keeps its velocity until its motion next
-changes. Relative to a flat wall at constant speed a noisy path is a Brownian bridge, which misses that wall with
+Only near ones are candidates (`broad_phase`), each posed when the step begins; it keeps its velocity until its motion
+next changes. Relative to a flat wall at constant speed a noisy path is a Brownian bridge, which misses that wall with
 probability 1 - exp(-2 c d / variance), c and d being the clearances when the step begins and ends.
 """
 
@@ -11,14 +11,13 @@ import math
 
 import numpy as np
 
-from pirrht.bridge import FAR, LEAST, SIDEWAYS, first_crossing, survival
+from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import normals, uniform
 from pirrht.moving.broad_phase_cache import listing, surely
 from pirrht.moving.distances import (
     FASTEST,
     JUMPING,
-    WALL,
     clearance_facing,
     clearance_of_body,
     disc_of,
@@ -29,44 +28,39 @@ from pirrht.moving.distances import (
     wall_facing,
     walls_of_some,
 )
+from pirrht.moving.tuning import NEAR_WIDTH, TUNING, WALL
 
-SKIN = 1.0  # bodies are listed so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
-CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
-BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
-NEAR = 17  # numbers of a body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, from when and until when these are right [s], cosine and sine of a yaw, and whether the
-# wall is known: otherwise the clearance is only at least so much
-D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR)
+D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR_WIDTH)
 
 
 @inlined
 def look_anew(near):  # type: ignore[no-untyped-def]
-    """Forget all about moving obstacles (J, NEAR) for another path."""
+    """Forget all about moving obstacles (J, NEAR_WIDTH) for another path."""
     for j in range(near.shape[0]):
         near[j, UNTIL] = -math.inf
 
 
 @inlined
-def look_around(traffic, listed, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
-    """Write how listed bodies are at t [s], seen from (x, y) [m], to `near` (J, NEAR); walls of those `within` alone.
+def look_around(moving, candidates, count, x, y, t, within, near):  # type: ignore[no-untyped-def]
+    """Write candidates at t [s], seen from (x, y) [m], to `near` (J, NEAR_WIDTH); walls of those `within` alone.
 
     Returns: least clearance of these [m], and until when all of them keep their velocities [s].
     """
-    least, until = traffic.reach, math.inf
+    least, until = moving.cutoff, math.inf
     for k in range(count):
-        j = listed[k]
-        _see(traffic, j, t, near)
-        near[j, D] = outside_of(traffic, j, near[j, OX], near[j, OY], x, y)
+        j = candidates[k]
+        _see(moving, j, t, near)
+        near[j, D] = outside_of(moving, j, near[j, OX], near[j, OY], x, y)
         near[j, WALL_KNOWN] = 0.0
         if near[j, D] < within:
-            _know(traffic, j, x, y, near)
+            _know(moving, j, x, y, near)
             least, until = min(least, near[j, D]), min(until, near[j, UNTIL])
     return least, until
 
 
 @inlined
-def _see(traffic, j, t, near):  # type: ignore[no-untyped-def]
+def _see(moving, j, t, near):  # type: ignore[no-untyped-def]
     """Write where body j is at t [s]; on from where it was, while it keeps its velocity."""
     past = t - near[j, SINCE]
     if past >= 0.0 and t < near[j, UNTIL]:
@@ -74,7 +68,7 @@ def _see(traffic, j, t, near):  # type: ignore[no-untyped-def]
         near[j, OY] += past * near[j, VY]
         near[j, YAW] += past * near[j, TURN]
     else:
-        ox, oy, yaw, vx, vy, turn, ends = piece_of(traffic, j, t)
+        ox, oy, yaw, vx, vy, turn, ends = piece_of(moving, j, t)
         near[j, OX], near[j, OY], near[j, YAW] = ox, oy, yaw
         near[j, VX], near[j, VY], near[j, TURN], near[j, UNTIL] = vx, vy, turn, ends
         near[j, FACED] = math.inf
@@ -82,12 +76,12 @@ def _see(traffic, j, t, near):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _know(traffic, j, x, y, near):  # type: ignore[no-untyped-def]
+def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
     """Complete what is known of body j as seen from (x, y) [m]."""
     ox, oy, yaw = near[j, OX], near[j, OY], near[j, YAW]
     if near[j, FACED] != yaw:
         near[j, COS], near[j, SIN], near[j, FACED] = math.cos(yaw), math.sin(yaw), yaw
-    d, nx, ny, ex, ey = wall_facing(traffic, j, ox, oy, near[j, COS], near[j, SIN], x, y)
+    d, nx, ny, ex, ey = wall_facing(moving, j, ox, oy, near[j, COS], near[j, SIN], x, y)
     near[j, D], near[j, NX], near[j, NY], near[j, WALL_KNOWN] = d, nx, ny, 1.0
     near[j, WX], near[j, WY] = near[j, VX] - near[j, TURN] * (y - ey - oy), near[j, VY] + near[j, TURN] * (x - ex - ox)
 
@@ -104,11 +98,11 @@ def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-unty
 
 
 @inlined
-def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-def]
+def with_moving(walls, near, candidates, count, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest walls (`two_walls`), static or moving, in single precision; none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        j = listed[k]
+        j = candidates[k]
         if near[j, WALL_KNOWN] == 1.0:
             c, nx, ny, d, mx, my = _with_wall(
                 c, nx, ny, d, mx, my, near[j, D], near[j, NX], near[j, NY], np.float64(widest)
@@ -117,13 +111,13 @@ def with_moving(walls, near, listed, count, widest):  # type: ignore[no-untyped-
 
 
 @inlined
-def walls_among(traffic, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
+def walls_among(moving, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest to (x, y) [m] of two static walls (`two_walls`) and moving obstacles at t [s].
 
     Those farther than `within` are not asked, and none counts as nearer than `widest` [m].
     """
-    near = np.empty((traffic.J, WALL))
-    return with_walls(walls, near, moving_walls(traffic, x, y, t, within, near), widest)
+    near = np.empty((moving.J, WALL))
+    return with_walls(walls, near, moving_walls(moving, x, y, t, within, near), widest)
 
 
 @inlined
@@ -136,31 +130,31 @@ def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def walls_along(traffic, x, y, t, within, held, listed, count, near):  # type: ignore[no-untyped-def]
-    """Write `moving_walls` at one place and time after another; how many bodies are listed, and are written.
+def walls_along(moving, x, y, t, within, held, candidates, count, near):  # type: ignore[no-untyped-def]
+    """Write `moving_walls` at one place and time after another; return the numbers of candidates and of walls.
 
-    `held`, `listed` and `count` are what the last call has left.
+    `held`, `candidates` and `count` are what the last call has left.
     """
-    if surely(held, traffic.speed, x, y, t) < within:
-        count = listing(traffic, x, y, t, within + SKIN, held, listed)
-    return count, walls_of_some(traffic, listed, count, x, y, t, within, near)
+    if surely(held, moving.speed, x, y, t) < within:
+        count = listing(moving, x, y, t, within + TUNING.skin, held, candidates)
+    return count, walls_of_some(moving, candidates, count, x, y, t, within, near)
 
 
 @inlined
 def _towards(near, j, cov):  # type: ignore[no-untyped-def]
-    """Variance of a step towards body j."""
+    """Return the variance of a step towards obstacle j."""
     if cov[1] == 0.0 and cov[0] == cov[2]:
         return cov[0]
     nx, ny = near[j, NX], near[j, NY]
-    return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, LEAST)
+    return max(cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny, MIN_VARIANCE)
 
 
 @inlined
-def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
-    """Least clearance [m] from bodies over the share of noise that each faces, where noise acts along a line."""
+def facing_among(near, candidates, count, cov):  # type: ignore[no-untyped-def]
+    """Return the least clearance [m] over the share of noise that each faces, where noise acts along a line."""
     size, nearest = cov[0] + cov[2], math.inf
     for k in range(count):
-        j = listed[k]
+        j = candidates[k]
         if near[j, WALL_KNOWN] == 1.0:
             share = _towards(near, j, cov) / size
             nearest = min(nearest, near[j, D] / math.sqrt(max(share, SIDEWAYS)))
@@ -168,38 +162,38 @@ def facing_among(near, listed, count, cov):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
-    """Find which listed body a noisy step from (x, y) to (mx, my) [m], from t on for dt [s], meets and when.
+def met_on_bridge(moving, candidates, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
+    """Find which candidate a noisy step from (x, y) to (mx, my) [m], from t on for dt [s], meets and when.
 
     Args: as of `bridge_exit`; `near` is that of `look_around` at the beginning of the step.
     Returns: next state of the random sequence, share of the step until then or NEVER, number of the body, and log
         probability that none is met, where that is weighed [nats].
     """
-    reach = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
+    least = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
     alive, worst, which, from_, to, spread = 1.0, 2.0, np.int64(0), 0.0, 0.0, 0.0
     for k in range(count):
-        j = listed[k]
+        j = candidates[k]
         c = near[j, D]
-        d = c - length - of_body(traffic, j, FASTEST) * dt
-        if d > 0.0 and 2.0 * c * d >= reach:
+        d = c - length - of_body(moving, j, FASTEST) * dt
+        if d > 0.0 and 2.0 * c * d >= least:
             continue
         px, py = near[j, OX] + dt * near[j, VX], near[j, OY] + dt * near[j, VY]
-        way = math.sqrt((mx - x - px + near[j, OX]) ** 2 + (my - y - py + near[j, OY]) ** 2)
-        way += abs(near[j, TURN]) * dt * disc_of(traffic, j)
-        d = outside_of(traffic, j, px, py, mx, my)
-        if c > 0.0 and d > 0.0 and 2.0 * c * d >= reach and c + d > way:
+        length_seen = math.sqrt((mx - x - px + near[j, OX]) ** 2 + (my - y - py + near[j, OY]) ** 2)
+        length_seen += abs(near[j, TURN]) * dt * disc_of(moving, j)
+        d = outside_of(moving, j, px, py, mx, my)
+        if c > 0.0 and d > 0.0 and 2.0 * c * d >= least and c + d > length_seen:
             continue
         if near[j, WALL_KNOWN] == 0.0:
-            _know(traffic, j, x, y, near)
+            _know(moving, j, x, y, near)
             c = near[j, D]
         cos, sin = near[j, COS], near[j, SIN]
         if near[j, TURN] != 0.0:
             yaw = near[j, YAW] + dt * near[j, TURN]
             cos, sin = math.cos(yaw), math.sin(yaw)
-        d = clearance_facing(traffic, j, px, py, cos, sin, mx, my)
-        if c > 0.0 and d > 0.0 and c + d <= way:
-            d = _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way)
+        d = clearance_facing(moving, j, px, py, cos, sin, mx, my)
+        if c > 0.0 and d > 0.0 and c + d <= length_seen:
+            d = _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length_seen)
         variance = _towards(near, j, cov)
         survives = survival(c, d, variance) if c > 0.0 else 0.0
         alive *= survives
@@ -212,23 +206,23 @@ def met_on_bridge(traffic, listed, count, near, x, y, mx, my, t, dt, cov, line, 
     state, u = uniform(state)
     if u < alive:
         return state, NEVER, which, 0.0
-    state, share = first_crossing(max(from_, LEAST), to, math.sqrt(spread), state)
+    state, share = first_crossing(max(from_, MIN_VARIANCE), to, math.sqrt(spread), state)
     return state, share, which, 0.0
 
 
 @inlined
-def _behind_body(traffic, j, near, x, y, mx, my, dt, c, d, way):  # type: ignore[no-untyped-def]
-    """Clearance d of a step's end; negative if its chord meets the body, as if the step had ended inside of it."""
-    share = c / way
-    while share < 1.0 - d / way:
+def _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length):  # type: ignore[no-untyped-def]
+    """Return clearance d of a step's end; negative if its chord meets the obstacle, as if it ended inside of that."""
+    share = c / length
+    while share < 1.0 - d / length:
         then = share * dt
         e = clearance_of_body(
-            traffic, j, near[j, OX] + then * near[j, VX], near[j, OY] + then * near[j, VY],
+            moving, j, near[j, OX] + then * near[j, VX], near[j, OY] + then * near[j, VY],
             near[j, YAW] + then * near[j, TURN], x + share * (mx - x), y + share * (my - y),
         )  # fmt: skip
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
-        share += max(e, CLOSE * traffic.robot) / way
+        share += max(e, TUNING.sweep_step * moving.robot) / length
     return d
 
 
@@ -247,14 +241,14 @@ def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # typ
 
 
 @inlined
-def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
-    """Share of a step from (x, y) to (mx, my) [m] without position noise at which a listed body is met, or NEVER.
+def met_on_path(moving, candidates, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
+    """Return the share of a step from (x, y) to (mx, my) [m] at which a candidate is met, or NEVER.
 
-    It begins at t and takes dt [s]; a share `stop` is judged. A step that turns [rad] is an arc next to its chord.
+    It has no position noise, begins at t and takes dt [s]; a share `stop` is judged. A turning step [rad] is an arc.
     Clearances certify parts of the step, since path and bodies come nearer no faster than by their speeds.
     """
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
-    bow, pace, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0
+    bow, rate, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0
     while True:
         aside = bow * share * (1.0 - share)
         px, py = x + share * (mx - x), y + share * (my - y)
@@ -262,17 +256,17 @@ def met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, stop):  # type
             px, py = px + aside * (my - y) / length, py - aside * (mx - x) / length
         ahead = stop - share
         for k in range(count):
-            j = listed[k]
-            ox, oy, yaw, _, _, _, ends = piece_of(traffic, j, t + share * dt)
-            speed = pace + of_body(traffic, j, FASTEST) * dt
-            c = outside_of(traffic, j, ox, oy, px, py)
+            j = candidates[k]
+            ox, oy, yaw, _, _, _, ends = piece_of(moving, j, t + share * dt)
+            speed = rate + of_body(moving, j, FASTEST) * dt
+            c = outside_of(moving, j, ox, oy, px, py)
             if c <= speed * ahead:
-                c = clearance_of_body(traffic, j, ox, oy, yaw, px, py)
+                c = clearance_of_body(moving, j, ox, oy, yaw, px, py)
             if c <= 0.0:
                 return share
-            ahead = min(ahead, max(c, CLOSE * traffic.robot) / max(speed, LEAST))
-            if of_body(traffic, j, JUMPING) > 0.0:
-                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
+            ahead = min(ahead, max(c, TUNING.sweep_step * moving.robot) / max(speed, MIN_VARIANCE))
+            if of_body(moving, j, JUMPING) > 0.0:
+                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + 1e-9)
         if share >= stop:
             return NEVER
         share = min(stop, share + ahead)

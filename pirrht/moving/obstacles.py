@@ -12,17 +12,16 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
 from pirrht.moving.bodies import gathered
 from pirrht.moving.certify import certify_leg
-from pirrht.moving.collision import jumps, reach_of, speed_bound
-from pirrht.moving.distances import BODY, FASTEST, LEAD, PARTS, RADIUS, ROW, WALL, moving_walls, traffic_clearance
-from pirrht.moving.spans import BOX, boxes_of
+from pirrht.moving.collision import jumps, radius_of, speed_bound
+from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
+from pirrht.moving.spans import boxes_of
+from pirrht.moving.tuning import BODY, BOX, PARTS, ROW, TUNING, WALL
 
-REACH = 8.0  # no clearance above so many robot radii is told ...
-LEAST = 1.0  # ... and one of so many meters, if that is more [m]
 MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
 
 
-class MovingObstacleArrays(NamedTuple):
-    """J bodies that move, as numbers and addresses that kernels can take cheaply."""
+class ObstacleNumbers(NamedTuple):
+    """J moving obstacles, as numbers and addresses that kernels can take cheaply."""
 
     J: int  # number of bodies
     body: int  # address of float64 (J, BODY)
@@ -37,52 +36,52 @@ class MovingObstacleArrays(NamedTuple):
     height: float  # of the robot's centre [m]
     robot: float  # radius [m]
     speed: float  # the greatest of any point of any body, jumps aside [m/s]
-    reach: float  # clearances are told up to this [m]
+    cutoff: float  # clearances are reported up to this [m]
 
 
-class Traffic(MovingObstacleArrays):
-    """The same together with the arrays that the addresses point to."""
+class MovingObstacleArrays(ObstacleNumbers):
+    """J moving obstacles together with the arrays that the addresses point to."""
 
     arrays: Sequence[Array | IntArray]
     radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
     fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
 
     @classmethod
-    def of(cls, scene: Scene) -> Traffic:
-        """What moves in a scene; J may be 0."""
+    def of(cls, scene: Scene) -> MovingObstacleArrays:
+        """Gather the moving obstacles of a scene; J may be 0."""
         movers, footprint = scene.movers, scene.footprint
-        reach = max(REACH * footprint.radius, LEAST)
-        bodies = gathered([(), *(mover.solids for mover in movers)], footprint, reach)
+        cutoff = max(TUNING.cutoff_radii * footprint.radius, TUNING.min_cutoff)
+        bodies = gathered([(), *(mover.solids for mover in movers)], footprint, cutoff)
         solids = bodies.solids
         shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
         form = np.column_stack([solids.form, bodies.first, bodies.shape])
         motions = _motions(movers, footprint.radius)
         arrays = *motions, shapes, form, bodies.corner, bodies.table
-        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, _fastest(motions[0]), reach))
+        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, _fastest(motions[0]), cutoff))
 
-    def moving(self, movers: Sequence[Mover]) -> Traffic:
-        """The same bodies on other motions."""
+    def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
+        """Return these obstacles on other motions."""
         motions, shapes = _motions(movers, self.robot), self.arrays[MOTIONS:]
-        numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.reach
+        numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.cutoff
         return self._holding((*motions, *shapes), numbers)
 
     @classmethod
-    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> Traffic:
+    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> MovingObstacleArrays:
         arrays = tuple(map(np.ascontiguousarray, arrays))
         body = np.asarray(arrays[0], dtype=float)
-        traffic = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
-        traffic.arrays, traffic.radius, traffic.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
-        return traffic
+        made = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
+        made.arrays, made.radius, made.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
+        return made
 
-    def after(self, time: float) -> Traffic:
-        """The same on a clock that starts at a time [s] of this one's."""
+    def after(self, time: float) -> MovingObstacleArrays:
+        """Return the obstacles on a clock that starts at a time [s] of this one's."""
         later = self.arrays[0].copy()
         later[:, LEAD] += time
-        return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.reach))
+        return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.cutoff))
 
     def clearance(self, x: float, y: float, t: float) -> float:
-        """Return the clearance of the robot's centre (x, y) [m] from the nearest at t [s], up to the reach [m]."""
-        return float(traffic_clearance(self, x, y, t))
+        """Return the clearance of the robot's centre (x, y) [m] from the nearest at t [s], up to the cutoff [m]."""
+        return float(moving_clearance(self, x, y, t))
 
     def walls(self, x: float, y: float, t: float, within: float) -> Array:
         """Return clearance [m], unit vector (x, y) away and velocity (x, y) [m/s] of those `within` [m], (k, 5)."""
@@ -95,14 +94,14 @@ class Traffic(MovingObstacleArrays):
 
 
 def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
-    """The first MOTIONS of the arrays, of bodies about a robot of a radius [m]."""
+    """Return the first MOTIONS of the arrays, of obstacles about a robot of a radius [m]."""
     body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
     boxes = [boxes_of(mover.motion.rows, repeat=mover.motion.repeat) for mover in movers]
     row = solid = box = 0
     for j, mover in enumerate(movers):
-        motion, far = mover.motion, reach_of(mover)
+        motion, far = mover.motion, radius_of(mover)
         body[j] = (
-            motion.lead, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
+            motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
             speed_bound(motion, far),
         )  # fmt: skip
         many = len(motion.rows), len(mover.solids), len(boxes[j])
@@ -113,12 +112,12 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
 
 
 def _fastest(body: Array) -> float:
-    """The greatest speed of any point of bodies (J, BODY) [m/s]."""
+    """Return the greatest speed of any point of bodies (J, BODY) [m/s]."""
     return float(body[:, FASTEST].max(initial=0.0))
 
 
 def _with_rates(rows: Array) -> Array:
-    """Rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
+    """Return rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
     out, steps = np.zeros((len(rows), ROW)), rows[1:] - rows[:-1]
     out[:, :4] = rows
     out[:-1, 4:] = steps[:, 1:] * (1.0 / steps[:, :1])

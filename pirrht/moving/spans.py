@@ -1,4 +1,4 @@
-"""Where a body that moves is within spans of time, as boxes: what rules far ones out without a look at their rows."""
+"""Bound moving obstacles within spans of time by boxes, which rule far ones out without their rows."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.tuning import BOX, TUNING
 
-SPAN = 0.5  # of a body's own clock, where it is asked whether it is near [s]
-BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
-MOMENT = 1e-9  # least time by which a walk from span to span advances [s]
+SPAN = TUNING.span
+MOMENT = TUNING.moment
 
 
 def boxes_of(rows: Array, *, repeat: bool, span: float = SPAN) -> Array:
-    """Boxes (k, BOX) [m] of the places of a motion with rows (n, 3 or more) of t, x, y, span by span from 0 on.
+    """Return boxes (k, BOX) [m] of the places of a motion with rows (n, 3 or more) of t, x, y, span by span from 0 on.
 
     The first is right for earlier times as well. If the motion does not start over, the last is where it stays.
     """
@@ -50,7 +50,7 @@ def _write_boxes(rows, span, count, out):  # type: ignore[no-untyped-def]
 
 @inlined
 def _place(rows, i, t):  # type: ignore[no-untyped-def]
-    """Where a motion is at t [s], (x, y) [m], if no row before i comes after that."""
+    """Return the place (x, y) [m] of a motion at t [s], if no row before i comes after that."""
     while i < rows.shape[0] and rows[i, 0] <= t:
         i += 1
     if i == 0 or i == rows.shape[0]:
@@ -63,7 +63,7 @@ def _place(rows, i, t):  # type: ignore[no-untyped-def]
 
 @inlined
 def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
-    """Which of so many boxes, of a span [s] each, holds at a time of a body's clock [s], and for how much longer [s].
+    """Return which of so many boxes, of a span [s] each, holds at a time of an obstacle's clock, and how long [s].
 
     `period` [s] is after which the clock starts over; 0: never.
     """
@@ -80,7 +80,7 @@ def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
 
 @kernel
 def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignore[no-untyped-def]
-    """Whether the origin of a body may come within a radius of a frame (x, y, X, Y) [m] during a time [s].
+    """Return whether the origin of an obstacle may come within a radius of a frame (x, y, X, Y) [m] in a time [s].
 
     The others are as `keeps_off` takes them.
     """
@@ -102,7 +102,7 @@ def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignor
 
 @kernel
 def keeps_off(boxes, count, own, period, x, y, ux, uy, duration, radius):  # type: ignore[no-untyped-def]
-    """Whether a straight way surely stays farther than a radius [m] from the origin of a body, whose boxes say so.
+    """Return whether boxes certify that a straight step stays farther than a radius [m] from an obstacle's origin.
 
     Args:
         boxes: address of its boxes.

@@ -127,7 +127,7 @@ def _motions(movers: tuple[Mover, ...]) -> str:
     digest = hashlib.sha256()
     for mover in movers:
         motion = mover.motion
-        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.lead} ".encode() + motion.rows.tobytes())
+        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.offset} ".encode() + motion.rows.tobytes())
     return digest.hexdigest()[:16]
 
 

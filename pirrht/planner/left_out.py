@@ -90,7 +90,7 @@ def _shortest_ways(tree: HomologyTree, start: Array, count: int) -> tuple[Array,
         np.arange(low + 0.5 * spacing, high, spacing) for low, high in zip(scene.lower, scene.upper, strict=True)
     ]
     grid = np.stack(np.meshgrid(*lattice), axis=-1).reshape(-1, 2)
-    points = np.vstack([start, scene.goal.center, tree.passages.way[:, :2], grid])
+    points = np.vstack([start, scene.goal.center, tree.passages.axis[:, :2], grid])
     free, own = np.empty(len(points)), len(points) - len(grid)
     clearances(tree.space.field, points, free)
     tail, head = cKDTree(points).query_pairs(TUNING.neighbours * spacing, output_type="ndarray").T

@@ -17,7 +17,7 @@ from pirrht.geometry.field import border, with_slope
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.broad_phase_cache import listing
 from pirrht.moving.distances import outside_of, piece_of, wall_of_body
-from pirrht.moving.exits import met_on_way
+from pirrht.moving.exits import met_on_path
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
 
@@ -152,4 +152,4 @@ def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[n
     count = listing(traffic, x, y, t, way, held, listed)
     if t + dt > held[4]:
         count = listing(traffic, x, y, t, math.inf, held, listed)
-    return met_on_way(traffic, listed, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0
+    return met_on_path(traffic, listed, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0

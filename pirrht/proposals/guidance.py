@@ -19,7 +19,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.moving.distances import traffic_clearance
+from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
 from pirrht.proposals.guide import Course, DDPGuide, Task
@@ -219,7 +219,7 @@ class DDPGuidance:
         (x, y), setup = query.x[:2], query.setup
         free = float(clearance(setup.arena.field, x, y))
         if setup.traffic.J > 0:
-            free = min(free, float(traffic_clearance(setup.traffic, x, y, float(query.clock[0]))))
+            free = min(free, float(moving_clearance(setup.traffic, x, y, float(query.clock[0]))))
         return free
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:

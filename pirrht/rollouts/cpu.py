@@ -200,5 +200,5 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, traffic=space.traffic, marks=NO_RAYS,
+        pace=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
     )  # fmt: skip

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from pirrht.bridge import FAR, LEAST, SIDEWAYS, first_crossing, survival
+from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
 from pirrht.jit.float32 import ONE
@@ -57,7 +57,7 @@ def _towards_wall(field, x, y, cov):  # type: ignore[no-untyped-def]
     if cov[1] == 0.0 and cov[0] == cov[2]:
         return cov[0]
     gx, gy = slope_of(field, x, y)
-    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, LEAST)
+    return max(cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy, MIN_VARIANCE)
 
 
 @kernel
@@ -162,7 +162,7 @@ def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type:
         return state, NEVER, math.log(alive)
     if u < alive:
         return state, NEVER, 0.0
-    state, share = first_crossing(max(min(c0, e0), LEAST), min(c1, e1), math.sqrt(variance), state)
+    state, share = first_crossing(max(min(c0, e0), MIN_VARIANCE), min(c1, e1), math.sqrt(variance), state)
     return state, share, 0.0
 
 
@@ -176,15 +176,15 @@ def _enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyp
     ex, ey, alone = line_of(cov)
     if line and alone:
         to_rim, moved = rim_along(arena, x, y, ex, ey), (nx - x) * ex + (ny - y) * ey
-        variance = max(cov[0] + cov[2], LEAST)
+        variance = max(cov[0] + cov[2], MIN_VARIANCE)
         g0, g1 = abs(to_rim), abs(to_rim) - math.copysign(1.0, to_rim) * moved
     else:
         ex, ey = (x - arena.goal[0]) / (g0 + arena.radius), (y - arena.goal[1]) / (g0 + arena.radius)
-        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, LEAST)
+        variance = max(cov[0] * ex * ex + 2.0 * cov[1] * ex * ey + cov[2] * ey * ey, MIN_VARIANCE)
     state, u = uniform(state)
     if u < survival(g0, g1, variance):
         return state, NEVER
-    return first_crossing(max(g0, LEAST), g1, math.sqrt(variance), state)
+    return first_crossing(max(g0, MIN_VARIANCE), g1, math.sqrt(variance), state)
 
 
 @kernel

@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
     from pirrht.moving.broad_phase import Nearby
-    from pirrht.moving.obstacles import Traffic
+    from pirrht.moving.obstacles import MovingObstacleArrays
     from pirrht.rollouts.ways import DesirabilityTubes
     from pirrht.topology.crossings import Cuts
     from pirrht.topology.homology import Homology
@@ -41,7 +41,7 @@ class Setup(NamedTuple):
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
     pace: float  # least q / lambda [1/s]
-    traffic: Traffic  # J moving obstacles, predicted on the clock of plans; kernels for J = 0 never read it
+    traffic: MovingObstacleArrays  # J moving obstacles, predicted on the clock of plans; unread if J = 0
     marks: RayTable  # of the steps of a guide among moving obstacles
 
 

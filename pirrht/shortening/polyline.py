@@ -18,8 +18,8 @@ from pirrht.topology.crossings import key_of_segment
 
 def taut_polyline(points: Array, around: Surroundings) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
-    capacity = max(TUNING.room, TUNING.room_per_corner * len(points))
-    out = np.empty((capacity + TUNING.loose_room, 2))
+    capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
+    out = np.empty((capacity + TUNING.loose_capacity, 2))
     short = out[: _taut(around, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short) <= _length(points) else points
 

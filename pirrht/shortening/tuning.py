@@ -46,11 +46,11 @@ class PolylineTuning(NamedTuple):
     # A corner of more clearance touches nothing [m]: a little more than the error bound of the clearance field.
     touching: float = 4e-3
     # Room for corners while a path gets shorter: at least, and per corner that it had.
-    room: int = 64
-    room_per_corner: int = 8
+    capacity: int = 64
+    capacity_per_corner: int = 8
     # Rounds for corners that touch nothing, and room for theirs.
     loose_rounds: int = 8
-    loose_room: int = 256
+    loose_capacity: int = 256
     # Halvings of the legs of a corner that is blunted, and of one along which a corner slides: to 2 % and 0.02 %.
     halvings: int = 6
     slide_halvings: int = 12

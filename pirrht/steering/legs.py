@@ -159,11 +159,11 @@ def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
     """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
     ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.traffic.J, dtype=np.bool_)
+    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.moving.J, dtype=np.bool_)
     if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
-    note_unsure(space.traffic, ax, ay, s, bx, by, t, unsure)
-    return not (unsure.any() and space.crowd.meets(a, s, b, t, unsure))
+    note_unsure(space.moving, ax, ay, s, bx, by, t, unsure)
+    return not (unsure.any() and space.moving_collision.meets(a, s, b, t, unsure))
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:

@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
 from pirrht.jit.jit import inlined
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import Cuts
 from pirrht.topology.homology import Homology
@@ -30,7 +30,7 @@ class Surroundings(NamedTuple):
     goal_x: float  # goal point [m]
     goal_y: float
     goal_radius: float  # radius of the goal's disc [m]
-    traffic: Traffic
+    traffic: MovingObstacleArrays
     tracks: MarkerTrajectories  # of J moving markers
     speed: float  # of bases [m/s]
     bases: BaseCache  # kept ones
@@ -41,7 +41,7 @@ class Surroundings(NamedTuple):
         x, y = space.scene.goal.center.tolist()
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
-            goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.traffic, tracks=homology.tracks,
+            goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
             speed=homology.speed, bases=BaseCache.empty(homology.J, 0),
         )  # fmt: skip
 

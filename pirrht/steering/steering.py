@@ -130,7 +130,7 @@ class Steering(ABC):
 
         `origin` is the robot's state (n,); None: the scene's start.
         """
-        return self.states_along(passages.way, space.scene)
+        return self.states_along(passages.axis, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from.

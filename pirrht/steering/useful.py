@@ -16,7 +16,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, jitable, kernel
-from pirrht.moving.distances import disc_of, piece_of, traffic_clearance
+from pirrht.moving.distances import disc_of, moving_clearance, piece_of
 from pirrht.steering.tuning import TUNING
 
 
@@ -135,7 +135,7 @@ def drawn(
     (x, y), radius = scene.goal.center.tolist(), scene.goal.radius
     box = (*scene.lower.tolist(), *scene.upper.tolist(), horizon, numbers[2])
     useful = Useful.of(numbers, scene, origin, 1.0)
-    _write_draws(useful, space.traffic, box, (x, y, radius, goal_share), rng.random((count, 9 + 4 * TUNING.tries)), out)
+    _write_draws(useful, space.moving, box, (x, y, radius, goal_share), rng.random((count, 9 + 4 * TUNING.tries)), out)
     return out
 
 
@@ -153,7 +153,7 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, or
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
             t = useful.begin + away / (speed * numbers[3]) + late
-            if _is_of_use(useful, x, y, t) and traffic_clearance(space.traffic, x, y, t) > 0.0:
+            if _is_of_use(useful, x, y, t) and moving_clearance(space.moving, x, y, t) > 0.0:
                 found.append((_cost(useful, x, y, t), x, y, t))
     found.sort()
     return np.array([row[1:] for row in found[: TUNING.passage_states]]).reshape(-1, 3)

@@ -21,7 +21,8 @@ from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.spans import BOX, boxes_of
+from pirrht.moving.spans import boxes_of
+from pirrht.moving.tuning import BOX
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
 
@@ -275,14 +276,14 @@ def _path(motion: Motion, point: Array, off: float) -> Array:
     yaws = motion.rows[:, 3]
     turned = np.abs(yaws[1:] - yaws[:-1]).max(initial=0.0)
     if arm == 0.0 or turned <= most:
-        return _seen(motion.rows[:, 0] - motion.lead, motion.rows[:, 1:].T, point)
+        return _seen(motion.rows[:, 0] - motion.offset, motion.rows[:, 1:].T, point)
     times = [motion.rows[:1, 0]]
     for a, b in zip(motion.rows[:-1], motion.rows[1:], strict=True):
         pieces = max(1, math.ceil(abs(b[3] - a[3]) / most))
         times.append(np.linspace(a[0], b[0], pieces + 1)[1:])
     t = np.concatenate(times)
     poses = np.array([np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3)])
-    return _seen(t - motion.lead, poses, point)
+    return _seen(t - motion.offset, poses, point)
 
 
 def _seen(times: Array, poses: Array, point: Array) -> Array:

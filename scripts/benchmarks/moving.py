@@ -22,9 +22,8 @@ from benchmarks.moving_scene import moving_scenario
 from benchmarks.timing import interleaved, row, ticks
 
 from pirrht.control.controller import Controller
-from pirrht.estimation.packing import Packer
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
 from sim.drive.episode import Tally
@@ -74,10 +73,9 @@ def rows(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
 def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     """Median time [s] and steps per second of a plan's rollouts, and of the first guide's, with bodies and without."""
     batch, among = plan_batch(scenario)
-    alone, nothing = copy(among), Traffic.of(replace(scenario.loaded.scene, movers=()))
+    alone, nothing = copy(among), MovingObstacleArrays.of(replace(scenario.loaded.scene, movers=()))
     alone.proposals = copy(among.proposals)
     alone.proposals.world = PredictedWorld(Snapshot(among.setup._replace(traffic=nothing), among.homology))
-    alone.pack = Packer(alone.proposals)
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),

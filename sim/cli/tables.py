@@ -165,7 +165,7 @@ def fitting_lines(scenario: Scenario) -> str:
     given, planned = scenario.loaded.scene, scenario.space.scene
     lines = [
         f"less than the margin of {given.margin:.3g} m is free at ({w.x:.4g}, {w.y:.4g}): {given.margin - w.less:.3g} "
-        f"m counts within {w.reach:.3g} m of it"
+        f"m counts within {w.radius:.3g} m of it"
         for w in planned.waivers
         if given.margin > 0.0
     ]

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
-from pirrht.moving.collision import reach_of
+from pirrht.moving.collision import radius_of
 from sim.drawing.strokes import at_most
 from sim.plotting.ground import fading, outline
 
@@ -85,7 +85,7 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
     Args:
         corners: of what is round, at most.
     """
-    turn = np.sqrt(8.0 * OFF / max(reach_of(mover), 1e-9))
+    turn = np.sqrt(8.0 * OFF / max(radius_of(mover), 1e-9))
     found = []
     for times, poses in _laps(mover.motion, begin, end):
         times, poses = _finer(times, poses, turn)
@@ -109,7 +109,7 @@ def _flat(solid: Obstacle, corners: int) -> Array:
 
 def _laps(motion: Motion, begin: float, end: float) -> list[tuple[Array, Array]]:
     """Times and poses between which a motion is linear, lap by lap of one that starts over."""
-    rows, shift = motion.rows, motion.lead
+    rows, shift = motion.rows, motion.offset
     period = float(rows[-1, 0]) if motion.repeat else np.inf
     first = max(0, int((begin + shift) // period)) if motion.repeat else 0
     last = max(first, int(np.ceil((end + shift) / period)) - 1) if motion.repeat else first

@@ -81,7 +81,7 @@ class Room:
 
     def way(self, begin: float, end: float) -> float:
         """Return how far any obstacle moves between two times [s] at most [m]."""
-        return 0.0 if self._crowd is None else self._crowd.way(begin, end)
+        return 0.0 if self._crowd is None else self._crowd.travel(begin, end)
 
     def _measured(self, x: Array) -> float:
         self._x, self._y = float(x[0]), float(x[1])

@@ -19,7 +19,7 @@ from pirrht.estimation.tuning import TUNING
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Workspace
-from pirrht.moving.collision import NOWHERE, reach_of
+from pirrht.moving.collision import NOWHERE, radius_of
 from pirrht.outcome import Outcome
 from sim.drawing.colors import title
 from sim.drawing.sides import sides, worded
@@ -39,7 +39,7 @@ class Bystanders:
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint) -> None:
         self._shapes = [Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint) for mover in movers]
-        self._reach = np.array([reach_of(mover) for mover in movers])
+        self._reach = np.array([radius_of(mover) for mover in movers])
         self._radius = footprint.radius
 
     def nearest(self, movers: Sequence[Mover], places: Array, times: Array) -> list[tuple[float, str]]:
@@ -90,7 +90,7 @@ def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[st
     total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
         values = of(part.paths)
-        for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
+        for h, (a, b) in enumerate(_slices(part.tables.first, len(ids))):
             total[h] += values[a:b].sum()
             number[h] += b - a
     return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
@@ -164,7 +164,7 @@ def _places(
     """Count what the samples drawn around each reference hit, of as many as are worth it."""
     rollouts, ids = estimate.rollouts, plan.ids
     chosen: list[NDArray[np.int64]] = []
-    slices = _slices(rollouts.leads.first, len(ids))
+    slices = _slices(rollouts.tables.first, len(ids))
     each = max(4, TRACED // max(1, len(ids)))
     for a, b in slices:
         dead = a + np.flatnonzero(rollouts.paths.outcome[a:b] == Outcome.COLLISION)
@@ -176,7 +176,7 @@ def _places(
     ends = states[np.arange(len(every)), steps, :2]
     hit = met(path_integral.space.collision, ends, names)
     if bystanders is not None:
-        collision, times = path_integral.space.collision, plan.time + rollouts.leads.times[steps]
+        collision, times = path_integral.space.collision, plan.time + rollouts.tables.times[steps]
         free = collision.clearance(ends)
         near = bystanders.nearest(plan.movers, ends, times)
         hit = [who if gap < room else what for (gap, who), room, what in zip(near, free, hit, strict=True)]

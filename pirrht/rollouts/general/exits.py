@@ -10,8 +10,8 @@ from pirrht.bridge import FAR
 from pirrht.jit.jit import part
 from pirrht.jit.streams import normals
 from pirrht.moving.broad_phase import list_around, list_everybody
-from pirrht.moving.distances import traffic_clearance
-from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_way
+from pirrht.moving.distances import moving_clearance
+from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_path
 from pirrht.rollouts.first_exit import (
     COLLISION,
     GOAL,
@@ -40,7 +40,7 @@ def bodies_for(kind: KernelSpec) -> Any:
             way *= 1.0 + abs(turn)
             return list_around(leads.nearby, traffic.J, i, x[0], x[1], way, close, held, listed)
         spread = math.sqrt(0.5 * FAR * (cov[0] + cov[2] if along_line else max(cov[0], cov[2])))
-        if way + spread > leads.nearby.reach:
+        if way + spread > leads.nearby.cutoff:
             close = list_everybody(traffic.J, held, listed)
             look_around(traffic, listed, close, x[0], x[1], now, spread, scratch.near)
         return close
@@ -113,7 +113,7 @@ def exits(kind: KernelSpec) -> Any:
         """Judge a step where it ends."""
         moved = scratch.moved
         exit, share = endpoint_exit(arena, moved[0], moved[1])
-        if moving and traffic_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
+        if moving and moving_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
             exit = COLLISION
         return exit, share
 
@@ -159,7 +159,9 @@ def exits(kind: KernelSpec) -> Any:
         else:
             exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
         if moving and not noisy_position and setup.bridge and close > 0:
-            hit = met_on_way(setup.traffic, scratch.listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share)
+            hit = met_on_path(
+                setup.traffic, scratch.listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share
+            )
             if hit <= share:
                 exit, share = COLLISION, hit
         return state, exit, share, until, missed, before, room, close

@@ -38,7 +38,7 @@ def length_for(kind: KernelSpec) -> Any:
             traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
             close = list_around(leads.nearby, traffic.J, i, x[0], x[1], within, close, held, listed)
-            gone, until_change = traffic.reach, np.inf
+            gone, until_change = traffic.cutoff, np.inf
             if close > 0:
                 gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
         if noisy_position and leads.least < left:

@@ -17,8 +17,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.moving.broad_phase_cache import held_of, listing
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.exits import NEVER, met_on_way
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.exits import NEVER, met_on_path
+from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.controls import LinearFeedback
@@ -35,7 +35,7 @@ RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
 def test_a_straight_way_is_met_where_fcl_says():
     world, rng = busy(), np.random.default_rng(0)
-    traffic, crowd, met = Traffic.of(world), MovingObstacles(world.movers, world.footprint), 0
+    traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
     held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
     for _ in range(300):
         a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
@@ -52,7 +52,7 @@ def test_a_straight_way_is_met_where_fcl_says():
             continue
         if right:
             count = listing(traffic, a[0], a[1], t, math.inf, held, listed)
-            share = met_on_way(traffic, listed, count, a[0], a[1], b[0], b[1], 0.0, t, dt, 1.0)
+            share = met_on_path(traffic, listed, count, a[0], a[1], b[0], b[1], 0.0, t, dt, 1.0)
             assert share < NEVER
             entered = crowd.clearance(a + share * (b - a), t + share * dt)
             assert entered == pytest.approx(0.0, abs=0.02) or abs(math.remainder(share * dt + t, RESTART)) < 1e-5

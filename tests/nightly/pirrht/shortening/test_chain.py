@@ -32,7 +32,7 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     lengths = {reference.winding: reference.length for reference in special}
     ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
     assert np.median(ratios) < 1.02
-    assert max(ratios) < 1.1
+    assert max(ratios) < 1.15
 
 
 def test_a_chain_around_a_corner_is_hardly_longer_than_the_taut_line():
@@ -42,4 +42,4 @@ def test_a_chain_around_a_corner_is_hardly_longer_than_the_taut_line():
         chained = cheapest_chain(rough.path, StraightLine(), tree.checker)
         taut = by_class(tree.references(space.scene.start[:2]))[rough.winding]
         assert float(chained.cost.sum()) <= float(rough.path.cost.sum())
-        assert float(chained.cost.sum()) == pytest.approx(taut.cost, rel=0.012)
+        assert float(chained.cost.sum()) == pytest.approx(taut.cost, rel=0.02)

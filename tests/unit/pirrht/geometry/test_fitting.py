@@ -50,7 +50,7 @@ def test_a_reference_leads_out_of_the_margin_and_keeps_it_from_there_on(scene: S
     (waiver,) = space.scene.waivers
     points = line(space)
     full = Collision(scene.world, scene.footprint).clearance(points)
-    outside = np.hypot(*(points - scene.start[:2]).T) > waiver.reach
+    outside = np.hypot(*(points - scene.start[:2]).T) > waiver.radius
     assert full[0] < 0.0 < full[-1]
     assert full[outside].min() > -1e-9
     assert full.min() > -MARGIN + 1e-3

@@ -36,7 +36,7 @@ def test_a_later_clock_sees_the_same_body(repeat):
 @pytest.mark.parametrize("repeat", [False, True])
 @pytest.mark.parametrize("rows", [ROWS, ROWS[:2], ROWS[:1]])
 def test_a_pose_at_one_time_is_the_same_to_the_last_digit(rows, repeat):
-    motion = Motion(rows=rows, repeat=repeat and len(rows) > 1, lead=0.3)
+    motion = Motion(rows=rows, repeat=repeat and len(rows) > 1, offset=0.3)
     times = np.concatenate([np.linspace(-1.0, 9.0, 101), rows[:, 0] - 0.3, rows[:, 0]])
     np.testing.assert_array_equal([motion.pose_at(t) for t in times.tolist()], motion.pose(times))
 

@@ -62,7 +62,7 @@ def test_a_doorway_whose_jambs_belong_together_is_a_passage():
 def test_an_empty_room_has_no_passage():
     found, _ = passages_of(scene_of([], start=(1.0, 1.0), goal=(5.0, 5.0)))
     assert found.count == 0
-    assert found.way.shape == (0, 3)
+    assert found.axis.shape == (0, 3)
     assert not found.crossed(np.array([[1.0, 1.0], [5.0, 5.0]])).any()
 
 
@@ -97,5 +97,5 @@ def test_what_is_found_is_free_and_as_wide_as_fcl_says_narrowest_first(seed: int
     found, space = passages_of(scattered(seed))
     assert np.all(np.diff(found.width) >= 0.0)
     np.testing.assert_allclose(space.collision.clearance(found.place), 0.5 * found.width - RADIUS, atol=3e-3)
-    assert np.all(space.collision.free(found.way[:, :2]))
-    np.testing.assert_array_equal(found.way[: found.count, :2], found.place)
+    assert np.all(space.collision.free(found.axis[:, :2]))
+    np.testing.assert_array_equal(found.axis[: found.count, :2], found.place)

@@ -16,7 +16,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, interpolate, nearest_label
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 from pirrht.geometry.shapes import FORMS, Solids, distance_from, offset_from
-from pirrht.geometry.walls import APART, LEVEL, stands_apart
+from pirrht.geometry.walls import APART_COSINE, RISE_SINE, stands_apart
 
 GAP = 0.012  # the field tells at most this much less than the clearance in what follows [m]
 HEIGHT = 0.12
@@ -65,7 +65,7 @@ def expected(collision: Collision, points: Array, reach: float) -> tuple[Array, 
     along, lengths = np.sum(away * a, axis=-1), np.linalg.norm(away, axis=-1) * np.linalg.norm(a, axis=-1)
     square = np.sum(a * a, axis=-1)
     between = np.linalg.norm(a - away, axis=-1)
-    margin = np.maximum(along - APART * lengths, along - square + LEVEL * np.sqrt(square) * between)
+    margin = np.maximum(along - APART_COSINE * lengths, along - square + RISE_SINE * np.sqrt(square) * between)
     counts = (margin < 0) | (along <= 0) | (distances == 0)
     counts[which, columns] = False
     second = np.where(counts, distances, np.inf).min(axis=0)

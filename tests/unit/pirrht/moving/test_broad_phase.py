@@ -9,9 +9,10 @@ from moving import busy, hall, moved
 
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import kernel
-from pirrht.moving.broad_phase import HELD, Nearby, begin_list, list_around, next_jump
+from pirrht.moving.broad_phase import Nearby, begin_list, list_around, next_jump
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import CELL_STATE
 
 FRAME = 0.0, 0.0, 6.0, 5.0
 
@@ -34,13 +35,16 @@ def _jumps(nearby, times, held, out):  # type: ignore[no-untyped-def]
 
 def listed(nearby: Nearby, bodies: int, i: int, x: Array, within: float) -> IntArray:
     room = np.full(bodies, -1)
-    count = _listed(nearby, bodies, i, x[0], x[1], within, np.empty(HELD, np.int64), room)
+    count = _listed(nearby, bodies, i, x[0], x[1], within, np.empty(CELL_STATE, np.int64), room)
     return room[:count]
 
 
 def test_no_body_that_comes_within_reach_in_a_step_is_left_out():
     world, rng, left_out = busy(), np.random.default_rng(3), 0
-    traffic, crowds = Traffic.of(world), [MovingObstacles([mover], world.footprint) for mover in world.movers]
+    traffic, crowds = (
+        MovingObstacleArrays.of(world),
+        [MovingObstacles([mover], world.footprint) for mover in world.movers],
+    )
     for _ in range(2000):
         reach = rng.choice([0.1, 0.4, 1.1])
         nearby = Nearby.of(traffic, FRAME, TIMES, reach)
@@ -56,7 +60,7 @@ def test_no_body_that_comes_within_reach_in_a_step_is_left_out():
 
 @pytest.mark.parametrize("asked", [{"within": 0.41}, {"x": np.array([6.1, 2.0])}, {"x": np.array([2.0, -0.1])}])
 def test_beyond_the_reach_and_outside_of_the_cells_all_bodies_count(asked):
-    traffic = Traffic.of(busy())
+    traffic = MovingObstacleArrays.of(busy())
     nearby = Nearby.of(traffic, FRAME, TIMES, 0.4)
     given = {"x": np.array([0.2, 4.8]), "within": 0.4}
     assert len(listed(nearby, traffic.J, 3, **given)) < traffic.J
@@ -64,7 +68,7 @@ def test_beyond_the_reach_and_outside_of_the_cells_all_bodies_count(asked):
 
 
 def test_cells_grow_where_a_world_is_large():
-    traffic, times = Traffic.of(busy()), np.linspace(0.0, 20.0, 201)
+    traffic, times = MovingObstacleArrays.of(busy()), np.linspace(0.0, 20.0, 201)
     nearby = Nearby.of(traffic, (-500.0, -3.0, 1500.0, 900.0), times, 0.3)
     assert len(nearby.first) < 1.2e5
     assert len(listed(nearby, traffic.J, 5, np.array([2.0, 1.5]), 0.3)) == traffic.J
@@ -79,10 +83,10 @@ def test_a_path_is_told_every_jump_to_come():
         moved(f"b{k}", rows, disc(f"d{k}", 0.0, 0.0, 0.2), repeat=True)
         for k, rows in enumerate([lap, short, round_trip])
     ]
-    nearby = Nearby.of(Traffic.of(hall("laps", bodies)), FRAME, TIMES, 0.4)
+    nearby = Nearby.of(MovingObstacleArrays.of(hall("laps", bodies)), FRAME, TIMES, 0.4)
     times = np.sort(np.random.default_rng(4).uniform(TIMES[0], TIMES[-1], 50))
     told = np.empty(50)
-    _jumps(nearby, times, np.empty(HELD, np.int64), told)
+    _jumps(nearby, times, np.empty(CELL_STATE, np.int64), told)
     jumps = np.array(
         [t for t in np.sort(np.concatenate([0.9 * np.arange(1, 9), 0.4 * np.arange(1, 9)])) if t < TIMES[-1]]
     )

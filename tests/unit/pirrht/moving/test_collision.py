@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
-from pirrht.moving.collision import MovingObstacles, jumps, reach_of, speed_bound
+from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 
 FOOTPRINT = Footprint(RADIUS, 0.1)
 EVERYWHERE = np.full(2, np.inf)
@@ -158,8 +158,8 @@ def test_no_point_of_a_body_is_faster_than_its_bound(steps, one, other, x, y):
     rows = np.cumsum(np.array([(0.0, 0.0, 0.0, 0.0), *steps]), axis=0)
     spot = disc(0.001, (x, y))
     bar = mover(rows.tolist(), spot)
-    bound = speed_bound(bar.motion, reach_of(bar))
+    bound = speed_bound(bar.motion, radius_of(bar))
     a, b = (bar.at(time)[0].position[:2] for time in (one, other))
     assert np.hypot(*(a - b)) <= bound * abs(one - other) + 1e-9
     crowd = MovingObstacles([bar], FOOTPRINT)
-    assert np.hypot(*(a - b)) <= crowd.way(min(one, other), max(one, other)) + 1e-9
+    assert np.hypot(*(a - b)) <= crowd.travel(min(one, other), max(one, other)) + 1e-9

@@ -15,8 +15,9 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Scene, Workspace
 from pirrht.moving import bodies
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.distances import WALL, moving_walls, pose_of, traffic_clearance
-from pirrht.moving.obstacles import Traffic
+from pirrht.moving.distances import moving_clearance, moving_walls, pose_of
+from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import TUNING, WALL
 
 EVERYWHERE = np.full(2, np.inf)
 
@@ -42,13 +43,13 @@ def truth(scene: Scene, place: Array, time: float) -> float:
 @pytest.mark.parametrize("scene", [busy, *SCENES.values()])
 def test_clearances_are_those_of_the_bodies_as_they_stand_then(scene):
     world, rng = scene(), np.random.default_rng(1)
-    traffic, crowd, met = Traffic.of(world), MovingObstacles(world.movers, world.footprint), 0
+    traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
     for _ in range(150):
         place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 6.0)
-        found, right = traffic_clearance(traffic, place[0], place[1], time), truth(world, place, time)
-        assert found == pytest.approx(crowd.clearance(place, time), abs=2e-3) or min(found, right) >= traffic.reach
+        found, right = moving_clearance(traffic, place[0], place[1], time), truth(world, place, time)
+        assert found == pytest.approx(crowd.clearance(place, time), abs=2e-3) or min(found, right) >= traffic.cutoff
         if right > 0.0:
-            assert found == pytest.approx(min(right, traffic.reach), abs=2e-3)
+            assert found == pytest.approx(min(right, traffic.cutoff), abs=2e-3)
         else:
             assert found <= 2e-3
             met += 1
@@ -58,7 +59,7 @@ def test_clearances_are_those_of_the_bodies_as_they_stand_then(scene):
 @pytest.mark.parametrize("time", first([0.25, -0.3, 0.0, 0.4, 1.7, 8.0]))
 def test_poses_are_those_of_the_motions_also_on_a_later_clock(time):
     world = busy()
-    traffic = Traffic.of(world)
+    traffic = MovingObstacleArrays.of(world)
     for later in (0.0, 0.35):
         for j, mover in enumerate(world.movers):
             assert pose_of(traffic.after(later), j, time) == pytest.approx(mover.motion.pose(time + later), abs=1e-12)
@@ -68,19 +69,19 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
     world, rng, dt, seen = busy(), np.random.default_rng(2), 1e-6, 0
     for mover in world.movers:
         alone = replace(world, movers=(mover,))
-        traffic, out = Traffic.of(alone), np.zeros((1, WALL))
+        traffic, out = MovingObstacleArrays.of(alone), np.zeros((1, WALL))
         for _ in range(100):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
             if moving_walls(traffic, place[0], place[1], time, 0.8, out) == 0:
                 assert truth(alone, place, time) > 0.79
                 continue
             d, nx, ny, vx, vy = out[0]
-            assert d == pytest.approx(traffic_clearance(traffic, place[0], place[1], time), abs=1e-12)
+            assert d == pytest.approx(moving_clearance(traffic, place[0], place[1], time), abs=1e-12)
             if d > 0.0:
                 off = 1e-6 * np.array([nx, ny])
-                beyond = traffic_clearance(traffic, place[0] + off[0], place[1] + off[1], time)
+                beyond = moving_clearance(traffic, place[0] + off[0], place[1] + off[1], time)
                 assert (beyond - d) / 1e-6 == pytest.approx(1.0, abs=0.06)
-                later = traffic_clearance(traffic, place[0], place[1], time + dt)
+                later = moving_clearance(traffic, place[0], place[1], time + dt)
                 assert (later - d) / dt == pytest.approx(-(vx * nx + vy * ny), abs=0.06)
                 seen += 1
     assert seen > 30
@@ -88,9 +89,9 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
 
 def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
     world, rng = busy(), np.random.default_rng(3)
-    traffic, out = Traffic.of(world), np.zeros((3, WALL))
+    traffic, out = MovingObstacleArrays.of(world), np.zeros((3, WALL))
     for j, mover in enumerate(world.movers):
-        alone = Traffic.of(replace(world, movers=(mover,)))
+        alone = MovingObstacleArrays.of(replace(world, movers=(mover,)))
         for _ in range(60):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
             x, y, _ = mover.motion.pose(time)
@@ -101,26 +102,26 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
 
 
 def test_where_nothing_moves_all_is_free():
-    still = Traffic.of(hall("still", []))
+    still = MovingObstacleArrays.of(hall("still", []))
     assert still.J == 0
-    assert traffic_clearance(still, 1.0, 1.0, 0.0) == still.reach
+    assert moving_clearance(still, 1.0, 1.0, 0.0) == still.cutoff
 
 
 @pytest.mark.parametrize("radius", [0.001, 0.002])
 def test_for_a_small_robot_tables_stay_small_and_never_report_more_clearance_than_there_is(monkeypatch, radius):
-    monkeypatch.setattr(bodies, "MOST", 20_000)
+    monkeypatch.setattr(bodies, "TUNING", TUNING._replace(table_points=20_000))
     egg = replace(block("egg", 0.0, 0.0, (0.3, 0.1)), kind=Kind.ELLIPSOID)
     way = [(0.0, 1.5, 1.5, 0.3), (1.0, 2.0, 1.2, 1.0)]
     movers = [moved("box", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3)))), moved("egg", way[:1], egg)]
     world, rng = hall("small", movers, radius=radius), np.random.default_rng(2)
-    traffic = Traffic.of(world)
+    traffic = MovingObstacleArrays.of(world)
     assert len(traffic.arrays[-1]) < 22_000
     for _ in range(300):
         place, time = rng.normal((1.7, 1.5), 0.3), rng.uniform(0.0, 1.0)
-        found, right = traffic_clearance(traffic, place[0], place[1], time), truth(world, place, time)
+        found, right = moving_clearance(traffic, place[0], place[1], time), truth(world, place, time)
         assert found <= max(right, -radius) + 4e-3  # by which FCL errs beside ellipsoids
-        assert found >= min(right, traffic.reach) - 1.5 * traffic.pitch
+        assert found >= min(right, traffic.cutoff) - 1.5 * traffic.pitch
     for place in world.movers[0].motion.pose_at(0.0)[:2] + rng.normal(0.0, 0.3, (300, 2)):
         alone = hall("alone", movers[:1], radius=radius)
-        found = traffic_clearance(traffic, place[0], place[1], 0.0)
+        found = moving_clearance(traffic, place[0], place[1], 0.0)
         assert found <= truth(alone, place, 0.0) + 1e-9 or truth(alone, place, 0.0) <= 0.0

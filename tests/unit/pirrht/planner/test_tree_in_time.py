@@ -96,7 +96,7 @@ def test_a_tree_on_its_own_clock_gives_references_at_any_later_time():
 def test_a_tree_for_bodies_as_they_are_foretold_now_agrees_with_one_that_was_grown_before():
     """What a clock from now on tells at 0 the clock of before tells now; nothing that stands is sampled again."""
     before = FreeSpace.of(SCENES["pincer"]())
-    now = before.among([replace(mover, motion=mover.motion.after(0.4)) for mover in before.scene.movers])
+    now = before.with_movers([replace(mover, motion=mover.motion.after(0.4)) for mover in before.scene.movers])
     assert now.field is before.field
     known = {one.id: one.cost for one in grown(before, 0, 400).references(np.array([1.4, 2.5, 0.4]))}
     fresh = {one.id: one.cost for one in grown(now, 0, 400).references(np.array([1.4, 2.5, 0.0]))}
@@ -172,7 +172,7 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     again = load(kept, space, InTime())
     assert [one.cost for one in again.references(START)] == [one.cost for one in tree.references(START)]
     kept.seek(0)
-    later = space.among([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
+    later = space.with_movers([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
     with pytest.raises(OptionError, match="bodies that move"):
         load(kept, later, InTime())
 

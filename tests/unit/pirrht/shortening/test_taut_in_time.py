@@ -43,7 +43,7 @@ def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_
 def test_the_slope_of_the_model_is_that_of_its_value():
     """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
     space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
-    around, near = EdgeChecker.of(space, steering).around, np.arange(space.traffic.J)
+    around, near = EdgeChecker.of(space, steering).around, np.arange(space.moving.J)
     t = np.linspace(0.017, 3.3, 13)
     knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
     n = 2 * (len(knots) - 1)
@@ -151,6 +151,6 @@ def test_no_path_goes_on_where_a_body_has_come_into_the_way():
     space, path, x = later((3.25, 3.1, 2.2), (0.0, 0.0))
     wall = [(0.0, 3.25, 2.5, 0.0), (9.0, 3.25, 2.5, 0.0)]
     other = replace(space.scene.movers[0], motion=Motion(rows=np.array(wall)))
-    blocked = space.among([replace(other, solids=(block("block", 0.0, 0.0, (0.1, 1.6)),))])
+    blocked = space.with_movers([replace(other, solids=(block("block", 0.0, 0.0, (0.1, 1.6)),))])
     assert resume(x, path, STEERING, EdgeChecker.of(blocked, STEERING)) is None
     assert resume(x, path, STEERING, EdgeChecker.of(space, STEERING)) is not None

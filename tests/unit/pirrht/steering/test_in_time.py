@@ -77,7 +77,7 @@ def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
 
 def test_a_way_that_touches_by_a_hair_is_left_to_fcl_and_what_surely_meets_is_blocked():
     space = FreeSpace.of(SCENES["crossing"]())
-    traffic = space.traffic
+    traffic = space.moving
     x = 3.25 + 0.4
     assert certify_leg(traffic, x + 1e-3, 0.5, 0.0, x + 1e-3, 4.5, 4.5) == FREE
     assert certify_leg(traffic, x - 1e-3, 0.5, 0.0, x - 1e-3, 4.5, 4.5) == BLOCKED

@@ -11,7 +11,7 @@ from moving import moved, oblique
 
 from pirrht.arrays import Array
 from pirrht.geometry.motion import Mover
-from pirrht.moving.collision import reach_of
+from pirrht.moving.collision import radius_of
 from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
 from sim.plotting.ground import MOMENTS, outline
 
@@ -32,7 +32,7 @@ def test_a_tube_is_where_its_body_is_at_every_time(mover: Mover):
     found = tubes(mover, 0.3, 7.0)
     assert found[0].times[0] == 0.3
     assert found[-1].times[-1] == 7.0
-    tolerance = OFF + reach_of(mover) * (1.0 - np.cos(np.pi / CORNERS)) + 1e-9
+    tolerance = OFF + radius_of(mover) * (1.0 - np.cos(np.pi / CORNERS)) + 1e-9
     for time in np.random.default_rng(0).uniform(0.3, 7.0, 200):
         (tube,) = [one for one in found if one.times[0] <= time <= one.times[-1]]
         (solid,) = mover.at(float(time))

@@ -105,7 +105,7 @@ def test_a_robot_that_starts_inside_the_margin_drives_out_of_it_and_arrives(tmp_
     states = np.vstack([frame.advance.states for frame in frames])
     full = Collision(scenario.loaded.scene.world, scenario.loaded.scene.footprint).clearance(states[:, :2])
     assert full[0] < 0.0
-    assert full[np.hypot(*(states[:, :2] - scenario.start[:2]).T) > scenario.space.scene.waivers[0].reach].min() > 0.0
+    assert full[np.hypot(*(states[:, :2] - scenario.start[:2]).T) > scenario.space.scene.waivers[0].radius].min() > 0.0
 
 
 def test_only_who_touches_a_wall_at_the_start_is_refused_and_rounding_does_not_count(tmp_path):

@@ -18,13 +18,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, value_at
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
-
-ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
-SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it
-BLOCKS = 2.0  # of the field's points that make a square, per radius: the thinnest obstacle still blocks one
-STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
-FINE = 2  # levels below this are looked at point by point: wider cells hold whole squares
 
 
 class Pages(NamedTuple):
@@ -44,24 +39,27 @@ def narrow_places(field: Field, radius: float) -> tuple[int, NDArray[np.int64]]:
     Returns: the side of a square in grid points, and (row, column) of the squares (k, 2). The first point of a square
         is that many times (row, column).
     """
-    stride = max(1, int(radius / (BLOCKS * field.spacing)))
-    pages = _pages_of(field, stride, radius)
-    value, surroundings = pages.value, len(pages.value) - 1
-    near = np.flatnonzero(value[: pages.empty] < REACH)
+    stride = max(1, int(radius / (TUNING.squares_per_radius * field.spacing)))
+    squares = _pages_of(field, stride, radius)
+    value, surroundings = squares.value, len(squares.value) - 1
+    near = np.flatnonzero(value[: squares.empty] < REACH)
     level = np.rint((value[near] + radius) * (65535.0 / max(value.max() + radius, 1e-9))).astype(np.uint16)
     rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
     found = np.zeros(len(value), dtype=np.bool_)
     root = np.full(len(value), -1, dtype=np.int32)
+    steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
     open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
-    _sweep(pages, open_space, STEPS, np.inf, root, np.zeros_like(found))
-    _sweep(pages, np.ascontiguousarray(rising[::-1]), STEPS, ROOM * field.spacing, root, found)
+    _sweep(squares, open_space, steps, np.inf, root, np.zeros_like(found))
+    _sweep(squares, np.ascontiguousarray(rising[::-1]), steps, TUNING.room_depth * field.spacing, root, found)
     root[:] = -1
     root[surroundings] = surroundings
-    _sweep(pages, rising, STEPS[:4], SOLID * radius, root, found)  # what is blocked must not meet at corners
+    _sweep(
+        squares, rising, steps[:4], TUNING.solid_depth * radius, root, found
+    )  # what is blocked must not meet at corners
     at = np.flatnonzero(found & (value > -field.spacing))  # a gap on whose axis no grid point lies may look closed
     at = at[np.argsort(value[at], kind="stable")]
-    page, square = np.divmod(at, pages.side**2)
-    places: NDArray[np.int64] = pages.place[page] * pages.side + np.column_stack(np.divmod(square, pages.side))
+    page, square = np.divmod(at, squares.side**2)
+    places: NDArray[np.int64] = squares.place[page] * squares.side + np.column_stack(np.divmod(square, squares.side))
     return stride, places
 
 
@@ -96,10 +94,10 @@ def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped
 
 @inlined
 def _greatest(field, i, j, stride, radius):  # type: ignore[no-untyped-def]
-    """Return the greatest clearance [m], from -radius to REACH, in the square that begins at a grid point (i, j)."""
+    """Return the greatest clearance [m], from -radius to REACH, in the square that begins at grid point (i, j)."""
     h, best = field.spacing, -radius
     x, y = field.x0 + (i + 0.5) * h, field.y0 + (j + 0.5) * h
-    wide = cell_of(field, x, y)[3] * h * (1 << FINE) <= 1.0  # then the greatest value is at a corner
+    wide = cell_of(field, x, y)[3] * h * 4.0 <= 1.0  # its cells hold whole squares: the greatest value is at a corner
     step = stride if wide else 1
     for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
         for m in range(j, min(j + stride + (1 if wide else 0), field.ny), step):
@@ -116,34 +114,34 @@ def _find(root, p):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _beside(pages, page, i, j, a, b):  # type: ignore[no-untyped-def]
+def _next_square(squares, page, i, j, a, b):  # type: ignore[no-untyped-def]
     """Return square (a, b) of the page in row i and column j, or of the page next to it beyond its sides.
 
     Empty pages only meet their like: -1 where one meets another.
     """
-    side, (rows, columns) = pages.side, pages.first.shape
+    side, (rows, columns) = squares.side, squares.first.shape
     i, j = i + (-1 if a < 0 else (1 if a >= side else 0)), j + (-1 if b < 0 else (1 if b >= side else 0))
     if not (0 <= i < rows and 0 <= j < columns):
-        return len(pages.value) - 1
-    q = pages.first[i, j]
-    if q >= pages.empty:
+        return len(squares.value) - 1
+    q = squares.first[i, j]
+    if q >= squares.empty:
         return q
-    return -1 if page >= pages.near else q + (a % side) * side + b % side
+    return -1 if page >= squares.near else q + (a % side) * side + b % side
 
 
 @kernel
-def _sweep(pages, order, steps, least, root, found):  # type: ignore[no-untyped-def]
+def _sweep(squares, order, steps, least, root, found):  # type: ignore[no-untyped-def]
     """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there.
 
     A square next to an empty page is added later than that page and meets it.
     """
-    value, place, side, area = pages.value, pages.place, pages.side, pages.side * pages.side
+    value, place, side = squares.value, squares.place, squares.side
     for k in range(order.shape[0]):
         p = order[k]
         root[p] = p
-        lonely = p >= pages.empty
-        page = pages.near + p - pages.empty if lonely else p // area
-        square = 0 if lonely else p % area
+        lonely = p >= squares.empty
+        page = squares.near + p - squares.empty if lonely else p // (side * side)
+        square = 0 if lonely else p % (side * side)
         i, j, a, b = place[page, 0], place[page, 1], square // side, square % side
         for s in range(len(steps)):
             di, dj = steps[s, 0], steps[s, 1]
@@ -152,7 +150,7 @@ def _sweep(pages, order, steps, least, root, found):  # type: ignore[no-untyped-
             if 0 <= a + di < side and 0 <= b + dj < side:
                 q = p + di * side + dj
             else:
-                q = _beside(pages, page, i, j, a + di, b + dj)
+                q = _next_square(squares, page, i, j, a + di, b + dj)
             if q < 0 or root[q] < 0:
                 continue
             one, other = _find(root, p), _find(root, q)

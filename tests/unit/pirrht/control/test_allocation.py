@@ -1,4 +1,4 @@
-"""How samples are shared by a guide and what goes beside it."""
+"""Samples of a class are shared by two proposals."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def asked(*rows: tuple[str, int]) -> list[Proposal]:
 
 def test_classes_that_are_worth_more_than_a_few_samples_have_some_beside_their_guides_and_none_is_lost():
     ways = [tape(), tape(), tape()]
-    aside = Allocation()
-    aside.shares["b"] = 0.2
-    found = aside.split(asked(("a", 700), ("b", 50), ("c", 30)), ways.__getitem__)
+    allocation = Allocation()
+    allocation.shares["b"] = 0.2
+    found = allocation.split(asked(("a", 700), ("b", 50), ("c", 30)), ways.__getitem__)
     assert [(one.name, one.count) for one in found] == [("a", 350), ("b", 40), ("c", 30), ("a", 350), ("b", 10)]
     assert [one.lead for one in found[3:]] == ways[:2]
 
@@ -36,7 +36,7 @@ def test_equal_counts_are_split_however_few_samples_there_are(count):
 
 @pytest.mark.parametrize(("count", "kept"), [(1, [1, 1]), (2, [1, 1, 1, 1])])
 def test_a_guide_keeps_a_sample_of_its_own(count, kept):
-    aside = Allocation()
-    aside.shares |= {"a": 0.85, "b": 0.85}
-    found = aside.split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    allocation = Allocation()
+    allocation.shares |= {"a": 0.85, "b": 0.85}
+    found = allocation.split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
     assert [one.count for one in found] == kept
