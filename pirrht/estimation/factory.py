@@ -25,7 +25,7 @@ from pirrht.proposals.wall_drift import Scales, WallDrift
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import PredictedWorld, ProposalTables
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 
 
 class ProposalFactory:

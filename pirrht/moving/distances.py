@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.shapes import offset_of, outside
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 
 BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
 # whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]

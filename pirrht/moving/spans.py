@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.addresses import load_float64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64
 
 SPAN = 0.5  # of a body's own clock, in which boxes bound it [s]
 BOX = 4  # numbers of a box: least x and y, greatest x and y [m]

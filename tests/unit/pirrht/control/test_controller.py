@@ -10,8 +10,8 @@ from pirrht.control.controller import Controller
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, OptionError
 from pirrht.planner.tree import HomologyTree
+from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
-from pirrht.steering.trajectory import running_cost
 from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
