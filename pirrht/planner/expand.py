@@ -14,10 +14,10 @@ from pirrht.geometry.arcs import BLOCKED, FREE, certify_point
 from pirrht.jit.jit import (
     as_tuple,
     caller,
-    inlined,
     kernel,
     load_int32,
     load_int64,
+    part,
     store_float64,
     store_int16,
     store_int32,
@@ -78,7 +78,7 @@ def near_count(size, n):  # type: ignore[no-untyped-def]
     return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
 
 
-@inlined
+@part
 def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyped-def]
     """Append a directed edge and link it into both of its lists.
 
@@ -106,7 +106,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
     store_int64(at.size, g.SIZE.pairs, used)
 
 
-@inlined
+@part
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
     """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
