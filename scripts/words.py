@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 UNCHECKED: tuple[str, ...] = (
     "pirrht/bridge.py", "pirrht/control", "pirrht/estimation", "pirrht/exact", "pirrht/freespace.py", "pirrht/geometry",
     "pirrht/moving", "pirrht/planner/file.py",
-    "pirrht/proposals", "pirrht/rollouts", "pirrht/steering",
+    "pirrht/rollouts", "pirrht/steering",
 )  # packages that do not follow the terms yet  # fmt: skip
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.

@@ -16,12 +16,10 @@ from pirrht.geometry.world import World
 from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent
-from pirrht.proposals.desirability_tube import way_of
+from pirrht.proposals.desirability_tube import tube_of
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import ProposalControl, Tape
-from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import Scales, WallDrift
+from pirrht.proposals.wall_drift import FlatWalls, NearWalls, Scales, WallDrift
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import PredictedWorld, ProposalTables
@@ -112,8 +110,8 @@ class ProposalFactory:
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
-        push = self._push(scales.reach, self.sampling.first_dt, time=time)
-        return DesirabilityAscent(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
+        return DesirabilityAscent(tube_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
     def beside(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the climb of a point next to its guide among moving obstacles; None of other systems.
@@ -143,14 +141,13 @@ class ProposalFactory:
     def near_walls(self, leads: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these leads."""
         push = self.push(leads, x, time)
-        if self.steady and leads.reach > 0.0:
-            return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
-        pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=PROPOSALS.least_gap) - pushed)
+        if not (self.steady and leads.reach > 0.0):
+            return NearWalls.of(push, x)
+        return NearWalls.of(push, x, FlatWalls.of(push, x, float(leads.times[leads.window])), leads.counted)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
-            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self.beyond, slack=slack,
+            problem=self.problem, field=self.space.field, offset=reach, step=step, behind=self.beyond, slack=slack,
             traffic=self.world.setup.traffic if self.world.moving else None, time=time,
         )  # fmt: skip
 

@@ -11,7 +11,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import Scales, squeezed, trust, under_way, window
+from pirrht.proposals.wall_drift import Scales, linear_law_weight, squeezed, under_way, window
 from pirrht.rollouts.tables import FINER, ProposalTables, Snapshot
 from pirrht.rollouts.ways import no_ways
 
@@ -48,14 +48,14 @@ class Packer:
         leads = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if self._pushes else 0.0,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.wall_offset if self._pushes else 0.0,
             beyond=self.proposals.beyond, least=self._least(scales) if self.sampling.fitted else np.inf,
             weighed=bridge and self.problem.phi > end,
             window=self._window(batch, scales, near) if pointlike else 1,
             mirrored=self.sampling.draws == "antithetic", law=np.zeros((H, T * FINER, self._width)),
             led=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
-            trust=trust(scales.noise, near) if pointlike and self._moving else 1.0,
+            trust=linear_law_weight(scales.noise, near) if pointlike and self._moving else 1.0,
         )  # fmt: skip
         leads = leads._replace(counted=self._counted(batch, leads, scales), nearby=self._nearby(batch, leads))
         for h, proposal in enumerate(batch.proposals):
