@@ -146,6 +146,8 @@ class DDPGuidance:
             thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
             short: whether time is short, so that nothing more is improved.
         """
+        if not last and self._is_late(query, reference):
+            return []
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
         first = found[0] if found else None
@@ -153,6 +155,12 @@ class DDPGuidance:
             fresh = self._improved(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
+
+    def _is_late(self, query: Query, reference: Trajectory) -> bool:
+        """Check that controls of a reference enter the goal only after the horizon: optimisation could not start."""
+        seconds = float(reference.durations.sum())
+        rim = query.setup.arena.radius * seconds / max(reference.length, 1e-9)
+        return reference.slack is None and seconds - rim > query.times[-1]
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
         """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.

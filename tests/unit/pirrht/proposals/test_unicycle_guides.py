@@ -262,3 +262,14 @@ def test_hopeless_classes_get_few_samples():
     cheap, dear = guides[0], replace(guides[0], penalised=2.0 * guides[0].penalised)
     assert integral.guidance.counts([cheap, dear, None], 300) == [300, TUNING.few, TUNING.few]
     assert integral.guidance.counts([None, None], 300) == [300, 300]
+
+
+def test_a_reference_gives_a_guide_if_it_enters_the_goal_within_the_horizon():
+    """Its controls enter the goal by the goal's radius before they end."""
+    integral, times, guides = setting()
+    trajectory, winding = case(True, 0.03, 4.5)[2][0]
+    assert integral.guidance is not None
+    key, x = integral.space.homology.key(winding), guides[0].states[0]
+    entered = guides[0].length + 1
+    assert integral.guidance.improve(x, times[: entered + 2], key, trajectory) is not None
+    assert integral.guidance.improve(x, times[: entered // 2], key, trajectory) is None
