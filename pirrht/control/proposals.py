@@ -16,7 +16,6 @@ from pirrht.control.plan import Plan
 from pirrht.control.prediction import favourite_path
 from pirrht.control.run_state import RunState, from_start
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
@@ -56,7 +55,9 @@ class ProposalBuilder:
             return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
         classes = from_start(run, references)
         names, keys = [run.homology.name(one) for one in classes], [run.homology.key(one.winding) for one in references]
-        controls = integral.proposals.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
+        controls = integral.proposals.controls(
+            x, times, trajectories, drops=self.allocates and integral.guidance is None
+        )
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(classes)
         if integral.guidance is not None:
@@ -74,7 +75,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.optima.get(classes[k], [])[1:]
-            return LinearFeedback(other[0]) if other else integral.proposals.beside(x, trajectories[k], run.now)
+            return LinearFeedback(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -84,10 +85,10 @@ class ProposalBuilder:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
         first = budget.left is None and run.time == run.begun
         least = self.integral.sampling.least if first else 0.0
-        self.integral.prepare(batch)
+        self.integral.proposals.tables(batch)
         run.recent = budget.noted(len(batch.classes), run.recent)
         try:
-            estimate = sample(self.integral, batch, seed, left=budget.left, least=least)
+            estimate = self.integral.sample(batch, seed, left=budget.left, least=least)
         except NoSurvivingSample:
             return None
         if self.settings.use.mixes:
@@ -135,7 +136,7 @@ def plan_of(
 ) -> Plan:  # fmt: skip
     """Return the plan that an estimate makes, with feedback until the next one unless controls are held."""
     x, memory = batch.state, run.memory
-    push = integral.proposals.push(estimate.rollouts.leads, x, run.now)
+    push = integral.proposals.push(estimate.rollouts.tables, x, run.now)
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
         memory.mixture = pooled(

@@ -141,12 +141,7 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
         at = _nearest_left(clear, member, step.reach)
         if at < 0:
             break
-        then = math.inf
-        for k in range(count):
-            apart = stands_apart(clear[k, 1], clear[k, 2], clear[at, 1], clear[at, 2])
-            if member[k] < 0 and (k == at or (clear[k, 0] < step.reach and not apart)):
-                member[k] = n
-                then = min(then, clearance_from(surroundings.bodies, patch.near[k], patch.end, x, y))
+        then = _join_wall(surroundings.bodies, patch, clear, member, (at, n), (x, y, step.reach))
         kind[n], distance[n], speed[n] = WALL, clear[at, 0], (then - clear[at, 0]) / step.dt
         drift = speed[n] / (step.b * step.b)
         if step.wall < math.inf:
@@ -159,6 +154,18 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
             kind[n], distance[n], steepness[n] = LEFT + k, sides[k], math.sqrt(2.0 * step.rate) / step.b
             n += 1
     return free, Boundaries(kind[:n], distance[:n], speed[:n], steepness[:n], member)
+
+
+@kernel
+def _join_wall(bodies, patch, clear, member, which, place):  # type: ignore[no-untyped-def]
+    """Gather the solids in the direction of solid `at` as wall n; its clearance at the end of the step [m]."""
+    (at, n), (x, y, reach), then = which, place, math.inf
+    for k in range(len(patch.near)):
+        apart = stands_apart(clear[k, 1], clear[k, 2], clear[at, 1], clear[at, 2])
+        if member[k] < 0 and (k == at or (clear[k, 0] < reach and not apart)):
+            member[k] = n
+            then = min(then, clearance_from(bodies, patch.near[k], patch.end, x, y))
+    return then
 
 
 @inlined

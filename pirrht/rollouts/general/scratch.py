@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.moving.broad_phase import HELD
-from pirrht.moving.exits import NEAR_WIDTH
+from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.ways import NUMBERS
 from pirrht.topology.moving_crossings import SPOT
@@ -42,7 +41,7 @@ class Scratch(NamedTuple):
     off: Array  # (2 m,) independent normals that another reference would have had to draw for it [sqrt(s)]
     beside: Array  # (n,) how far the state is from the law's
     fresh: Array  # normals of the next steps
-    held: NDArray[np.int64]  # (HELD,) of what bodies are listed
+    held: NDArray[np.int64]  # (CELL_STATE,) of what bodies are listed
     listed: NDArray[np.int64]  # (J,) those within reach
     near: Array  # (J, NEAR_WIDTH) where they are
     side: Array  # (marks,) on which side of the ray of each marker that moves the path is
@@ -69,7 +68,7 @@ def scratch_for(kind: KernelSpec) -> Any:
             np.empty((m, 1)), np.empty((m, 1)),
             np.zeros((H, 2 * m)), np.zeros(m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(2 * m), np.zeros(n),
             np.zeros(ABREAST * 2 * (m + 1)),
-            np.empty(HELD, np.int64), np.empty(bodies, np.int64), np.empty((bodies, NEAR_WIDTH)),
+            np.empty(CELL_STATE, np.int64), np.empty(bodies, np.int64), np.empty((bodies, NEAR_WIDTH)),
             np.empty(leads.marks.weight.shape[0]), np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
