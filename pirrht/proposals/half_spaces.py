@@ -9,6 +9,7 @@ part of constraints that a law contains already, to first order, is taken off it
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -88,7 +89,8 @@ def drifts_of(setup, places, times, offset):  # type: ignore[no-untyped-def]
 
     Second come its derivatives (k, 2, 2) [1/m^2].
     """
-    k, J, many, offset32 = places.shape[0], setup.traffic.J, 0, np.float32(offset)
+    k, J, many = places.shape[0], setup.traffic.J, 0
+    offset32: Any = np.float32(offset)
     slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_range * offset32
     held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(k):
