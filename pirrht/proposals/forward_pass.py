@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.jit.jit import kernel, part
+from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.tuning import TUNING
@@ -44,14 +44,14 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
 
-    @kernel
+    @borrowing
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
         """Write the drift at x (n,) to f (n,) [state/s]; return q there [cost/s]."""
         f[:] = 0.0
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
 
-    @kernel
+    @borrowing
     def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,).
 
@@ -88,7 +88,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
-    @kernel
+    @borrowing
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the state after a step to out (n,); arguments and result are those of `displacement`."""
         cost = displacement(setup, x, a, dt, B, f, out)
@@ -96,18 +96,20 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             out[j] += x[j]
         return cost
 
-    @part
+    @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
         """Return the weighted displacement and q dt, with variables i and k of (x, a) shifted."""
         (x, a, dt, costate), (z, c, B, f) = at, work
         copy_row(x, z)
         copy_row(a, c)
-        for e in range(2):
-            j, h = (i, k)[e], (shift, other)[e]
-            if j < n:
-                z[j] += h
-            else:
-                c[j - n] += h
+        if i < n:
+            z[i] += shift
+        else:
+            c[i - n] += shift
+        if k < n:
+            z[k] += other
+        else:
+            c[k - n] += other
         rate, total = displacement(setup, z, c, dt, B, f, out), 0.0
         for j in range(n):
             total += costate[j] * out[j]
@@ -202,7 +204,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         for j in range(n):
             J[j, j] += 1.0
 
-    @kernel
+    @borrowing
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
         """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
         gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
@@ -216,7 +218,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed
 
-    @kernel
+    @borrowing
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
         """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
         length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.arena.goal
@@ -225,7 +227,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             return False
         return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
 
-    @kernel
+    @borrowing
     def _control(setup, task, law, i, x, B, u):  # type: ignore[no-untyped-def]
         """Write the modes of step i at x (n,) to u, by a law (course, length, step), or past its length by homing."""
         (course, length, step), modes = law, u.shape[0]
