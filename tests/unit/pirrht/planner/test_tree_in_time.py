@@ -173,7 +173,7 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     assert [one.cost for one in again.references(START)] == [one.cost for one in tree.references(START)]
     kept.seek(0)
     later = space.with_movers([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
-    with pytest.raises(OptionError, match="bodies that move"):
+    with pytest.raises(OptionError, match="moving obstacles"):
         load(kept, later, InTime())
 
 
