@@ -13,7 +13,6 @@ from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
-from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent
 from pirrht.proposals.desirability_tube import way_of
@@ -52,8 +51,8 @@ class ProposalFactory:
 
     @property
     def arena(self) -> World:
-        """Static obstacles and the goal's disc."""
-        return self.world.setup.arena
+        """What is free at (x, t)."""
+        return self.world.setup.world
 
     @property
     def climbs(self) -> bool:
@@ -151,7 +150,7 @@ class ProposalFactory:
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
             problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self.beyond, slack=slack,
-            traffic=self.world.setup.traffic if self.world.moving else None, time=time,
+            moving=self.arena.moving if self.world.moving else None, time=time,
         )  # fmt: skip
 
     def scales(self, x: Array) -> Scales:
@@ -164,10 +163,9 @@ class ProposalFactory:
 
     def room(self, x: Array, time: float) -> float:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
-        near = float(clearance(self.arena.field, x[0], x[1]))
         if not self.world.moving:
-            return near
-        return min(near, float(moving_clearance(self.world.setup.traffic, x[0], x[1], time)))
+            return float(clearance(self.arena.field, x[0], x[1]))
+        return self.arena.clearance(x[0], x[1], time)
 
     def from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""

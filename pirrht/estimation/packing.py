@@ -103,7 +103,7 @@ class Packer:
         if not self._moving:
             return NO_NEARBY
         setup = self.proposals.world.setup
-        traffic, field, d, spread = setup.traffic, setup.arena.field, self.problem.dynamics, 0.0
+        traffic, field, d, spread = setup.world.moving, setup.world.field, self.problem.dynamics, 0.0
         if d.noisy_position:
             B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
             spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(leads.times).max()))

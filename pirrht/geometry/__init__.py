@@ -10,7 +10,7 @@ survey        sampling of a field: dense, on one grid in a small world; blocks, 
 flat          cells in which distances are linear, so that coarse blocks are exact
 certify       certificates of points, segments and curves (`ObstacleFree` of Algorithms 2 and 3)
 narrow_passages  places where free space narrows before it widens again; passages: their widths and axes
-motion        motions of obstacles, as plain values of a scene
+motion        motions of obstacles, as plain values of a scene; spans: boxes around them within spans of time
 arcs          curves of arcs and straight pieces, and the angle of a chord, absmin of section IV-A
 fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls
 world         what is free at (x, t): the interface of sampler, proposals, replay and feedback law

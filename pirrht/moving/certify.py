@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.geometry.spans import BOX, comes_by, keeps_off
+from pirrht.geometry.tuning import TUNING as SPANS
 from pirrht.jit.addresses import load_int64
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
-from pirrht.moving.spans import MOMENT, comes_by, keeps_off
-from pirrht.moving.tuning import BOX, PARTS, TUNING
+from pirrht.moving.tuning import PARTS, TUNING
 
 
 @kernel
@@ -73,7 +74,7 @@ def certify_past(moving, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-de
         return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(moving, j, now)
-        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + MOMENT), t)
+        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + SPANS.moment), t)
         begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, disc_of(moving, j) + LEAST_STEP)
         if begin <= leaves:
             speed = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(moving, j)

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
+from pirrht.geometry.world import with_wall
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import normals, uniform
 from pirrht.moving.broad_phase_cache import listing, surely
@@ -21,14 +22,13 @@ from pirrht.moving.distances import (
     clearance_facing,
     clearance_of_body,
     disc_of,
-    moving_walls,
     of_body,
     outside_of,
     piece_of,
     wall_facing,
     walls_of_some,
 )
-from pirrht.moving.tuning import NEAR_WIDTH, TUNING, WALL
+from pirrht.moving.tuning import NEAR_WIDTH, TUNING
 
 NEVER = 2.0  # share of a step at which nothing is met
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR_WIDTH)
@@ -87,45 +87,15 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
-    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
-    if e < c:
-        return e, ex, ey, c, nx, ny
-    if e < d:
-        return c, nx, ny, e, ex, ey
-    return c, nx, ny, d, mx, my
-
-
-@inlined
 def with_moving(walls, near, candidates, count, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest walls (`two_walls`), static or moving, in single precision; none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         j = candidates[k]
         if near[j, WALL_KNOWN] == 1.0:
-            c, nx, ny, d, mx, my = _with_wall(
+            c, nx, ny, d, mx, my = with_wall(
                 c, nx, ny, d, mx, my, near[j, D], near[j, NX], near[j, NY], np.float64(widest)
             )
-    return c, nx, ny, d, mx, my
-
-
-@inlined
-def walls_among(moving, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest to (x, y) [m] of two static walls (`two_walls`) and moving obstacles at t [s].
-
-    Those farther than `within` are not asked, and none counts as nearer than `widest` [m].
-    """
-    near = np.empty((moving.J, WALL))
-    return with_walls(walls, near, moving_walls(moving, x, y, t, within, near), widest)
-
-
-@inlined
-def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
-    c, nx, ny, d, mx, my = walls
-    for k in range(count):
-        c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
     return c, nx, ny, d, mx, my
 
 

@@ -10,12 +10,12 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.moving.bodies import gathered
 from pirrht.moving.certify import certify_leg
 from pirrht.moving.collision import jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
-from pirrht.moving.spans import boxes_of
-from pirrht.moving.tuning import BODY, BOX, PARTS, ROW, TUNING, WALL
+from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING, WALL
 
 MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
 

@@ -85,7 +85,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
         """Allocate room for the walls at one place."""
-        return np.empty((STATIC + (setup.traffic.J if moving else 0), 3))
+        return np.empty((STATIC + (setup.world.moving.J if moving else 0), 3))
 
     @kernel
     def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
@@ -93,9 +93,9 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
         x, y, dx, dy, bx, by, begin, dt = step
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
-        count = static_walls(setup.arena.field, task.margin, at, to, walls)
+        count = static_walls(setup.world.field, task.margin, at, to, walls)
         if moving:
-            count = moving_walls(setup.traffic, task.margin, at, to, begin + t * dt, walls, count)
+            count = moving_walls(setup.world.moving, task.margin, at, to, begin + t * dt, walls, count)
         return count, w
 
     @kernel

@@ -15,9 +15,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import Field, two_walls
+from pirrht.geometry.world import Moving, with_walls
 from pirrht.jit.jit import kernel
-from pirrht.moving.exits import walls_among
-from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
@@ -83,7 +82,7 @@ class WallDrift:
     step: float  # first of the rollouts [s]
     beyond: float = 0.0  # `ProposalTables.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
-    traffic: MovingObstacleArrays | None = None  # moving obstacles
+    moving: Moving | None = None  # moving obstacles
     time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
 
@@ -98,7 +97,7 @@ class WallDrift:
             return np.zeros(self.problem.dynamics.m)
         gain, least = self._at(x)
         least = least if closest is None else closest
-        if self.traffic is None:
+        if self.moving is None:
             slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.beyond, self.reach)
         else:
             slope = wall_slope(*self._found(x, s, least), self.reach)
@@ -114,11 +113,10 @@ class WallDrift:
 
     def _found(self, x: Array, s: float, closest: float) -> tuple[Any, ...]:
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
-        if self.traffic is None:
+        if self.moving is None:
             return found
-        among: tuple[Any, ...] = walls_among(
-            self.traffic, found, x[0], x[1], self.time + s, TUNING.drift_near * self.reach, closest
-        )
+        rows = self.moving.walls(x[0], x[1], self.time + s, TUNING.drift_near * self.reach)
+        among: tuple[Any, ...] = with_walls(found, rows, len(rows), closest)
         return among
 
     def _at(self, x: Array) -> tuple[Array, float]:
@@ -128,7 +126,7 @@ class WallDrift:
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        nearest = TUNING.constant_below if self.traffic is None else TUNING.constant_below_moving
+        nearest = TUNING.constant_below if self.moving is None else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
         return d.climbing_gain(x), closest
 

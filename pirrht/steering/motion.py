@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import Field
+from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined
-from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import Cuts
 from pirrht.topology.homology import Homology
@@ -30,7 +30,7 @@ class Surroundings(NamedTuple):
     goal_x: float  # goal point [m]
     goal_y: float
     goal_radius: float  # radius of the goal's disc [m]
-    traffic: MovingObstacleArrays
+    traffic: Moving  # J obstacles
     tracks: MarkerTrajectories  # of J moving markers
     speed: float  # of bases [m/s]
     bases: BaseCache  # kept ones

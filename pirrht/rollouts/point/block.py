@@ -213,7 +213,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     h, start, stop, chosen = run
     x0 = origin.x
     f, a, ratio, short, long, random, bits = scratch
-    cuts, B, around = setup.cuts, setup.diffusion, single(setup.arena)
+    cuts, B, around = setup.cuts, setup.diffusion, single(setup.world)
     inverse, times, drift, weighed = setup.inverse, leads.times, leads.drift.ctypes.data, leads.weighed
     active, count, window, goal = leads.active, leads.ways.count, leads.window, around.goal
     place, slope, decay = leads.ways.place.ctypes.data, leads.ways.slope.ctypes.data, leads.ways.decay
@@ -221,7 +221,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
     reach, least, keep, listed = leads.reach, leads.least, into.shape[0] > 0, chosen.shape[0] > 0
     H, T, n = leads.drift.shape[0], leads.drift.shape[1], stop - start
     variance = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]
-    scale, rim = 1.0 / (9.0 * variance), TUNING.rim * setup.arena.radius
+    scale, rim = 1.0 / (9.0 * variance), TUNING.rim * setup.world.radius
     f[:], short[:], long[:], ratio[:], base, begun = 0.0, 0, 0, 0.0, (0.0, 0.0), False
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x0[0], x0[1], x0[0], x0[1], 1.0
     for k in range(n):
@@ -251,7 +251,7 @@ def block(setup, leads, origin, run, paths, into, scratch):  # type: ignore[no-u
         cross(cuts, f, long, full)
         survey(around, f, short, full)
         flagged = bridge(variance, weighed, random, f, short, full) if setup.bridge else judge(around, f, short, full)
-        common = COMMON(setup.arena, B, weighed, reach > 0.0, start, setup.rate, times, window, inverse, H, h, base)
+        common = COMMON(setup.world, B, weighed, reach > 0.0, start, setup.rate, times, window, inverse, H, h, base)
         if flagged > 0:
             n = end_flagged(common, n, full, into, scratch, paths)
         for k in range(n if keep else 0):

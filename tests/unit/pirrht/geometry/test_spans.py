@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.geometry.motion import Motion
-from pirrht.moving.spans import SPAN, boxes_of, comes_by, keeps_off
+from pirrht.geometry.spans import SPAN, boxes_of, comes_by, keeps_off
 
 TIMES = 400  # moments of a way that are looked at
 

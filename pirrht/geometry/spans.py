@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.tuning import BOX, TUNING
 
+BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 SPAN = TUNING.span
-MOMENT = TUNING.moment
 
 
 def boxes_of(rows: Array, *, repeat: bool, span: float = SPAN) -> Array:
@@ -75,7 +75,7 @@ def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
         left = min(left, period - own)
     elif i == count - 1:
         left = math.inf
-    return i, max(left, MOMENT)
+    return i, max(left, TUNING.moment)
 
 
 @kernel
