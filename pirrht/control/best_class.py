@@ -48,8 +48,8 @@ def best_class(
 
 def class_values(problem: Problem, estimate: Estimate) -> Array:
     """Estimate v (H,) [cost] by the samples around each reference alone; infinite where none survived."""
-    number = sum(np.diff(part.leads.first) for part in estimate.parts)
-    sums = [np.logaddexp.reduceat(_own(problem, part), part.leads.first[:-1]) for part in estimate.parts]
+    number = sum(np.diff(part.tables.first) for part in estimate.parts)
+    sums = [np.logaddexp.reduceat(_own(problem, part), part.tables.first[:-1]) for part in estimate.parts]
     values: Array = -problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
     return values
 
@@ -68,15 +68,15 @@ def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, st
 
 def _own(problem: Problem, part: Rollouts) -> Array:
     """Return log weights (S,) as if there were no samples but those around their own reference."""
-    number = np.diff(part.leads.first)
-    averaged = log_weights(problem, "average", part.paths, part.leads.first)
+    number = np.diff(part.tables.first)
+    averaged = log_weights(problem, "average", part.paths, part.tables.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
     return own
 
 
 def _restricted(problem: Problem, part: Rollouts, h: int) -> Rollouts:
     # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
-    first, log_weight = part.leads.first, np.full(part.size, -np.inf)
+    first, log_weight = part.tables.first, np.full(part.size, -np.inf)
     mine = slice(int(first[h]), int(first[h + 1]))
     averaged = log_weights(problem, "average", part.paths, first, mine)
     log_weight[mine] = averaged + np.log(len(first) - 1)

@@ -26,7 +26,6 @@ from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.batches import sample
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
@@ -94,7 +93,7 @@ class Mppi(Policy):
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
         batch = Batch(state=x, times=self.times, proposals=(proposal,), time=run.now)
         try:
-            estimate = sample(self.path_integral, batch, int(self.rng.integers(2**63)), left=left)
+            estimate = self.path_integral.sample(batch, int(self.rng.integers(2**63)), left=left)
         except NoSurvivingSample:
             estimate = None
         plan = Plan(

@@ -14,7 +14,7 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.methods import TUNING
 from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.replay import Replay
+from pirrht.estimation.sampler import Replay
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.planner.references import Reference

@@ -16,7 +16,6 @@ from pirrht.control.plan import Plan
 from pirrht.control.prediction import favourite_path
 from pirrht.control.run_state import RunState, from_start
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.threads import mapped
@@ -56,13 +55,25 @@ class ProposalBuilder:
             return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
         classes = from_start(run, references)
         names, keys = [run.homology.name(one) for one in classes], [run.homology.key(one.winding) for one in references]
-        controls = integral.proposals.leads(x, times, trajectories, drops=self.allocates and integral.guidance is None)
+        controls = integral.proposals.controls(
+            x, times, trajectories, drops=self.allocates and integral.guidance is None
+        )
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(classes)
-        if integral.guidance is not None:
-            guides = self._guides(integral.guidance, x, times, references, run, budget)
+
+        def followed(guide: DDPGuide) -> ProposalControl:
+            """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
+            if integral.guidance is not None:
+                return LinearFeedback(guide)
+            controls, end = guide.tape, guide.length
+            controls[end : end + TUNING.onward] = controls[end - 1]
+            return Tape(times, controls)
+
+        if integral.guidance is not None or any(one.slack is not None for one in trajectories):
+            guides = self._guides(integral.proposals.nominal, x, times, references, run, budget)
             pairs = zip(controls, guides, strict=True)
-            controls = [one if guide is None else LinearFeedback(guide) for one, guide in pairs]
+            controls = [one if guide is None else followed(guide) for one, guide in pairs]
+        if integral.guidance is not None:
             counts = integral.guidance.counts(guides, integral.sampling.samples)
             predicted, worth = [0.0] * len(counts), [count > TUNING.few for count in counts]  # costs are too rough
             run.memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
@@ -74,7 +85,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.optima.get(classes[k], [])[1:]
-            return LinearFeedback(other[0]) if other else integral.proposals.beside(x, trajectories[k], run.now)
+            return followed(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)
@@ -84,10 +95,10 @@ class ProposalBuilder:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
         first = budget.left is None and run.time == run.begun
         least = self.integral.sampling.least if first else 0.0
-        self.integral.prepare(batch)
+        self.integral.proposals.tables(batch)
         run.recent = budget.noted(len(batch.classes), run.recent)
         try:
-            estimate = sample(self.integral, batch, seed, left=budget.left, least=least)
+            estimate = self.integral.sample(batch, seed, left=budget.left, least=least)
         except NoSurvivingSample:
             return None
         if self.settings.use.mixes:
@@ -135,7 +146,7 @@ def plan_of(
 ) -> Plan:  # fmt: skip
     """Return the plan that an estimate makes, with feedback until the next one unless controls are held."""
     x, memory = batch.state, run.memory
-    push = integral.proposals.push(estimate.rollouts.leads, x, run.now)
+    push = integral.proposals.push(estimate.rollouts.tables, x, run.now)
     if settings.between == "classes":
         followed = controls_followed(batch, estimate)
         memory.mixture = pooled(

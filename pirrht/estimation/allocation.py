@@ -92,7 +92,7 @@ class Allocation:
     def learn(self, batch: Batch, estimate: Estimate) -> None:
         """Learn from the weights of a plan's samples."""
         weights: dict[str, list[float]] = {}
-        first = estimate.rollouts.leads.first
+        first = estimate.rollouts.tables.first
         rows = zip(batch.proposals, first[:-1], first[1:], estimate.proposal_weights, strict=True)
         for one, start, stop, weight in rows:
             found = math.sqrt(float(np.mean(estimate.weight[start:stop] ** 2)))

@@ -7,7 +7,6 @@ from collections.abc import Callable
 
 from pirrht.arrays import Array
 from pirrht.estimation.factory import ProposalFactory
-from pirrht.estimation.packing import Packer
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
@@ -33,13 +32,9 @@ def path_integral(
         backend: simulates paths; None: compiled kernels on this machine (`Cpu`).
     """
     classes = homology_of(problem, space) if homology is None else homology
-    setup = setup_of(problem, space, bridge=sampling.exit == "bridge")
-    world = PredictedWorld(Snapshot(setup, classes))
+    world = PredictedWorld(Snapshot(setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
     guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
     proposals = ProposalFactory(problem, space, sampling, world, guidance)
-    return PathIntegral(
-        problem, sampling, proposals, Packer(proposals), backend or Cpu.of(problem, threads), threads=threads,
-        beyond=beyond,
-    )  # fmt: skip
+    return PathIntegral(proposals, backend or Cpu.of(problem, threads), threads=threads, beyond=beyond)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht import formatting
 from pirrht.arrays import Array
@@ -29,7 +28,7 @@ class Rollouts:
     """S sampled paths from one state; their states are simulated again where needed (`Replay`)."""
 
     setup: Setup
-    leads: ProposalTables
+    tables: ProposalTables
     origin: Origin
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
@@ -122,16 +121,12 @@ class Estimate:
     @property
     def tail(self) -> float:
         """Shape k of the tail of the weights (`weights.tail_shape`); nan where too few have any."""
-        return tail_shape(self._log_weight())
+        return tail_shape(np.concatenate([part.log_weight for part in self.parts]))
 
     @property
     def heavy_tailed(self) -> bool:
         """Check whether weights that were not drawn may outweigh all that were, so that errors are too small."""
-        log_weight = self._log_weight()
-        return heavy(tail_shape(log_weight), len(log_weight))
-
-    def _log_weight(self) -> Array:
-        return np.concatenate([part.log_weight for part in self.parts])
+        return heavy(self.tail, sum(part.size for part in self.parts))
 
 
 def weigh(
@@ -149,7 +144,11 @@ def weigh(
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    paths, log_weight, first = concatenated(parts)
+    paths = parts[0].paths
+    if len(parts) > 1:
+        paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
+    log_weight = np.concatenate([part.log_weight for part in parts])
+    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
     top = float(log_weight.max())
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
@@ -159,43 +158,25 @@ def weigh(
     weight = relative / total
     log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
     names = [*(classes or {}).values(), OTHER]
-    groups = grouped(weight, paths.key, np.array([*(classes or {})], dtype=np.int64), paths.now, paths.span)
+    groups = grouped(weight, paths.key, [*(classes or {})], paths.now, paths.span)
     span = max(float(groups.span.sum()), 1e-300)
     control = groups.control.sum(axis=0) / span
-    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].leads.mirrored)
+    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].tables.mirrored)
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.told(control, np.einsum("s,sm->m", weight, paths.led))
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     drawn_around = drawn_around.reshape(len(parts), -1).sum(axis=0)
-    ends = np.cumsum([part.size for part in parts])
+    end = np.cumsum([part.size for part in parts])
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
-    rollouts = parts[shown]
+    ess = groups.weight**2 / np.maximum(groups.square, 1e-300)
+    means = groups.control / np.maximum(groups.span, 1e-300)[:, None] + (free - control)
     return Estimate(
-        control=free + drawn_around @ parts[0].rise + walls.push,
-        log_psi=log_psi,
-        value=-problem.temperature * log_psi,
-        value_error=problem.temperature * float(errors[0]),
-        control_error=np.hypot(errors[1:] / span, unresolved),
-        ess=float(1.0 / np.sum(weight**2)),
-        weight=weight[ends[shown] - rollouts.size : ends[shown]],
+        control=free + drawn_around @ parts[0].rise + walls.push, log_psi=log_psi,
+        value=-problem.temperature * log_psi, value_error=problem.temperature * float(errors[0]),
+        control_error=np.hypot(errors[1:] / span, unresolved), ess=float(1.0 / np.sum(weight**2)),
+        weight=weight[end[shown] - parts[shown].size : end[shown]],
         class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
-        class_ess=dict(zip(names, (groups.weight**2 / np.maximum(groups.square, 1e-300)).tolist(), strict=True)),
-        class_controls={
-            name: total / max(under_way, 1e-300) + (free - control)
-            for name, total, under_way in zip(names, groups.control, groups.span.tolist(), strict=True)
-        },
-        proposal_weights=drawn_around.tolist(),
-        survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
-        rollouts=rollouts,
-        parts=tuple(parts),
-        walls=walls,
-    )
-
-
-def concatenated(parts: Sequence[Rollouts]) -> tuple[Paths, Array, NDArray[np.int64]]:
-    """Join all paths, their log weights (S,) [nats], and the first sample of each reference of a part, S at last."""
-    paths = parts[0].paths
-    if len(parts) > 1:
-        paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
-    number = np.concatenate([np.diff(part.leads.first) for part in parts])
-    return paths, np.concatenate([part.log_weight for part in parts]), np.concatenate([[0], np.cumsum(number)])
+        class_ess=dict(zip(names, ess.tolist(), strict=True)), class_controls=dict(zip(names, means, strict=True)),
+        proposal_weights=drawn_around.tolist(), survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
+        rollouts=parts[shown], parts=tuple(parts), walls=walls,
+    )  # fmt: skip

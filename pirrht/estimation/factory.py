@@ -1,9 +1,11 @@
-"""Proposal controls of samples around references, and their wall drift."""
+"""Proposal controls of samples around references, their wall drift, and the tables of a batch for the kernels."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -13,26 +15,32 @@ from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
+from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.problem import Problem
-from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
 from pirrht.proposals.desirability_tube import way_of
 from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
-from pirrht.proposals.proposal import ProposalControl, Tape
+from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import Scales, WallDrift
+from pirrht.proposals.wall_drift import Scales, WallDrift, squeezed, trust, under_way, window
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
-from pirrht.rollouts.tables import PredictedWorld, ProposalTables
+from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
+from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
 
 
 class ProposalFactory:
-    """Makes proposal controls for one problem and sampling.
+    """Makes proposal controls for one problem and sampling, and writes batches of them into tables.
 
     Attributes:
         world: the predicted world, shared with sampler and guides.
         guidance: makes guides that samples follow; None: there are none.
+        pointlike: whether samples follow feedback and controls move positions.
+        climbs: whether samples climb the desirability of their class instead of following control sequences.
+        climbs_too: whether some samples climb next to others that follow guides: of a point among moving obstacles.
         beyond: distance behind walls at which psi vanishes [m].
         steady: whether the optimal control is a martingale (`is_steady`).
     """
@@ -42,38 +50,25 @@ class ProposalFactory:
         guidance: DDPGuidance | None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.problem, self.space, self.sampling, self.world = problem, space, sampling, world
-        self.guidance, self.tuning = guidance, tuning
-        constant = problem.dynamics.constant and not callable(problem.R)
-        start = problem.dynamics.state_of(problem.scene.start)
-        self._everywhere = Scales.of(problem, start) if constant else None
+        self.guidance, self.tuning, d = guidance, tuning, problem.dynamics
+        start, feedback = d.state_of(problem.scene.start), sampling.guide == "feedback"
+        self.pointlike = feedback and d.n == d.m == 2
+        self.climbs = feedback and d.even and not world.moving
+        self.climbs_too = world.moving and self.pointlike and d.even
+        self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
         self.beyond, self._soft = self._set_back(start)
         self.steady = is_steady(kind_of(problem))
+        self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @property
-    def arena(self) -> World:
-        """What is free at (x, t)."""
-        return self.world.setup.world
+    def tracks(self) -> bool:
+        """Check whether references need no controls, since samples climb or follow what optimises them."""
+        return self.climbs or DDPGuidance.suits(self.problem)
 
-    @property
-    def climbs(self) -> bool:
-        """Check whether samples climb the desirability of their class instead of following control sequences."""
-        return self.sampling.guide == "feedback" and self.problem.dynamics.even and not self.world.moving
-
-    @property
-    def climbs_too(self) -> bool:
-        """Check whether some samples climb next to others that follow guides: of a point among moving obstacles."""
-        return self.world.moving and self.pointlike and self.problem.dynamics.even
-
-    @property
-    def pointlike(self) -> bool:
-        """Check whether samples follow feedback and controls move positions."""
-        d = self.problem.dynamics
-        return self.sampling.guide == "feedback" and d.n == d.m == 2
-
-    @property
-    def closed_loop(self) -> bool:
-        """Check whether samples follow feedback, so that references need no controls."""
-        return self.guidance is not None or self.climbs
+    @cached_property
+    def nominal(self) -> DDPGuidance:
+        """Optimiser of trajectories whose nominal controls open-loop samples follow along tracked references."""
+        return self.guidance or DDPGuidance(self.problem, self.world, sways=False)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides."""
@@ -84,9 +79,9 @@ class ProposalFactory:
             self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)
         clearance(self.space.field, x[0], x[1])
 
-    def leads(
+    def controls(
         self, x: Array, times: Array, trajectories: Sequence[Trajectory], *, drops: bool
-    ) -> list[ProposalControl]:  # fmt: skip
+    ) -> list[ProposalControl]:
         """Return proposal controls from x (n,): ascents of desirability if it `climbs`, else control sequences.
 
         Args:
@@ -97,27 +92,27 @@ class ProposalFactory:
         found: list[ProposalControl] = []
         goal, most = self.space.scene.goal, -math.inf
         for trajectory in trajectories:
-            lead: ProposalControl | None = None
-            bound = -self.scales(x).decay * trajectory.length  # log psi without walls
-            if self.climbs and not (drops and bound < most - self.tuning.hopeless):
-                lead = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-            predicted = -math.inf if lead is None else lead.promise
-            if lead is None or (drops and predicted < most - self.tuning.hopeless):
-                lead = Tape(times, trajectory.tape(times), predicted)
-            found.append(lead)
+            least, predicted = most - self.tuning.hopeless if drops else -math.inf, -math.inf
+            control: ProposalControl | None = None
+            if self.climbs and -self.scales(x).decay * trajectory.length >= least:  # log psi without walls
+                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
+                predicted = control.promise
+            if control is None or predicted < least:
+                control = Tape(times, trajectory.tape(times), predicted)
+            found.append(control)
             most = max(most, predicted)
         return found
 
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
-        """Return the climb from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
+        """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
         push = self._push(scales.reach, self.sampling.first_dt, time=time)
         return DesirabilityAscent(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
-    def beside(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
-        """Return the climb of a point next to its guide among moving obstacles; None of other systems.
+    def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
+        """Return the ascent of a point next to its guide among moving obstacles; None of other systems.
 
-        Static walls bend psi more than a law that is linear around one trajectory, and a way knows how. It ignores
+        Static walls bend psi more than a law that is linear around one trajectory, and a tube knows how. It ignores
         moving obstacles, but those nearby add to the wall drift.
         """
         if not self.climbs_too:
@@ -125,52 +120,47 @@ class ProposalFactory:
         line = np.vstack([trajectory.path.tails[:, :2], self.space.scene.goal.center])
         return self.climbing(x, _bends(line, self.tuning.bend)[1:], time)
 
-    def push(self, leads: ProposalTables, x: Array | None = None, time: float = 0.0) -> WallDrift:
-        """Return the wall drift (m,) near samples that followed these leads, for any state (n,).
+    def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:
+        """Return the wall drift (m,) near samples of these tables, for any state (n,).
 
         Args:
             x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
             time: when they start, on the clock of moving obstacles [s].
         """
         slack = 0.0
-        if x is not None and leads.reach > 0.0:
+        if tables.reach > 0.0:
             known = float(clearance(self.space.field, x[0], x[1]))
-            if known < leads.reach:
+            if known < tables.reach:
                 slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
-        return self._push(leads.reach, float(leads.times[1]), slack, time)
+        return self._push(tables.reach, float(tables.times[1]), slack, time)
 
-    def near_walls(self, leads: ProposalTables, x: Array, time: float) -> NearWalls:
-        """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these leads."""
-        push = self.push(leads, x, time)
-        if self.steady and leads.reach > 0.0:
-            return NearWallsOfMeans.of(push, x, float(leads.times[leads.window]), leads.counted)
+    def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
+        """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
+        push = self.push(tables, x, time)
+        if self.steady and tables.reach > 0.0:
+            return NearWallsOfMeans.of(push, x, float(tables.times[tables.window]), tables.counted)
         pushed = push(x)
         return NearWalls(push=pushed, held_back=push(x, closest=PROPOSALS.least_gap) - pushed)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
             problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self.beyond, slack=slack,
-            moving=self.arena.moving if self.world.moving else None, time=time,
+            moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
     def scales(self, x: Array) -> Scales:
         """Return the scales at x (n,), which are constant if G, B and R are."""
         return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
 
-    def nearest(self, x: Array, time: float) -> float:
-        """Return the distance of x (n,) from the nearest wall or the goal's disc at a time [s], [m]."""
-        return min(self.room(x, time), float(self.from_goal(x)))
-
-    def room(self, x: Array, time: float) -> float:
+    def _clearance(self, x: Array, time: float) -> float:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
-        if not self.world.moving:
-            return float(clearance(self.arena.field, x[0], x[1]))
-        return self.arena.clearance(x[0], x[1], time)
+        world = self.world.setup.world
+        return world.clearance(x[0], x[1], time) if self.world.moving else float(clearance(world.field, x[0], x[1]))
 
-    def from_goal(self, x: Array) -> Array:
+    def _from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
-        gx, gy = self.arena.goal
-        return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - self.arena.radius)
+        (gx, gy), radius = self.world.setup.world.goal, self.world.setup.world.radius
+        return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
@@ -179,22 +169,116 @@ class ProposalFactory:
         deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's
         rim.
         """
-        arena = self.arena
+        arena = self.world.setup.world
         if self.sampling.exit == "bridge" or not self.climbs:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
         radius = max(arena.radius - distance, self.tuning.rim * arena.radius)
         return distance, arena._replace(field=set_back(arena.field, distance), radius=radius)
 
+    def tables(self, batch: Batch) -> ProposalTables:
+        """Return the tables of a batch in the predicted world; other numbers of samples alone reuse the last ones."""
+        key = self.world.snapshot, batch.state, batch.times, *(one.lead for one in batch.proposals)
+        before, time, tables = self._last
+        alike = len(key) == len(before) and all(one is other for one, other in zip(key, before, strict=True))
+        if tables is None or not alike or time != batch.time:
+            tables = self._packed(batch)
+        self._last = key, batch.time, tables
+        return tables._replace(first=np.concatenate([[0], np.cumsum(batch.counts)]).astype(np.int64))
+
+    def _packed(self, batch: Batch) -> ProposalTables:
+        (setup, homology), x, times, d = self.world.snapshot, batch.state, batch.times, self.problem.dynamics
+        H, T, m = len(batch.proposals), len(times) - 1, d.m
+        C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
+        scales, moving, guidance = self.scales(x), self.world.moving, self.guidance
+        near = min(self._clearance(x, batch.time), float(self._from_goal(x))) if self.pointlike else np.inf
+        drifts = self.climbs or (guidance is not None and guidance.gated)
+        tables = ProposalTables(
+            control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
+            active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if drifts else 0.0,
+            beyond=self.beyond, least=self._least_step(scales) if self.sampling.fitted else np.inf,
+            weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
+            window=self._window(batch, scales, near) if self.pointlike else 1,
+            mirrored=self.sampling.draws == "antithetic",
+            law=np.zeros((H, T * FINER, 0 if guidance is None else guidance.law_width)), led=np.zeros(H, np.int64),
+            marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
+            trust=trust(scales.noise, near) if self.pointlike and moving else 1.0,
+        )  # fmt: skip
+        nearby = self._nearby(batch, tables) if moving else NO_NEARBY
+        tables = tables._replace(counted=self._counted(batch, tables, scales), nearby=nearby)
+        for h, proposal in enumerate(batch.proposals):
+            proposal.lead.pack(tables, h)
+        busy = np.any(tables.control != 0.0, axis=2)
+        tables.active[:] = np.where(busy.any(axis=1), T - np.argmax(busy[:, ::-1], axis=1), 0)
+        tables.drift[:] = tables.control @ setup.gain.T
+        return tables
+
+    def _window(self, batch: Batch, scales: Scales, near: float) -> int:
+        """Return the number of leading steps over which the control of a point is averaged, `near` [m] to an exit.
+
+        Arrived paths apply no control and would bias a mean over all: it ends before they are many.
+        """
+        shortest = PROPOSALS.averaged_moving if self.world.moving else PROPOSALS.averaged
+        most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
+        if not self.steady:
+            return most
+        times = batch.times[1 : most + 1]
+        for _, guide in _guides(batch):
+            most = min(most, under_way(scales.noise, self._from_goal(_places(guide, times)), times))
+        return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
+
+    def _counted(self, batch: Batch, tables: ProposalTables, scales: Scales) -> float:
+        """Return the share of a law that counts in the control now by its value at the start.
+
+        For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
+        """
+        guides = _guides(batch)
+        if not self.steady or not guides:
+            return 0.0 if self.steady else tables.trust
+        _, guide = max(guides, key=lambda one: one[0])
+        times = float(tables.times[tables.window]) * (np.arange(1, self.tuning.moments + 1) / self.tuning.moments)
+        places = zip(_places(guide, times), times, strict=True)
+        clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
+        return tables.trust * squeezed(scales.noise, clear, times)
+
+    def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
+        """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
+        setup, d, spread = self.world.setup, self.problem.dynamics, 0.0
+        traffic, field = setup.world.moving, setup.world.field
+        if d.noisy_position:
+            B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
+            spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))
+        moves = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
+        longest = max((float(np.hypot(*steps.T).max()) for steps in moves), default=0.0)
+        reach = max(spread + self.tuning.faster * longest, REACHES * tables.reach, traffic.robot)
+        return Nearby.of(traffic, (field.left, field.low, field.right, field.high), tables.times + batch.time, reach)
+
+    def _least_step(self, scales: Scales) -> float:
+        """Return the length of the shortest steps near walls [s]."""
+        least = self.tuning.least_step * self.sampling.dt
+        if not self.world.moving or not self.problem.dynamics.noisy_position:
+            return least
+        return max(least, (self.tuning.least_move * self.problem.scene.robot_radius) ** 2 / scales.noise)
+
+
+def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:
+    """Return the guides that samples follow, each after their number."""
+    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
+
+
+def _places(guide: DDPGuide, times: Array) -> Array:
+    """Return places (k, 2) [m] of a guide at times (k,) [s] since the plan."""
+    return np.stack([np.interp(times, guide.times, column) for column in guide.states.T[:2]], axis=1)
+
 
 def _bends(line: Array, most: float) -> Array:
     """Simplify a line (k, 2) [m] to corners (j, 2) that it is off by `most` [m] at most."""
     if len(line) < 3:
         return line
-    along = line[-1] - line[0]
-    away = line[1:-1] - line[0]
+    along, away = line[-1] - line[0], line[1:-1] - line[0]
     off = np.abs(along[0] * away[:, 1] - along[1] * away[:, 0]) / max(float(np.hypot(*along)), most)
     i = int(np.argmax(off)) + 1
-    return (
-        line[[0, -1]] if off[i - 1] <= most else np.vstack([_bends(line[: i + 1], most)[:-1], _bends(line[i:], most)])
-    )
+    if off[i - 1] <= most:
+        return line[[0, -1]]
+    return np.vstack([_bends(line[: i + 1], most)[:-1], _bends(line[i:], most)])

@@ -5,28 +5,31 @@ by dP/dQ_h. The balance heuristic weighs every sample by dP / (1/S sum_g N_g dQ_
 samples the plain average is too high by up to lambda ln H, since samples around one reference practically never
 visit the classes of the others. Within a step walls are flat: that bias shrinks with the steps, which are split near
 walls and goal.
+
+The first batch alone is an unbiased estimate of psi. A number of batches that depends on their samples
+(`Sampling.target`) tends to stop before heavy samples are met, so that the estimate is consistent but not unbiased; a
+time limit does so as far as the time that samples take depends on their outcome.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
-from pirrht.estimation.replay import Replay
-from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tuning import TUNING, EstimationTuning
-from pirrht.estimation.weights import log_weights
+from pirrht.estimation.weights import log_weights, normalised
 from pirrht.jit.threads import over_ranges
 from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import Backend
-from pirrht.rollouts.tables import Origin, Paths, ProposalTables, Setup, Snapshot
+from pirrht.rollouts.tables import Chosen, Origin, Paths, Setup, Snapshot
 
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
@@ -35,14 +38,51 @@ if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their int
     from pirrht.topology.homology import Homology
 
 
+class Replay(NamedTuple):
+    """Simulates samples of an estimate again: a path is a function of seed and number, so its steps are not kept."""
+
+    backend: Backend
+
+    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+        """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
+        return self.backend.trace(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
+
+    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+        """Return open-loop controls of groups of samples, with weights normalised within each group.
+
+        Args:
+            groups: disjoint masks (S,) of samples.
+
+        Returns:
+            weight times control (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
+        """
+        ess, weight, group = np.zeros(len(groups)), np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
+        for g, mask in enumerate(groups):
+            weight[mask], ess[g] = normalised(rollouts.log_weight[mask])
+            group[mask] = g
+        number = np.flatnonzero(weight > TUNING.negligible)
+        chosen = Chosen(number, group[number], weight[number])
+        controls = self.backend.controls(rollouts.setup, rollouts.tables, rollouts.origin, chosen, len(groups))
+        return *controls, ess
+
+    def tape(self, parts: Sequence[Rollouts]) -> tuple[Array, Array]:
+        """Return open-loop controls (T, m) of all samples (paper, end of IV-C), and the weight under way (T,)."""
+        top = max(float(part.log_weight.max()) for part in parts)
+        share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
+        share /= share.sum()
+        tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in parts]
+        tape = sum(w * one[0] for w, (one, _) in zip(share, tapes, strict=True))
+        alive = sum(w * one[0] for w, (_, one) in zip(share, tapes, strict=True))
+        return np.asarray(tape), np.asarray(alive)
+
+
 class PathIntegral:
     """Draws and weighs samples around references; the problem and its scene stay fixed.
 
     `assembly.path_integral` makes one for a problem and its free space.
 
     Args:
-        proposals: makes controls of samples.
-        pack: writes a batch into the tables that the backend reads.
+        proposals: makes controls of samples, and tables that the backend reads.
         backend: simulates paths.
         threads: that weigh samples and make guides.
         beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
@@ -50,19 +90,13 @@ class PathIntegral:
     """
 
     def __init__(
-        self, problem: Problem, sampling: Sampling, proposals: ProposalFactory,
-        pack: Callable[[Batch], ProposalTables], backend: Backend, *, threads: int = 1,
+        self, proposals: ProposalFactory, backend: Backend, *, threads: int = 1,
         beyond: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.problem, self.sampling, self.proposals, self.pack, self.backend = (
-            problem,
-            sampling,
-            proposals,
-            pack,
-            backend,
-        )
+        self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
         self.threads, self.beyond, self.tuning = threads, beyond, tuning
-        self.temperature, self.guidance = problem.temperature, proposals.guidance
+        self.problem, self.sampling, self.guidance = proposals.problem, proposals.sampling, proposals.guidance
+        self.temperature = self.problem.temperature
 
     @property
     def space(self) -> FreeSpace:
@@ -84,16 +118,10 @@ class PathIntegral:
         """Check for moving obstacles."""
         return self.proposals.world.moving
 
-    @property
-    def replay(self) -> Replay:
-        """Replay of samples."""
-        return Replay(self.backend)
-
     def set_prediction(self, moving: Moving, homology: Homology) -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
-        self.proposals.world.snapshot = Snapshot(
-            self.setup._replace(world=self.setup.world._replace(moving=moving)), homology
-        )
+        world = self.setup.world._replace(moving=moving)
+        self.proposals.world.snapshot = Snapshot(self.setup._replace(world=world), homology)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""
@@ -106,7 +134,7 @@ class PathIntegral:
         x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
         rollouts = self.rollout(Batch(state=x, times=times, proposals=(proposal,)), 0)
-        self.weighed([replace(rollouts, log_weight=np.zeros(1))])  # whatever the outcome of the sample
+        self.estimate(replace(rollouts, log_weight=np.zeros(1)))  # whatever the outcome of the sample
         self.replay.tapes(rollouts, [np.ones(1, dtype=np.bool_)])
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
 
@@ -121,32 +149,24 @@ class PathIntegral:
         plans follow each other more often than every dt, the first dt is therefore split (`Sampling.first_dt`).
         """
         dt = self.sampling.dt
-        steps = max(1, int(np.ceil(horizon / dt)))
-        parts = max(1, round(dt / self.sampling.first_dt))
-        fine = np.arange(parts) * (dt / parts)
-        return np.concatenate([fine, np.arange(1, steps + 1) * dt])
-
-    def prepare(self, batch: Batch) -> None:
-        """Make the tables of a batch, for any numbers of samples."""
-        self.pack(batch)
+        steps, parts = max(1, int(np.ceil(horizon / dt))), max(1, round(dt / self.sampling.first_dt))
+        return np.concatenate([np.arange(parts) * (dt / parts), np.arange(1, steps + 1) * dt])
 
     def rollout(self, batch: Batch, seed: int) -> Rollouts:
         """Sample the paths of a batch from its state (n,) (paper, III-B); equal seeds give equal paths."""
-        setup, leads, x = self.setup, self.pack(batch), batch.state
+        setup, tables, x, m = self.setup, self.proposals.tables(batch), batch.state, self.problem.dynamics.m
         origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
-        paths = self.backend.sample(setup, leads, origin)
-        rollouts = Rollouts(
-            setup=setup, origin=origin, leads=leads, paths=paths, log_weight=np.empty(len(paths.work)),
-            rise=np.zeros((len(batch.proposals), self.problem.dynamics.m)),
-        )  # fmt: skip
+        paths, rise = self.backend.sample(setup, tables, origin), np.zeros((len(batch.proposals), m))
         if self.guidance is not None:
-            rise = [leads.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
-            rollouts = replace(rollouts, rise=np.array(rise))
+            rise[:] = [tables.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
+        rollouts = Rollouts(
+            setup=setup, origin=origin, tables=tables, paths=paths, log_weight=np.empty(len(paths.work)), rise=rise
+        )
         ended = paths if self.beyond is None else self._completed(rollouts, self.beyond)
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            rollouts.log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, leads.first, part)
+            rollouts.log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, tables.first, part)
 
         over_ranges(work, rollouts.size, self.threads if rollouts.size >= self.tuning.parallel else 1)
         return rollouts
@@ -162,19 +182,76 @@ class PathIntegral:
         outcome[under_way] = Outcome.GOAL
         return paths._replace(work=work, outcome=outcome)
 
-    def estimate(self, rollouts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
-        """Weigh the samples: v [cost], u (m,); `classes` maps additive class keys to names of references' classes.
+    def estimate(self, *parts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
+        """Weigh the samples of batches from one state (n,) together: v [cost], u (m,) and their errors.
 
-        Raises:
-            NoSurvivingSample: no sample has any weight.
-        """
-        return self.weighed([rollouts], classes)
-
-    def weighed(self, parts: Sequence[Rollouts], classes: Mapping[int, str] | None = None) -> Estimate:
-        """Weigh the samples of several batches from one state (n,) together: v [cost], u (m,) and their errors.
+        Args:
+            classes: names of the references' classes by additive key.
 
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
         first = parts[0]
-        return weigh(self.problem, parts, self.proposals.near_walls(first.leads, first.x0, first.origin.time), classes)
+        return weigh(self.problem, parts, self.proposals.near_walls(first.tables, first.x0, first.origin.time), classes)
+
+    def sample(
+        self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0
+    ) -> Estimate:
+        """Sample the paths of a batch in one or more rounds, and weigh all (Algorithm 4, line 4).
+
+        Args:
+            seed: of the plan; equal seeds give equal paths.
+            left: time left [s]; rounds are drawn until it is up.
+            least: rounds are drawn up to so many effective samples.
+
+        Raises:
+            NoSurvivingSample: no sample has any weight.
+        """
+        settings, tuning, number = self.sampling, self.tuning, np.asarray(batch.counts)
+        parts: list[Rollouts] = []
+
+        def draw(multiple: float, fewest: int = 0) -> None:
+            """Draw a multiple of the batch, from a seed of its own; the first round has that of the plan."""
+            counts = np.maximum(fewest, np.rint(multiple * number)).astype(np.int64)
+            own = np.random.SeedSequence([seed, len(parts)]).generate_state(1, np.uint64)[0] >> np.uint64(1)
+            parts.append(self.rollout(batch.counting(counts.tolist()), int(own) if parts else seed))
+
+        if left is None:
+            draw(1.0)
+        else:
+            part, before = tuning.first_round if self.moving else 1.0, left()
+            draw(part, fewest=1)
+            self._fill(left, (before - left()) / part, part, float(number.sum()), draw)
+        drawn, most = 1.0, max(1.0, settings.most / settings.samples)
+        while settings.target is not None and drawn < most and not self._so_far(parts)[0] <= settings.target:
+            more = min(drawn, most - drawn)
+            draw(more, fewest=1)
+            drawn += more
+        most = min(tuning.first_plan, tuning.most / max(1.0, float(number.sum())))
+        enough = 2 if least <= 0.0 or self._so_far(parts)[1] >= least else 0
+        while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
+            draw(drawn)
+            drawn *= 2.0
+            enough = enough + 1 if self._so_far(parts)[1] >= least else 0
+        return self.estimate(*parts, classes=batch.named)
+
+    def _fill(
+        self, left: Callable[[], float], duration: float, drawn: float, number: float, draw: Callable[[float], None]
+    ) -> None:
+        """Draw rounds while time is left; `drawn` times `number` samples are there, of `duration` [s] per `number`."""
+        least, most = drawn, self.tuning.most / number
+        while drawn < most:
+            before = left()
+            more = min(2.0 * drawn, most - drawn, self.tuning.filled * before / max(duration, 1e-6))
+            if more < least:  # as few as that are not worth their overhead
+                return
+            draw(more)
+            duration, drawn = (before - left()) / more, drawn + more
+
+    def _so_far(self, parts: Sequence[Rollouts]) -> tuple[float, float]:
+        """Return the control's largest standard error [control] and effective samples; inf and 0 without survivors."""
+        try:
+            estimate = self.estimate(*parts)
+        except NoSurvivingSample:
+            return np.inf, 0.0
+        return float(estimate.control_error.max()), estimate.ess

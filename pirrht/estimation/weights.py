@@ -10,6 +10,7 @@ little towards 1/2.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -111,42 +112,24 @@ class Groups(NamedTuple):
     span: Array  # (G,) weight times the time that the control now is a mean over [s]
 
 
-def grouped(weight: Array, key: NDArray[np.int64], keys: NDArray[np.int64], now: Array, span: Array) -> Groups:
+def grouped(weight: Array, key: NDArray[np.int64], keys: Sequence[int], now: Array, span: Array) -> Groups:
     """Sum samples of controls `now` (S, m) over `span` (S,) [s] by key: one group per `keys`, the last for others."""
-    G = len(keys) + 1
-    sums = Groups(np.zeros(G), np.zeros(G), np.zeros((G, now.shape[1])), np.zeros(G))
-    _group(weight, key, keys, now, span, sums)
-    return sums
+    group = np.full(len(key), len(keys))
+    for g, one in enumerate(keys):
+        group[key == one] = g
+
+    def total(values: Array) -> Array:
+        return np.asarray(np.bincount(group, weight * values, len(keys) + 1), dtype=float)
+
+    return Groups(total(np.ones(())), total(weight), np.stack([total(one) for one in now.T], axis=1), total(span))
 
 
-@kernel
-def _group(weight, key, keys, now, span, sums):  # type: ignore[no-untyped-def]
-    total, square, control, under_way = sums
-    m, G = now.shape[1], keys.shape[0]
-    for s in range(weight.shape[0]):
-        w, k, g = weight[s], key[s], 0
-        while g < G and keys[g] != k:
-            g += 1
-        total[g] += w
-        square[g] += w * w
-        under_way[g] += w * span[s]
-        for j in range(m):
-            control[g, j] += w * now[s, j]
-
-
-@kernel
-def centred(weight, now, span, control):  # type: ignore[no-untyped-def]
+def centred(weight: Array, now: Array, span: Array, control: Array) -> Array:
     """Return each sample's terms of psi and, to first order (delta method), of the control, (S, 1+m).
 
     Args: weights (S,), the control now integrated over a time, (S, m), that time (S,) [s], and the control (m,).
     """
-    S, m = now.shape
-    terms = np.empty((S, 1 + m))
-    for s in range(S):
-        terms[s, 0] = weight[s]
-        for j in range(m):
-            terms[s, 1 + j] = weight[s] * (now[s, j] - span[s] * control[j])
-    return terms
+    return np.column_stack([weight, weight[:, None] * (now - span[:, None] * control)])
 
 
 @kernel

@@ -80,9 +80,9 @@ class WallDrift:
     field: Field
     reach: float  # `ProposalTables.reach` [m]; 0: no drift
     step: float  # first of the rollouts [s]
+    moving: Moving  # moving obstacles
     beyond: float = 0.0  # `ProposalTables.beyond` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
-    moving: Moving | None = None  # moving obstacles
     time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
 
@@ -97,7 +97,7 @@ class WallDrift:
             return np.zeros(self.problem.dynamics.m)
         gain, least = self._at(x)
         least = least if closest is None else closest
-        if self.moving is None:
+        if self.moving.J == 0:
             slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.beyond, self.reach)
         else:
             slope = wall_slope(*self._found(x, s, least), self.reach)
@@ -113,7 +113,7 @@ class WallDrift:
 
     def _found(self, x: Array, s: float, closest: float) -> tuple[Any, ...]:
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
-        if self.moving is None:
+        if self.moving.J == 0:
             return found
         rows = self.moving.walls(x[0], x[1], self.time + s, TUNING.drift_near * self.reach)
         among: tuple[Any, ...] = with_walls(found, rows, len(rows), closest)
@@ -126,7 +126,7 @@ class WallDrift:
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        nearest = TUNING.constant_below if self.moving is None else TUNING.constant_below_moving
+        nearest = TUNING.constant_below if self.moving.J == 0 else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
         return d.climbing_gain(x), closest
 

@@ -98,11 +98,12 @@ def _node(node, J):  # type: ignore[no-untyped-def]
 
 
 @part
-def numbers_at(place, slope, last, J, s, x, y, out, at, each):  # type: ignore[no-untyped-def]
+def numbers_at(tube, s, x, y, out, at, each):  # type: ignore[no-untyped-def]
     """Write the NUMBERS of `slope_of` at (x, y) [m] to out[at + each * i]; return the cross-section passed.
 
-    Args: addresses of a way's `place` and `slope`, number of its last cross-section, J, the one to search from.
+    Args: addresses of `place` and `slope` of a tube, number of its last cross-section, and J; the one to search from.
     """
+    place, slope, last, J = tube
     past, node = _passed(place, s, x, y)
     if past < ZERO and s > 0:
         s -= 1
@@ -118,10 +119,8 @@ def numbers_at(place, slope, last, J, s, x, y, out, at, each):  # type: ignore[n
     (i, one), (j, other) = _node(node, J), _node(following, J)
     out[at], out[at + each], out[at + 2 * each] = past, ahead, ONE if s == last else ZERO
     out[at + 3 * each], out[at + 4 * each] = one, other
-    out[at + 5 * each], out[at + 6 * each] = (
-        load_float32(place, PLACE * more + 2),
-        load_float32(place, PLACE * more + 3),
-    )
+    k = PLACE * more + 2
+    out[at + 5 * each], out[at + 6 * each] = load_float32(place, k), load_float32(place, k + 1)
     one_at, other_at, at = KNOWN * (s * J + i), KNOWN * (more * J + j), at + 7 * each
     for c in range(2 * KNOWN):
         out[at + c * each] = load_float32(slope, one_at + c)
@@ -164,9 +163,14 @@ def slope_along(ways, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def
     """Write grad log psi [1/m] at (x, y) [m] on way g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     _, C, J, _ = ways.slope.shape
     place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
-    x, y, numbers = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32)
+    x, y, numbers, tube = (
+        np.float32(x),
+        np.float32(y),
+        np.empty(NUMBERS, np.float32),
+        (place, slope, ways.count[g] - 1, J),
+    )
     stage, before = 0, -1
     while stage > before:
         before = stage
-        stage = numbers_at(place, slope, ways.count[g] - 1, J, before, x, y, numbers, 0, 1)
+        stage = numbers_at(tube, before, x, y, numbers, 0, 1)
     out[0], out[1] = slope_of(numbers, 0, 1, ways.decay, goal, x, y, walls)

@@ -22,7 +22,6 @@ from benchmarks.moving_scene import moving_scenario
 from benchmarks.timing import interleaved, row, ticks
 
 from pirrht.control.controller import Controller
-from pirrht.estimation.packing import Packer
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.proposals.proposal import Batch
@@ -79,7 +78,6 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     alone.proposals.world = PredictedWorld(
         Snapshot(among.setup._replace(world=among.setup.world._replace(moving=nothing)), among.homology)
     )
-    alone.pack = Packer(alone.proposals)
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),

@@ -60,7 +60,7 @@ class Setting:
     def estimate(self, kernel: str, samples: int, seed: int) -> Estimate:
         """Sample and weigh."""
         integral, x = self.kernels[kernel], self.paper.start
-        leads = integral.proposals.leads(x, self.times, self.trajectories, drops=False)
+        leads = integral.proposals.controls(x, self.times, self.trajectories, drops=False)
         proposals = tuple(Proposal(lead=lead, count=samples // self.H) for lead in leads)
         return integral.estimate(integral.rollout(Batch(state=x, times=self.times, proposals=proposals), seed))
 

@@ -190,7 +190,7 @@ def _pick(group: Indices, weight: Array, count: int) -> Indices:
 def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> tuple[Floats, Array]:
     """Paths of chosen samples with `length` points each, (k, length, 3), and when they are there [s], (k, length)."""
     states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.leads.times  # steps may be unequal; points are even in time
+    times = estimate.rollouts.tables.times  # steps may be unequal; points are even in time
     at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
@@ -282,7 +282,7 @@ def _heaviest(group: Indices, weight: Array) -> Indices:
 def _lines(path_integral: PathIntegral, estimate: Estimate, chosen: Indices) -> Array:
     """Paths of chosen samples (c,) at equal shares of their time, (c, POINTS, 2) [m]."""
     states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.leads.times
+    times = estimate.rollouts.tables.times
     share = np.linspace(0.0, 1.0, POINTS)
     return np.stack(
         [

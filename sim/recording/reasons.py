@@ -90,7 +90,7 @@ def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[st
     total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
         values = of(part.paths)
-        for h, (a, b) in enumerate(_slices(part.leads.first, len(ids))):
+        for h, (a, b) in enumerate(_slices(part.tables.first, len(ids))):
             total[h] += values[a:b].sum()
             number[h] += b - a
     return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
@@ -164,7 +164,7 @@ def _places(
     """Count what the samples drawn around each reference hit, of as many as are worth it."""
     rollouts, ids = estimate.rollouts, plan.ids
     chosen: list[NDArray[np.int64]] = []
-    slices = _slices(rollouts.leads.first, len(ids))
+    slices = _slices(rollouts.tables.first, len(ids))
     each = max(4, TRACED // max(1, len(ids)))
     for a, b in slices:
         dead = a + np.flatnonzero(rollouts.paths.outcome[a:b] == Outcome.COLLISION)
@@ -176,7 +176,7 @@ def _places(
     ends = states[np.arange(len(every)), steps, :2]
     hit = met(path_integral.space.collision, ends, names)
     if bystanders is not None:
-        collision, times = path_integral.space.collision, plan.time + rollouts.leads.times[steps]
+        collision, times = path_integral.space.collision, plan.time + rollouts.tables.times[steps]
         free = collision.clearance(ends)
         near = bystanders.nearest(plan.movers, ends, times)
         hit = [who if gap < room else what for (gap, who), room, what in zip(near, free, hit, strict=True)]

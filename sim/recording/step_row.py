@@ -63,7 +63,7 @@ class Row:
         estimate = None if self.plan is None else self.plan.estimate
         if estimate is None:
             return self.states.nbytes
-        arrays = [array for part in estimate.parts for array in (*part.paths, part.leads.law, part.leads.control)]
+        arrays = [array for part in estimate.parts for array in (*part.paths, part.tables.law, part.tables.control)]
         return sum(array.nbytes for array in arrays)
 
     @classmethod

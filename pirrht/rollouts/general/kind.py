@@ -7,7 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from typing import Any, NamedTuple
 
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import borrowing
 from pirrht.systems.dynamics import no_drift, no_homing
 
 SWAY = 1.0 / math.sqrt(12.0)  # of the mean of a step's noise beside its middle, in deviations of the noise
@@ -75,7 +75,7 @@ def diffusion_of(kind: KernelSpec) -> Any:
     block: Any = kind.diffusion_block
     rows, m = kind.rows, kind.m
 
-    @kernel
+    @borrowing
     def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
         block(x, p, G)
         for i in range(rows):
@@ -85,7 +85,7 @@ def diffusion_of(kind: KernelSpec) -> Any:
                     total += G[i, k] * s[k, j]
                 B[i, j] = total
 
-    @kernel
+    @borrowing
     def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
         block(x, p, B)
 

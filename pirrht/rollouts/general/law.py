@@ -226,7 +226,7 @@ def aims(kind: KernelSpec) -> Any:
         C, J = ways.slope.shape[1], ways.slope.shape[2]
         place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
         px, py = np.float32(x[0]), np.float32(x[1])
-        stage[g] = numbers_at(place, slope, ways.count[g] - 1, J, stage[g], px, py, scratch.tube, 0, 1)
+        stage[g] = numbers_at((place, slope, ways.count[g] - 1, J), stage[g], px, py, scratch.tube, 0, 1)
         sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0

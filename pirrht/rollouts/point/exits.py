@@ -14,6 +14,7 @@ from pirrht.jit.addresses import load_float32
 from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import GOLDEN, bits_of, logarithm
+from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, wall_slope
 
 from pirrht.rollouts.point.stages import (  # isort: skip
@@ -21,10 +22,9 @@ from pirrht.rollouts.point.stages import (  # isort: skip
     Y,
 )  # fmt: skip
 
-SLOW = 3  # flag of lanes whose step needs a closer look
+SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
 FRAME: Any = Grid
 PLACE: Any = World
-SHIFT, ULP = np.uint64(40), np.float32(2.0**-24)
 FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
 
 
@@ -86,14 +86,15 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def wall_push(field, reach, beyond, b, B, f, short, n):  # type: ignore[no-untyped-def]
-    """Write the push B' grad log psi of the two nearest walls, `beyond` further away [m]; `b` is noise [m/sqrt(s)].
+def wall_push(field, reach, beyond, B, f, short, n):  # type: ignore[no-untyped-def]
+    """Write the push B' grad log psi of the two nearest walls, `beyond` further away [m].
 
     It uses the cells and corners of `survey`. Nearer than half of the deviation of a step a wall pushes no harder.
     """
     n = min(n, LANES)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
-    reach, beyond, half = np.float32(reach), np.float32(beyond), HALF * np.float32(b)
+    reach, beyond = np.float32(reach), np.float32(beyond)
+    half = HALF * np.float32(math.sqrt(B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]))  # of the deviation of a second
     corners(field, field.second, f, short, CORNER + 4 * L, n)
     for k in range(n):
         at = CORNER + k
@@ -133,7 +134,7 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
     Most lanes close to one wall survive for sure: exp(-e) <= (1 + e/16)^-16; or they are weighed by their survival.
     """
     n = min(n, LANES)
-    far, per = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance))
+    far, per, ulp = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance)), np.float32(2.0**-24)
     slow = 0
     for k in range(n):
         c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]
@@ -150,7 +151,7 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
             f[LASTING + k] += logarithm(missed) if near and not doubt else ZERO
         else:
             state = random[k] + GOLDEN
-            u = np.float32(np.int32(bits_of(state) >> SHIFT)) * ULP + ULP  # no less than what `uniform` draws
+            u = np.float32(np.int32(bits_of(state) >> np.uint64(40))) * ulp + ulp  # no less than what `uniform` draws
             term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
             term *= term
             term *= term

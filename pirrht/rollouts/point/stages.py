@@ -35,7 +35,6 @@ OWED = 39 * L  # time of the last step for which half of the guide has not been 
 PER = 40 * L  # one over the width of the cells that the steps lead to [1/m]
 CHUNK, NODES = TUNING.chunk, 41 * L  # lanes whose numbers of a way are loaded at once, and where these begin
 ROWS = 41 + NUMBERS * CHUNK // L + 1
-MANY = 1 << 32  # no row begins there
 KEY, SAMPLE = 0, L  # rows of its long integers
 HIGH, LOW = 0, L  # rows of its bits
 FLAG, CELL, STEP, STAGE = (L * i for i in range(4))  # rows of its short integers; cross-sections passed come last
@@ -59,7 +58,7 @@ def scratch_of(H: int) -> tuple[Any, ...]:
 @inlined
 def row_of(g, each):  # type: ignore[no-untyped-def]
     """Return the first place of a reference's rows, in bounds the compiler sees: else it loads lane by lane."""
-    return min(max(g * each * L, 0), MANY)
+    return min(max(g * each * L, 0), 1 << 32)
 
 
 @inlined
@@ -80,22 +79,23 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 
 
 @inlined
-def way_control(ways, g, h, goal, B, f, short, a, ratio, n):  # type: ignore[no-untyped-def]
-    """Write a_g = B' grad log psi of one reference with a way at the lanes' states, or a_h if `negligible`."""
+def way_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-untyped-def]
+    """Write a_g = B' grad log psi of one reference with a tube at the lanes' states, or a_h if `negligible`."""
     n = min(n, LANES)
-    place, slope, C, J, last, decay = ways
+    f, a, ratio, short, _, _, _ = scratch
+    place, slope, last, C, J = tube
     negligible = np.float32(-TUNING.negligible)
     row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
-    place, slope = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J
+    tube = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, last, J
     for begin in range(0, n, CHUNK):  # what is looked up lane by lane goes to rows of its own, for loops of vectors
-        some = False
-        for k in range(begin, begin + CHUNK):
-            some |= g == h or ratio[own + k] >= negligible
+        some = g == h
+        for k in range(begin, begin if g == h else begin + CHUNK):
+            some |= ratio[own + k] >= negligible
         for i in range(CHUNK if some else 0):
-            k, at = begin + i, NODES + i
+            k = begin + i
             if g == h or ratio[own + k] >= negligible:
-                s = numbers_at(place, slope, last, J, np.int64(short[stage + k]), f[X + k], f[Y + k], f, at, CHUNK)
+                s = numbers_at(tube, np.int64(short[stage + k]), f[X + k], f[Y + k], f, NODES + i, CHUNK)
                 short[stage + k] = np.int32(s)
         for i in range(CHUNK if some else 0):
             k = begin + i

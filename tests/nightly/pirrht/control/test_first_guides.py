@@ -12,7 +12,6 @@ from thoroughly import first
 
 from pirrht.control.controller import Controller
 from pirrht.control.proposals import least_cost
-from pirrht.estimation.batches import sample
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
@@ -115,7 +114,7 @@ def test_equal_samples_stay_equal():
     x = np.array([1.0, 2.5, 0.0])
     controller.begin(x)
     for _ in range(3):
-        counts = controller.plan(x).estimate.rollouts.leads.first
+        counts = controller.plan(x).estimate.rollouts.tables.first
     assert set(np.diff(counts)) <= {TUNING.few, controller.path_integral.sampling.samples}
 
 
@@ -143,7 +142,7 @@ def test_where_two_valleys_are_worth_the_same_v_is_lambda_ln_2_below_that_of_one
     integral, values = controller.path_integral, []
     for seed, proposals in enumerate([batch.proposals, batch.proposals[:1], batch.proposals[1:]]):
         whole = [replace(one, count=1000) for one in proposals]
-        estimate = sample(integral, replace(batch, proposals=tuple(whole)), seed)
+        estimate = integral.sample(replace(batch, proposals=tuple(whole)), seed)
         values.append((estimate.value, estimate.value_error))
     (v, error), *single = values
     gain = controller.problem.temperature * np.log(2.0)

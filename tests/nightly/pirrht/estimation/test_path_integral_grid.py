@@ -122,7 +122,7 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
         end = known.problem.least_rate * float(batch.times[-1])
         integral = path_integral(replace(known.problem, phi=phi * end), known.space, Sampling())
         rollouts = [integral.rollout(batch, seed) for seed in range(96)]
-        weighed.append(rollouts[0].leads.weighed)
+        weighed.append(rollouts[0].tables.weighed)
         values[phi] = shares(known, [integral.estimate(one) for one in rollouts])
     killing, weighing = values.values()
     assert weighed == [False, True]

@@ -11,7 +11,6 @@ from batches import batch_of
 from pirrht.control.best_class import alone, best_class, class_values
 from pirrht.control.methods import METHODS, SAMPLING
 from pirrht.control.plan import Plan
-from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -36,7 +35,7 @@ def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **setting
     names = {slit.space.homology.key(r.winding): r.id for r in references}
     counts = [samples, samples // 2, samples]
     batch = batch_of(integral, x, times, tapes, corners=corners, counts=counts, classes=names)
-    estimate = sample(integral, batch, 5)
+    estimate = integral.sample(batch, 5)
     return estimate, [r.id for r in references]
 
 
@@ -53,7 +52,7 @@ def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
     estimate, names = around_all(slit, slit_tree)
     part = estimate.parts[0]
     for h in range(len(names)):
-        own = slice(*part.leads.first[h : h + 2])
+        own = slice(*part.tables.first[h : h + 2])
         weight = -part.paths.work[own] / noisy(slit).temperature + part.paths.lasting[own]
         weight = np.exp(weight - part.paths.log_ratio[own, h])
         weight *= part.paths.outcome[own] == 1

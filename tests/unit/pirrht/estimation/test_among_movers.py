@@ -15,7 +15,6 @@ from moving import SCENES, hall, moved
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -112,7 +111,7 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
         arrived = np.flatnonzero(rollouts.paths.outcome != Outcome.COLLISION)
         states, steps = integral.replay.trace(rollouts, arrived)
         for k, s in enumerate(arrived):
-            path = np.column_stack([states[k, : steps[k] + 1], 0.2 + rollouts.leads.times[: steps[k] + 1]])
+            path = np.column_stack([states[k, : steps[k] + 1], 0.2 + rollouts.tables.times[: steps[k] + 1]])
             winding = integral.homology.winding(path)
             assert integral.homology.key(winding) == rollouts.paths.key[s]
             seen.add(winding)
@@ -179,10 +178,10 @@ def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all(
     tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
     proposals = tuple(Proposal(lead=tape, count=count) for tape, count in zip(tapes, (400, 40), strict=True))
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
-    assert [part.size for part in sample(integral, batch, 0, left=lambda: 0.0).parts] == [44]
-    assert [part.size for part in sample(integral, batch, 0).parts] == [440]
+    assert [part.size for part in integral.sample(batch, 0, left=lambda: 0.0).parts] == [44]
+    assert [part.size for part in integral.sample(batch, 0).parts] == [440]
     assert (
-        sum(part.size for part in sample(integral, batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
+        sum(part.size for part in integral.sample(batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
     )
 
 
@@ -205,7 +204,7 @@ def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its
     """Nor is any shorter than a 300th of a whole one."""
     scene = SCENES["crossing"]()
     integral = sampler(scene, b)
-    least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).leads.least
+    least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).tables.least
     assert least == pytest.approx(max(integral.sampling.dt / 300.0, (0.01 * scene.robot_radius / b) ** 2))
 
 

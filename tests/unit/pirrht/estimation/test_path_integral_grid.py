@@ -78,7 +78,7 @@ def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Ca
     known = make(0.5, phi)
     integral = path_integral(known.problem, known.space, Sampling(guide="open-loop"))
     rollouts = [integral.rollout(passive(integral, known.x, 8000), seed) for seed in range(8)]
-    assert not rollouts[0].leads.weighed
+    assert not rollouts[0].tables.weighed
     values = shares(known, [integral.estimate(one) for one in rollouts])
     assert error_of(values) < 0.006
     assert is_the_grids(values)

@@ -14,10 +14,9 @@ from batches import batch_of
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.plan import shifted
+from pirrht.control.mppi import shifted
 from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.batches import sample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -86,7 +85,7 @@ def test_a_single_sample_knows_its_value_up_to_lambda(strip):
 
 def learn(allocation: Allocation, **contributions: float) -> None:
     """Learn from an estimate to whose weight a single sample per class contributes."""
-    rollouts = SimpleNamespace(leads=SimpleNamespace(first=np.arange(len(contributions) + 1)))
+    rollouts = SimpleNamespace(tables=SimpleNamespace(first=np.arange(len(contributions) + 1)))
     weight = np.array([*contributions.values()])
     batch = SimpleNamespace(proposals=[SimpleNamespace(name=name) for name in contributions])
     allocation.learn(batch, SimpleNamespace(rollouts=rollouts, weight=weight, proposal_weights=weight.tolist()))
@@ -140,7 +139,7 @@ def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions
     def drawn(controller: Controller) -> list[int]:
         estimate = controller.plan(slit.start).estimate
         assert estimate is not None
-        return np.diff(estimate.rollouts.leads.first).tolist()
+        return np.diff(estimate.rollouts.tables.first).tolist()
 
     adaptive, equal = (
         slit.with_settings(noise=0.2, samples=100, allocation=rule).controller(slit_tree)
@@ -164,7 +163,7 @@ def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions
 def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
     """As `to_both_sides`, in the batches that the settings ask for."""
     times, tapes, corners = both_sides(integral)
-    return sample(integral, batch_of(integral, X, times, tapes, corners=corners), seed, **options)
+    return integral.sample(batch_of(integral, X, times, tapes, corners=corners), seed, **options)
 
 
 # -- stopping ----------------------------------------------------------------------------------------------------

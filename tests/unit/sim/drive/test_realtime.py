@@ -290,7 +290,7 @@ def test_samples_are_drawn_until_their_time_is_up(
     drawn = sum(part.size for part in estimate.parts)
     assert 36 <= drawn <= max(36.0, 1e4 * seconds)
     assert drawn > 1e4 * seconds - 36 / 0.6 - 10  # what is left would not do for another round
-    shares = [np.diff(part.leads.first) / part.size for part in estimate.parts]
+    shares = [np.diff(part.tables.first) / part.size for part in estimate.parts]
     np.testing.assert_allclose(shares, shares[:1] * len(shares), atol=0.02)
     assert estimate.class_weights.keys() >= {"0,0", "-1,0", "0,1"}
 

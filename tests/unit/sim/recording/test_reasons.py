@@ -60,7 +60,7 @@ def test_samples_that_die_are_counted_where_they_were_drawn(planned):
         lost = 0.0
         count = 0
         for part in plan.estimate.parts:
-            own = slice(part.leads.first[h], part.leads.first[h + 1])
+            own = slice(part.tables.first[h], part.tables.first[h + 1])
             arrived = part.paths.outcome[own] == Outcome.GOAL
             lost += np.sum(~arrived) + np.sum(1.0 - np.exp(part.paths.lasting[own][arrived]))
             count += len(arrived)
