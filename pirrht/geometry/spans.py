@@ -101,7 +101,7 @@ def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignor
 
 
 @kernel
-def keeps_off(boxes, count, own, period, x, y, ux, uy, duration, radius):  # type: ignore[no-untyped-def]
+def keeps_off(boxes, count, own, period, way, duration, radius):  # type: ignore[no-untyped-def]
     """Return whether boxes certify that a straight step stays farther than a radius [m] from an obstacle's origin.
 
     Args:
@@ -109,10 +109,11 @@ def keeps_off(boxes, count, own, period, x, y, ux, uy, duration, radius):  # typ
         count: their number.
         own: time on its clock when the way begins [s].
         period: after which the clock starts over [s]; 0: never.
-        x, y, ux, uy, duration: the way, [m], [m/s] and [s].
+        way: where it begins and its velocity, (x, y, ux, uy) [m, m/s].
+        duration: of the way [s].
         radius: of the disc that it stays out of [m].
     """
-    past = 0.0
+    (x, y, ux, uy), past = way, 0.0
     while True:
         i, left = span_at(own + past, period, count, SPAN)
         until = min(past + left, duration)

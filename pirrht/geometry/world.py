@@ -89,8 +89,9 @@ class World(NamedTuple):
 
 
 @inlined
-def with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
+def with_wall(walls, e, ex, ey, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
+    c, nx, ny, d, mx, my = walls
     e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
     if e < c:
         return e, ex, ey, c, nx, ny
@@ -104,5 +105,5 @@ def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest of two static walls and `count` rows of `near` (J, 5); none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        c, nx, ny, d, mx, my = with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
+        c, nx, ny, d, mx, my = with_wall((c, nx, ny, d, mx, my), near[k, 0], near[k, 1], near[k, 2], widest)
     return c, nx, ny, d, mx, my

@@ -143,13 +143,14 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
 
 
 @kernel
-def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[no-untyped-def]
-    """Check whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a moving obstacle.
+def touches(traffic, step, t, dt, lists):  # type: ignore[no-untyped-def]
+    """Check whether a step (x, y, mx, my, turn) [m, rad] that begins at t and takes dt [s] touches a moving obstacle.
 
-    It turns by `turn` in all [rad]; `held` is from earlier steps (`held_of`), `listed` (J,) is scratch.
+    `lists` are what earlier steps have left (`held_of`), and scratch (J,).
     """
+    (x, y, mx, my, turn), (held, listed) = step, lists
     way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
     count = listing(traffic, x, y, t, way, held, listed)
     if t + dt > held[4]:
         count = listing(traffic, x, y, t, math.inf, held, listed)
-    return met_on_path(traffic, listed, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0
+    return met_on_path(traffic, listed, count, step, t, dt, 1.0) <= 1.0

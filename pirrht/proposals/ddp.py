@@ -53,7 +53,7 @@ def optimiser(kind: KernelSpec) -> Optimiser:
         """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
+            lists = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
         for i in range(length):
             x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
             dt = times[i + 1] - times[i]
@@ -64,7 +64,7 @@ def optimiser(kind: KernelSpec) -> Optimiser:
             outcome, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
             if outcome == COLLISION:
                 return False
-            if moving and touches(setup.world.moving, x, y, to_x, to_y, turn, times[i], dt, held, listed):
+            if moving and touches(setup.world.moving, (x, y, to_x, to_y, turn), times[i], dt, lists):
                 return False
         return True
 

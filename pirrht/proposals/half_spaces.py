@@ -40,13 +40,13 @@ def constraints_of(setup: object, places: Array, times: Array, noise: float, wit
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, W, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
     J, many = setup.world.moving.J, 0
-    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
+    lists, near = (held_of(J), np.empty(J, np.int64)), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         c, nx, ny, d, mx, my = two_walls(setup.world.field, x, y)
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
         out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
-        many, count = walls_along(setup.world.moving, x, y, times[i], within, held, listed, many, near)
+        many, count = walls_along(setup.world.moving, x, y, times[i], within, lists, many, near)
         for k in range(min(count, TUNING.walls - 2)):
             copy_row(near[k, :3], out[i, 2 + k])
 
@@ -100,11 +100,11 @@ def drifts_of(setup: object, places: Array, times: Array, reach: float) -> tuple
 @kernel
 def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
     J, many, within = setup.world.moving.J, 0, TUNING.drift_range * reach
-    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
+    lists, near = (held_of(J), np.empty(J, np.int64)), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         standing = two_walls(setup.world.field, x, y)
-        many, count = walls_along(setup.world.moving, x, y, times[i], within, held, listed, many, near)
+        many, count = walls_along(setup.world.moving, x, y, times[i], within, lists, many, near)
         c, nx, ny, d, mx, my = with_walls(standing, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
             near_by = max(float(gap), TUNING.drift_gap * reach)

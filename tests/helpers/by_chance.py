@@ -28,7 +28,7 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
+    lists = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
     best = math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]
@@ -63,9 +63,7 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
             outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
             begin, end = path[k, 2], path[k + 1, 2]
-            if outcome == COLLISION or touches(
-                setup.world.moving, ax, ay, bx, by, 0.0, begin, end - begin, held, listed
-            ):
+            if outcome == COLLISION or touches(setup.world.moving, (ax, ay, bx, by, 0.0), begin, end - begin, lists):
                 cost[s] = math.inf
                 break
 

@@ -60,7 +60,7 @@ def ended_for(kind: KernelSpec) -> Any:
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
         if moving and by_body:
             near, spread = scratch.near, math.sqrt(cov[0])
-            state, dx, dy = at_moving_wall(near, body, dx, dy, f[0], f[1], dt, share, spread, state)
+            state, dx, dy = at_moving_wall(near, body, (dx, dy), (f[0], f[1]), dt, share, spread, state)
         else:
             state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, math.sqrt(cov[0]), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
@@ -128,8 +128,8 @@ def exits(kind: KernelSpec) -> Any:
         )
         if moving and close > 0:
             state, hit, body, alive = met_on_bridge(
-                setup.world.moving, scratch.listed, close, scratch.near, x[0], x[1], moved[0], moved[1], now, dt, cov,
-                along_line, leads.weighed, state,
+                setup.world.moving, scratch.listed, close, scratch.near, (x[0], x[1], moved[0], moved[1]), dt, cov,
+                (along_line, leads.weighed), state,
             )  # fmt: skip
             if hit <= 1.0 and (exit == INSIDE or hit < share):
                 exit, share, by_body = COLLISION, hit, True
@@ -160,7 +160,7 @@ def exits(kind: KernelSpec) -> Any:
             exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
         if moving and not noisy_position and setup.bridge and close > 0:
             hit = met_on_path(
-                setup.world.moving, scratch.listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share
+                setup.world.moving, scratch.listed, close, (x[0], x[1], moved[0], moved[1], turn), now, dt, share
             )
             if hit <= share:
                 exit, share = COLLISION, hit
