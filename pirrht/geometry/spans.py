@@ -8,8 +8,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.addresses import load_float64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64
 
 BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 SPAN = TUNING.span

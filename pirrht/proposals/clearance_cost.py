@@ -143,14 +143,15 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
 
 
 @kernel
-def touches(traffic, step, t, dt, lists):  # type: ignore[no-untyped-def]
-    """Check whether a step (x, y, mx, my, turn) [m, rad] that begins at t and takes dt [s] touches a moving obstacle.
+def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
+    """Check whether a step touches a moving obstacle.
 
-    `lists` are what earlier steps have left (`held_of`), and scratch (J,).
+    A step is (x, y, mx, my, turn, t, dt): both ends [m], its turn in all [rad], begin and duration [s]. `held` is from
+    earlier steps (`held_of`), `candidates` (J,) is scratch.
     """
-    (x, y, mx, my, turn), (held, listed) = step, lists
-    way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
-    count = listing(traffic, x, y, t, way, held, listed)
+    x, y, mx, my, turn, t, dt = step
+    length = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
+    count = listing(traffic, x, y, t, length, held, candidates)
     if t + dt > held[4]:
-        count = listing(traffic, x, y, t, math.inf, held, listed)
-    return met_on_path(traffic, listed, count, step, t, dt, 1.0) <= 1.0
+        count = listing(traffic, x, y, t, math.inf, held, candidates)
+    return met_on_path(traffic, candidates, count, (x, y, mx, my, turn), t, dt, 1.0) <= 1.0

@@ -20,8 +20,7 @@ from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.spans import BOX, boxes_of
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
 
