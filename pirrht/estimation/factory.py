@@ -16,21 +16,28 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
-from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
-from pirrht.proposals.desirability_tube import way_of
+from pirrht.proposals.desirability_tube import tube_of
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import Scales, WallDrift, squeezed, trust, under_way, window
+from pirrht.proposals.wall_drift import (
+    FlatWalls,
+    NearWalls,
+    Scales,
+    WallDrift,
+    linear_law_weight,
+    squeezed,
+    under_way,
+    window,
+)
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
 from pirrht.rollouts.ways import no_ways
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 
 
 class ProposalFactory:
@@ -107,8 +114,8 @@ class ProposalFactory:
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
-        push = self._push(scales.reach, self.sampling.first_dt, time=time)
-        return DesirabilityAscent(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
+        return DesirabilityAscent(tube_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the ascent of a point next to its guide among moving obstacles; None of other systems.
@@ -138,15 +145,14 @@ class ProposalFactory:
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
         push = self.push(tables, x, time)
-        if self.steady and tables.reach > 0.0:
-            return NearWallsOfMeans.of(push, x, float(tables.times[tables.window]), tables.counted)
-        pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=PROPOSALS.least_gap) - pushed)
+        if not (self.steady and tables.reach > 0.0):
+            return NearWalls.of(push, x)
+        return NearWalls.of(push, x, FlatWalls.of(push, x, float(tables.times[tables.window])), tables.counted)
 
     def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
-            problem=self.problem, field=self.space.field, reach=reach, step=step, beyond=self.beyond, slack=slack,
-            traffic=self.world.setup.traffic, time=time,
+            problem=self.problem, field=self.space.field, offset=reach, step=step, behind=self.beyond, slack=slack,
+            moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
     def scales(self, x: Array) -> Scales:
@@ -155,13 +161,12 @@ class ProposalFactory:
 
     def _clearance(self, x: Array, time: float) -> float:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
-        setup = self.world.setup
-        near = float(clearance(setup.arena.field, x[0], x[1]))
-        return min(near, float(moving_clearance(setup.traffic, x[0], x[1], time))) if self.world.moving else near
+        world = self.world.setup.world
+        return world.clearance(x[0], x[1], time) if self.world.moving else float(clearance(world.field, x[0], x[1]))
 
     def _from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
-        (gx, gy), radius = self.world.setup.arena.goal, self.world.setup.arena.radius
+        (gx, gy), radius = self.world.setup.world.goal, self.world.setup.world.radius
         return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
@@ -171,7 +176,7 @@ class ProposalFactory:
         deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's
         rim.
         """
-        arena = self.world.setup.arena
+        arena = self.world.setup.world
         if self.sampling.exit == "bridge" or not self.climbs:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
@@ -198,14 +203,14 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if drifts else 0.0,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.wall_offset if drifts else 0.0,
             beyond=self.beyond, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, 0 if guidance is None else guidance.law_width)), led=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
-            trust=trust(scales.noise, near) if self.pointlike and moving else 1.0,
+            trust=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
         nearby = self._nearby(batch, tables) if moving else NO_NEARBY
         tables = tables._replace(counted=self._counted(batch, tables, scales), nearby=nearby)
@@ -247,7 +252,7 @@ class ProposalFactory:
     def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
         setup, d, spread = self.world.setup, self.problem.dynamics, 0.0
-        traffic, field = setup.traffic, setup.arena.field
+        traffic, field = setup.world.moving, setup.world.field
         if d.noisy_position:
             B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
             spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))

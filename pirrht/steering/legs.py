@@ -9,12 +9,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE, certify_segment
+from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
-from pirrht.steering.motion import Motion, MotionKernels
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.topology.crossings import crossed
 from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
 
@@ -113,11 +111,11 @@ def _near_all(motions, around):  # type: ignore[no-untyped-def]
 
 @inlined
 def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
-    (listed, count), (ax, ay, s, bx, by, t) = prepared, _ends(motions, i)
-    static = certify_segment(around.field, ax, ay, bx, by)
+    (listed, count), leg = prepared, _ends(motions, i)
+    static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
     if static == BLOCKED:
         return BLOCKED
-    return min(static, certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
+    return min(static, certify_some(around.traffic, listed, count, leg))
 
 
 @inlined

@@ -18,7 +18,7 @@ from pirrht.proposals.guide import DDPGuide, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION
 from pirrht.rollouts.sweep import sweep_exit
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.topology.signature import class_id
 
 DRAWN = 40_000
@@ -28,12 +28,12 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+    held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
     best = math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]
         path[0, 0], path[0, 1], path[0, 2] = x[0], x[1], t
-        path[3, 0], path[3, 1] = setup.arena.goal
+        path[3, 0], path[3, 1] = setup.world.goal
         draws, some = uniform(draws)
         draws, u = uniform(draws)
         draws, v = uniform(draws)
@@ -61,9 +61,9 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
         cost[s] = total
         for k in range(3):
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
-            outcome, _ = sweep_exit(setup.arena, ax, ay, bx, by)
-            begin, end = path[k, 2], path[k + 1, 2]
-            if outcome == COLLISION or touches(setup.traffic, ax, ay, bx, by, 0.0, begin, end - begin, held, listed):
+            outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
+            step = ax, ay, bx, by, 0.0, path[k, 2], path[k + 1, 2] - path[k, 2]
+            if outcome == COLLISION or touches(setup.world.moving, step, held, listed):
                 cost[s] = math.inf
                 break
 
@@ -74,8 +74,8 @@ def trajectory_of(path: Array, cost: float) -> Trajectory:
     steps = steps[steps[:, 2] > 0.0]
     places = np.vstack([path[:1], path[0] + np.cumsum(steps, axis=0)])
     return Trajectory(
-        controls=steps[:, :2] / steps[:, 2:], durations=steps[:, 2], path=Track(places, steps[:, 2]), cost=cost,
-        length=float(np.hypot(*steps[:, :2].T).sum()),
+        controls=steps[:, :2] / steps[:, 2:], durations=steps[:, 2], cost=cost,
+        path=Track(places[:-1], places[1:], steps[:, 2]), length=float(np.hypot(*steps[:, :2].T).sum()),
     )  # fmt: skip
 
 
@@ -111,8 +111,8 @@ def guided(
         key, winding = next(iter(keys.items()))
         tape = Tape(times, known[winding].tape(times))
         return Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=samples, key=key),), time=t), [], []
-    least = min(guide.priced for _, guide in kept)
-    kept = [(key, guide) for key, guide in kept if guide.priced < least + ASIDE * integral.temperature]
+    least = min(guide.penalised for _, guide in kept)
+    kept = [(key, guide) for key, guide in kept if guide.penalised < least + ASIDE * integral.temperature]
     counts = guidance.counts([guide for _, guide in kept], samples)
     counts = [max(1, round(count * samples / sum(counts))) for count in counts]
     names = [class_id(keys[key]) for key, _ in kept]
