@@ -17,7 +17,7 @@ from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import mapped
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
