@@ -16,8 +16,8 @@ from pirrht.control.plan import Plan
 from pirrht.control.prediction import Prediction, Predictor
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError
+from pirrht.estimation.estimate import Allocation
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Allocation
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.planner.references import Reference

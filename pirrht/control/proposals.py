@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.best_class import follow_best
+from pirrht.control.baselines import follow_best
 from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.policy import RunState, from_start
