@@ -7,7 +7,6 @@ rewire       Algorithms 2 and 3 in kernels: the search over the queue, and the c
 nodes        AppendNode: classes that a vertex keeps, under |1 - H_i| <= H_limit, and the queue
 graph        records of vertices, edges and nodes in memory
 file, checks   trees as files, which are examined before they are trusted
-left_out     short paths that H_limit excludes
 tuning       tuned numbers
 
 An edge is known only to its kind of motion (`steering.motion`), a class only to its `Signature`: nothing here depends
