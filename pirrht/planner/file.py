@@ -27,8 +27,8 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
 from pirrht.planner.checks import BROKEN, Arrays, check, checksum, read_arrays
+from pirrht.planner.expand import Storage
 from pirrht.planner.graph import Graph, Vertices
-from pirrht.planner.storage import Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
