@@ -5,13 +5,13 @@ Polylines have their own: shortcuts between corners, and corners blunted where t
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import FREE, certify_segment, entry_of_piece
-from pirrht.geometry.field import clearance
+from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.shortening import chain, in_time
 from pirrht.shortening.tuning import POLYLINE as TUNING
@@ -19,14 +19,25 @@ from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import ARCS, Surroundings
 from pirrht.steering.steering import Steering
-from pirrht.topology.crossings import key_of_segment
+from pirrht.topology.crossings import Cuts, key_of_segment
+
+
+class Planar(NamedTuple):
+    """Static obstacles and goal of polylines: kernels count references of every array in a record that they pass on."""
+
+    field: Field
+    cuts: Cuts
+    goal_x: float
+    goal_y: float
+    goal_radius: float
 
 
 def taut_polyline(points: Array, around: Surroundings) -> Array:
     """Shorten a polyline (k, 2) [m] that ends in the goal's disc inside its class, (l, 2) [m]; never longer."""
     capacity = max(TUNING.capacity, TUNING.capacity_per_corner * len(points))
     out = np.empty((capacity + TUNING.loose_capacity, 2))
-    short = out[: _taut(around, np.ascontiguousarray(points), capacity, out)].copy()
+    planar = Planar(around.field, around.cuts, around.goal_x, around.goal_y, around.goal_radius)
+    short = out[: _taut(planar, np.ascontiguousarray(points), capacity, out)].copy()
     return short if _length(short) <= _length(points) else points
 
 
