@@ -32,7 +32,7 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    velocity, _, _, _, forward = forward_pass(kind)
+    velocity, _, _, forward = forward_pass(kind)
     backward = backward_pass(kind)
     n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
 

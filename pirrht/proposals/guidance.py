@@ -151,7 +151,7 @@ class DDPGuidance:
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
         first = found[0] if found else None
-        if first is None or not (first.valid or self._clearance(query) <= 0.0):
+        if first is None or not (first.valid or _clearance(query) <= 0.0):
             fresh = self._improved(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
@@ -204,11 +204,13 @@ class DDPGuidance:
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
+        course, length = self._begun(query, reference)
+        control = course.control.copy()
+        yield (course, length), in_time(t.cold[1:] if noisy else t.cold, short)
         if query.setup.traffic.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
-            yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, reference, query.times))
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(control, length, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""
@@ -222,14 +224,6 @@ class DDPGuidance:
             clock = np.ascontiguousarray(times + time)
             setup = setup._replace(marks=self.world.homology.rays(x, clock))
         return Query(setup, clock, x, times, key)
-
-    def _clearance(self, query: Query) -> float:
-        """Return the clearance of the robot's centre, [m]."""
-        (x, y), setup = query.x[:2], query.setup
-        free = float(clearance(setup.arena.field, x, y))
-        if setup.traffic.J > 0:
-            free = min(free, float(moving_clearance(setup.traffic, x, y, float(query.clock[0]))))
-        return free
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
@@ -284,6 +278,12 @@ class DDPGuidance:
         ahead.half_spaces[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
         ahead.drift[:count], ahead.bend[:count] = drifts_of(query.setup, places[:count], when[:count], offset)
         return ahead
+
+
+def _clearance(query: Query) -> float:
+    """Return the clearance of the robot's centre at the start, [m]."""
+    (x, y), (arena, traffic) = query.x[:2], (query.setup.arena, query.setup.traffic)
+    return float(min(clearance(arena.field, x, y), moving_clearance(traffic, x, y, float(query.clock[0]))))
 
 
 def in_time(stages: Sequence[Stage], short: Callable[[], bool]) -> Iterator[Stage]:
