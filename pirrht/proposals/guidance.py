@@ -204,13 +204,13 @@ class DDPGuidance:
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        course, length = self._begun(query, reference)
-        control = course.control.copy()
-        yield (course, length), in_time(t.cold[1:] if noisy else t.cold, short)
+        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
         if query.setup.traffic.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
-            yield from ((start, t.perturbed) for start in self.starts.perturbed(control, length, query.times))
+            # Of a tracked path no controls are known: perturbed from rest, homing finds optima that tracking does not.
+            course, length = self.starts.along(query.x, reference, query.times)
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(course.control, length, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""
