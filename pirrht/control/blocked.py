@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.run_state import Halt, Law, RunState
+from pirrht.control.policy import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem

@@ -38,7 +38,7 @@ from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
 from pirrht.rollouts.ways import no_ways
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 
 
 class ProposalFactory:

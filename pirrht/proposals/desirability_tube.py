@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance, two_walls
 from pirrht.geometry.world import World
-from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.streams import logarithm
+from pirrht.jit.streams import HALF, ONE, TWO, ZERO, exponential, logarithm
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE
 

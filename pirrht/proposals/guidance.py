@@ -32,7 +32,7 @@ from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
 
 UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 

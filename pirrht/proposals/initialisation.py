@@ -14,7 +14,7 @@ from pirrht.arrays import Array
 from pirrht.proposals.guide import Course, DDPGuide, Task, empty_course
 from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import Setup
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 

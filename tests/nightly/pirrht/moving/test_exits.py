@@ -25,7 +25,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.unicycle import Unicycle

@@ -28,7 +28,7 @@ from pirrht.proposals.guide import Course, DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.cpu import kind_of
 from pirrht.steering.double_integrator import MassSteering
-from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.second_order_car import SecondOrderCar

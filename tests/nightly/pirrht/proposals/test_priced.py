@@ -23,7 +23,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, empty_course
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
 STEP = 0.1

@@ -9,7 +9,7 @@ from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting,
 
 from pirrht.estimation.assembly import path_integral
 from pirrht.proposals.guide import DDPGuide
-from pirrht.steering.trajectory import running_cost
+from pirrht.steering.motion import running_cost
 
 
 def test_feedback_holds_noisy_paths_together():

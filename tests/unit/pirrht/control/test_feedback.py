@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.control.methods import TUNING
 from pirrht.control.mixture import pooled
+from pirrht.control.settings import TUNING
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS

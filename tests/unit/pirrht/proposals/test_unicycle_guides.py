@@ -24,7 +24,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
-from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario, prepare
 
