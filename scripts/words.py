@@ -19,8 +19,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 UNCHECKED: tuple[str, ...] = (
-    "pirrht/control", "pirrht/estimation", "pirrht/exact", "pirrht/planner/file.py", "pirrht/rollouts",
-    "pirrht/steering",
+    "pirrht/control", "pirrht/estimation", "pirrht/exact", "pirrht/rollouts", "pirrht/steering",
 )  # packages in which some names are still to follow  # fmt: skip
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.
@@ -47,7 +46,7 @@ NAMES = {
     "Push": "WallDrift",
     "told said held_back": "one_line, corrected_control, clipped",
     "trust steady": "linear-law weight, is_martingale",
-    "nearby listed among": "broad_phase, broad_phase_cache, moving_exits",
+    "nearby listed among": "broad_phase, moving_exits",
     "lasting missed": "log_survival, survival probability",
     "beyond": "terminal_cost",
     "reach room pace": "wall_offset, radius, clearance, speed, step size",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.best_class import follow_best
+from pirrht.control.baselines import follow_best
 from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.policy import RunState, from_start
@@ -17,7 +17,7 @@ from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import mapped
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback

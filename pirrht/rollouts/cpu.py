@@ -16,8 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
-from pirrht.jit.jit import as_jitable, kernel
-from pirrht.jit.threads import over_ranges
+from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
@@ -195,10 +194,10 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
     return Setup(
-        arena=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
+        pace=problem.least_rate / problem.temperature, marks=NO_RAYS,
     )  # fmt: skip

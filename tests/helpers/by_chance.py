@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
-from pirrht.moving.broad_phase_cache import held_of
+from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
@@ -28,12 +28,12 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+    held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
     best = math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]
         path[0, 0], path[0, 1], path[0, 2] = x[0], x[1], t
-        path[3, 0], path[3, 1] = setup.arena.goal
+        path[3, 0], path[3, 1] = setup.world.goal
         draws, some = uniform(draws)
         draws, u = uniform(draws)
         draws, v = uniform(draws)
@@ -61,9 +61,9 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
         cost[s] = total
         for k in range(3):
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
-            outcome, _ = sweep_exit(setup.arena, ax, ay, bx, by)
-            begin, end = path[k, 2], path[k + 1, 2]
-            if outcome == COLLISION or touches(setup.traffic, (ax, ay, bx, by, 0.0, begin, end - begin), held, listed):
+            outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
+            step = ax, ay, bx, by, 0.0, path[k, 2], path[k + 1, 2] - path[k, 2]
+            if outcome == COLLISION or touches(setup.world.moving, step, held, listed):
                 cost[s] = math.inf
                 break
 

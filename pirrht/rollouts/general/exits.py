@@ -33,7 +33,7 @@ def bodies_for(kind: KernelSpec) -> Any:
 
     @part
     def bodies_of(setup, leads, scratch, now, cov, turn, i, close):  # type: ignore[no-untyped-def]
-        x, moved, held, listed, traffic = scratch.x, scratch.moved, scratch.held, scratch.listed, setup.traffic
+        x, moved, held, listed, traffic = scratch.x, scratch.moved, scratch.held, scratch.listed, setup.world.moving
         way = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2)
         if not noisy_position:
             way *= 1.0 + abs(turn)
@@ -59,7 +59,7 @@ def ended_for(kind: KernelSpec) -> Any:
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
         if moving and by_body:
             near, spread = scratch.near, math.sqrt(cov[0])
-            state, dx, dy = at_moving_wall(near, body, dx, dy, f[0], f[1], dt, share, spread, state)
+            state, dx, dy = at_moving_wall(near, body, (dx, dy), (f[0], f[1]), dt, share, spread, state)
         else:
             state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, math.sqrt(cov[0]), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / cov[0]
@@ -112,7 +112,7 @@ def exits(kind: KernelSpec) -> Any:
         """Judge a step where it ends."""
         moved = scratch.moved
         exit, share = endpoint_exit(arena, moved[0], moved[1])
-        if moving and moving_clearance(setup.traffic, moved[0], moved[1], now + dt) <= 0.0:
+        if moving and moving_clearance(setup.world.moving, moved[0], moved[1], now + dt) <= 0.0:
             exit = COLLISION
         return exit, share
 
@@ -127,8 +127,8 @@ def exits(kind: KernelSpec) -> Any:
         )
         if moving and close > 0:
             state, hit, body, alive = met_on_bridge(
-                setup.traffic, scratch.listed, close, scratch.near, x[0], x[1], moved[0], moved[1], now, dt, cov,
-                along_line, leads.weighed, state,
+                setup.world.moving, scratch.listed, close, scratch.near, (x[0], x[1], moved[0], moved[1]), dt, cov,
+                (along_line, leads.weighed), state,
             )  # fmt: skip
             if hit <= 1.0 and (exit == INSIDE or hit < share):
                 exit, share, by_body = COLLISION, hit, True
@@ -159,7 +159,7 @@ def exits(kind: KernelSpec) -> Any:
             exit, share, room = sweep_onward(arena, x[0], x[1], moved[0], moved[1], turn, room)
         if moving and not noisy_position and setup.bridge and close > 0:
             hit = met_on_path(
-                setup.traffic, scratch.listed, close, x[0], x[1], moved[0], moved[1], turn, now, dt, share
+                setup.world.moving, scratch.listed, close, (x[0], x[1], moved[0], moved[1], turn), now, dt, share
             )
             if hit <= share:
                 exit, share = COLLISION, hit

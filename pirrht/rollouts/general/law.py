@@ -235,7 +235,7 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_law(setup, leads, scratch, g, i, share, modes, headed):  # type: ignore[no-untyped-def]
         """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
-        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.arena
+        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.world
         s = step_of(leads, scratch, g, i, share, modes)
         if s < leads.led[g]:
             any_law(leads, scratch, g, s, modes)
@@ -281,7 +281,7 @@ def aims(kind: KernelSpec) -> Any:
             if lost[g]:  # never of h
                 continue
             if noisy_position and leads.ways.count[g] > 0:
-                along_way(leads, scratch, g, setup.arena.goal, walls)
+                along_way(leads, scratch, g, setup.world.goal, walls)
             elif leadable and leads.led[g] > 0:
                 headed = along_law(setup, leads, scratch, g, i, share, modes, headed)
             else:

@@ -215,7 +215,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         rates = look(setup, scratch, rates, drifted)
         dt, close = length_of(setup, leads, scratch, rates, before, left, now, i, close)
         if noisy_position and leads.reach > 0.0:
-            walls = push_of(leads, scratch, setup.arena, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
+            walls = push_of(leads, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
         return rates, dt, close, walls
 
     @part
@@ -224,7 +224,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if not moving:
             return np.int64(0)
         moved = scratch.moved
-        goal, end = setup.arena.goal, min(share, 1.0)
+        goal, end = setup.world.goal, min(share, 1.0)
         return key_among(leads.marks, goal, i, end, moved[0], moved[1], scratch.side, scratch.spot)
 
     @borrowing
@@ -234,7 +234,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
             probability that no wall was met on the way, where that is weighed.
         """
-        arena, times, x, moved = setup.arena, leads.times, scratch.x, scratch.moved
+        arena, times, x, moved = setup.world, leads.times, scratch.x, scratch.moved
         T, bent = leads.control.shape[1], curved_step and setup.bridge and leads.least < np.inf
         modes = most if bent else m
         begin(setup, leads, origin, keep, scratch, arena)

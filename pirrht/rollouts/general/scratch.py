@@ -60,7 +60,7 @@ def scratch_for(kind: KernelSpec) -> Any:
     @kernel
     def scratch_of(setup, leads):  # type: ignore[no-untyped-def]
         H = leads.control.shape[0]
-        bodies = setup.traffic.J if moving else 0
+        bodies = setup.world.moving.J if moving else 0
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m),
             np.zeros((rows, m)), np.empty((m, m)), np.empty((rows, m)),

@@ -32,9 +32,9 @@ def length_for(kind: KernelSpec) -> Any:
 
     @part
     def length_of(setup, leads, scratch, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, arena, dt = rates, scratch.x, setup.arena, left
+        (xx, xy, yy), x, arena, dt = rates, scratch.x, setup.world, left
         if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
-            traffic, held, listed, near = setup.traffic, scratch.held, scratch.listed, scratch.near
+            traffic, held, listed, near = setup.world.moving, scratch.held, scratch.listed, scratch.near
             within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
             close = list_around(leads.nearby, traffic.J, i, x[0], x[1], within, close, held, listed)
             gone, until_change = traffic.cutoff, np.inf
@@ -202,7 +202,7 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Check whether the step enters the goal straight ahead, and return its share until then."""
-        x, f, arena = scratch.x, scratch.f, setup.arena
+        x, f, arena = scratch.x, scratch.f, setup.world
         within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
         if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
             return False, 1.0
