@@ -230,10 +230,13 @@ class DDPGuidance:
         Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
         longer than any path of some weight.
         """
-        t, costs = self.tuning, [np.inf if guide is None else guide.penalised for guide in guides]
-        least = min(costs)
-        bound = least * (1.0 + t.hopeless_share) + t.hopeless * self.problem.temperature
-        return [samples if least == np.inf or one <= bound else min(t.few, samples) for one in costs]
+        penalised = [np.inf if guide is None else guide.penalised for guide in guides]
+        bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
+        return [samples if bound == np.inf or one <= bound else few for one in penalised]
+
+    def hopeless(self, least: float) -> float:
+        """Return the cost from which on a class weighs nothing next to one of the least cost."""
+        return least * (1.0 + self.tuning.hopeless_share) + self.tuning.hopeless * self.problem.temperature
 
     def _from(self, query: Query, start: tuple[Course, int], stages: Iterable[Stage]) -> DDPGuide | None:
         course, length = start
