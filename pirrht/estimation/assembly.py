@@ -37,4 +37,5 @@ def path_integral(
     guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
     guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
     proposals = ProposalFactory(problem, space, sampling, world, guidance)
-    return PathIntegral(proposals, backend or Cpu.of(problem, threads), threads=threads, beyond=beyond)
+    simulates = Cpu.of(problem, threads, fitted=sampling.fitted) if backend is None else backend
+    return PathIntegral(proposals, simulates, threads=threads, beyond=beyond)

@@ -26,7 +26,6 @@ from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import Scales, WallDrift, squeezed, trust, under_way, window
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.trajectory import Trajectory
@@ -42,7 +41,7 @@ class ProposalFactory:
         climbs: whether samples climb the desirability of their class instead of following control sequences.
         climbs_too: whether some samples climb next to others that follow guides: of a point among moving obstacles.
         beyond: distance behind walls at which psi vanishes [m].
-        steady: whether the optimal control is a martingale (`is_steady`).
+        steady: whether the optimal control is a martingale (`KernelSpec.steady`).
     """
 
     def __init__(
@@ -57,7 +56,7 @@ class ProposalFactory:
         self.climbs_too = world.moving and self.pointlike and d.even
         self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
         self.beyond, self._soft = self._set_back(start)
-        self.steady = is_steady(kind_of(problem))
+        self.steady = kind_of(problem).steady
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @property

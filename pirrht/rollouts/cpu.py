@@ -25,7 +25,7 @@ from pirrht.rollouts.general.path import Kept, any_path
 from pirrht.rollouts.point.block import control, is_point, sample, trace
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.dynamics import no_homing
+from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.topology.moving_crossings import NO_RAYS
 
 KEPT: Any = Kept
@@ -41,25 +41,25 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     no_paths = empty_paths(0, 0, m)
 
     @kernel
-    def simulate(setup, leads, origin, start, stop, paths, again):  # type: ignore[no-untyped-def]
+    def simulate(setup, tables, origin, start, stop, paths, again):  # type: ignore[no-untyped-def]
         """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
 
         Those fill `again`, the arguments of `control` and `trace`, unless empty.
         """
         (number, group, weight), total, alive, states, steps = again
-        replayed, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
-        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
+        replayed, drawn, window, times = start == stop, states.shape[0] > 0, tables.window, tables.times
+        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, tables)
         applied, base = np.zeros((alive.shape[1] if replayed else window, m)), np.empty(m)
         led_by, h = np.empty((0 if replayed else window, m)), 0
         for c in range(number.shape[0] if replayed else stop - start):
             s = number[c] if replayed else start + c
-            while s >= leads.first[h + 1]:
+            while s >= tables.first[h + 1]:
                 h += 1
-            while s < leads.first[h]:
+            while s < tables.first[h]:
                 h -= 1
             log_ratio = ratio if replayed else paths.log_ratio[s]
             keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
-            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
+            work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
             if replayed:
                 if drawn:
                     steps[c] = taken
@@ -79,18 +79,18 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                 for j in range(m):
                     paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
 
-    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
+    def sample(setup: Any, tables: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
         """Fill `paths` for the samples from `start` to `stop`."""
         if stop > start:
-            simulate(setup, leads, origin, start, stop, paths, (NONE_CHOSEN, *NO_CONTROLS, *NO_STATES))
+            simulate(setup, tables, origin, start, stop, paths, (NONE_CHOSEN, *NO_CONTROLS, *NO_STATES))
 
-    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
+    def control(setup: Any, tables: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
         """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        simulate(setup, leads, origin, 0, 0, no_paths, (chosen, total, alive, *NO_STATES))
+        simulate(setup, tables, origin, 0, 0, no_paths, (chosen, total, alive, *NO_STATES))
 
-    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
+    def trace(setup: Any, tables: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
         """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        simulate(setup, leads, origin, 0, 0, no_paths, (Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps))
+        simulate(setup, tables, origin, 0, 0, no_paths, (Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps))
 
     return Kernels(sample, control, trace, TUNING.alone)
 
@@ -114,9 +114,9 @@ class Cpu(NamedTuple):
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, threads: int | None = None) -> Cpu:
-        """Choose the kernels of a problem; without a number of threads there is one per core that this process has."""
-        return cls(kernels_for(problem), threads or len(os.sched_getaffinity(0)))
+    def of(cls, problem: Problem, threads: int | None = None, *, fitted: bool = True) -> Cpu:
+        """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
+        return cls(kernels_for(problem, fitted=fitted), threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
         """Simulate all S samples of the tables, split over the threads."""
@@ -146,15 +146,15 @@ class Cpu(NamedTuple):
         return total, alive
 
 
-def kernels_for(problem: Problem) -> Kernels:
-    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
+def kernels_for(problem: Problem, *, fitted: bool = True) -> Kernels:
+    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
     if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
         return Kernels(sample, control, trace, alone=TUNING.alone_points)
-    return loops(*any_path(kind_of(problem)), problem.dynamics.m)
+    return loops(*any_path(kind_of(problem, fitted=fitted)), problem.dynamics.m)
 
 
-def kind_of(problem: Problem) -> KernelSpec:
-    """Describe a problem for which kernels are compiled."""
+def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:
+    """Describe a problem for which kernels are compiled, and whether steps are `Sampling.fitted`."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return KernelSpec(
@@ -164,7 +164,7 @@ def kind_of(problem: Problem) -> KernelSpec:
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
         noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
         input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
-        moving=bool(problem.scene.movers),
+        moving=bool(problem.scene.movers), curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.rollouts.tuning import TUNING
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
@@ -21,7 +22,7 @@ if TYPE_CHECKING:  # records hold what geometry and topology build, and need nei
     from pirrht.topology.homology import Homology
     from pirrht.topology.moving_crossings import RayTable
 
-FINER = 4  # rows of a law per step of the grid
+FINER = TUNING.law_rows
 
 
 def law_width(n: int, modes: int) -> int:
