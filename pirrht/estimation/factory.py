@@ -57,6 +57,8 @@ class ProposalFactory:
         self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
         self.beyond, self._soft = self._set_back(start)
         self.steady = kind_of(problem).steady
+        self._drifts = self.climbs or (guidance is not None and guidance.gated)
+        self._law_width = 0 if guidance is None else guidance.law_width
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @property
@@ -185,18 +187,17 @@ class ProposalFactory:
         (setup, homology), x, times, d = self.world.snapshot, batch.state, batch.times, self.problem.dynamics
         H, T, m = len(batch.proposals), len(times) - 1, d.m
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        scales, moving, guidance = self.scales(x), self.world.moving, self.guidance
+        scales, moving = self.scales(x), self.world.moving
         near = min(self._clearance(x, batch.time), float(self._from_goal(x))) if self.pointlike else np.inf
-        drifts = self.climbs or (guidance is not None and guidance.gated)
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if drifts else 0.0,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.reach if self._drifts else 0.0,
             beyond=self.beyond, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T * FINER, 0 if guidance is None else guidance.law_width)), led=np.zeros(H, np.int64),
+            law=np.zeros((H, T * FINER, self._law_width)), led=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
             trust=trust(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip

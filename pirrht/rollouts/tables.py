@@ -164,9 +164,8 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
 
 
 class Kernels(NamedTuple):
-    """Compiled rollouts of one kind of dynamics; all take (setup, leads, origin) first."""
+    """Compiled rollouts of one kind of dynamics; all take (setup, tables, origin) first."""
 
     sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
-    control: Callable[..., None]  # (.., chosen, total, alive): adds the controls that chosen samples carried
-    trace: Callable[..., None]  # (.., number, states, steps): states of chosen samples
+    replay: Callable[..., None]  # (.., number, states, applied, steps): states, controls and steps of chosen samples
     alone: int  # one thread is done with fewer samples than this before another one is awake

@@ -26,6 +26,7 @@ class RolloutTuning(NamedTuple):
     lanes: int = 512  # paths of a block of points: all rows of numbers together stay within the nearest cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
     chunk: int = 64  # lanes for which numbers of a tube are looked up before they are evaluated
+    replayed: int = 2048  # samples simulated again at once: their states and controls take memory
     alone_points: int = 2400  # samples of a point that one thread simulates before a second one is awake
     alone: int = 64  # those of another system
 

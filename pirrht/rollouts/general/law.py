@@ -219,15 +219,20 @@ def aims(kind: KernelSpec) -> Any:
                 scratch.a[g, j] += tables.drift[g, i, j]
 
     @part
+    def drifts(tables, g):  # type: ignore[no-untyped-def]
+        """Tell whether walls push on top: where noise moves the position, and neither tube nor law has it."""
+        apart = tables.ways.count[g] == 0 and (tables.led[g] == 0 or gated)
+        return noisy_position and tables.reach > 0.0 and apart
+
+    @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
         """Add the control sequence, and wall drift where nothing else has it."""
-        a, in_tube, under_way = scratch.a, tables.ways.count[g] > 0, i < tables.active[g]
-        drifts = noisy_position and tables.reach > 0.0 and not in_tube and (tables.led[g] == 0 or gated)
+        a, pushed, under_way = scratch.a, drifts(tables, g), i < tables.active[g]
         if under_way:
             add_sequence(tables, scratch, g, i)
-        for j in range(m if drifts else 0):
+        for j in range(m if pushed else 0):
             a[g, j] += scratch.pushed[j]
-        for j in range(m if takes_law and (under_way or drifts or in_tube) else 0):
+        for j in range(m if takes_law and (under_way or pushed or tables.ways.count[g] > 0) else 0):
             scratch.wide[g, j] = a[g, j]
 
     @part
@@ -235,8 +240,10 @@ def aims(kind: KernelSpec) -> Any:
         """Write them at (step i of the grid, share of it); if nothing is weighed, only that of the one followed, h."""
         lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
-            lost[g] = lost[g] or (takes_law and weigh and ratio[g] < ratio[h] - TUNING.lost)
-            if lost[g]:  # never of h
+            if takes_law and weigh:
+                # dQ_g/dQ_h is a martingale, so that exp(-lost) is also the expected share of it later; never of h.
+                lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.lost
+            if lost[g]:
                 continue
             if noisy_position and tables.ways.count[g] > 0:
                 along_tube(tables, scratch, g, setup.arena.goal, walls)

@@ -7,13 +7,12 @@ Exits and close walls, which are rare, are done lane by lane; paths that have en
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
@@ -24,7 +23,7 @@ from pirrht.rollouts.point.stages import (  # isort: skip
     SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, pace, row_of,
     scratch_of, settle, tape_control, way_control,
 )  # fmt: skip
-from pirrht.rollouts.tables import Chosen, Origin, empty_paths
+from pirrht.rollouts.tables import Origin, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import Dynamics, no_drift
 
@@ -268,48 +267,21 @@ def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths
     blocks(setup, tables, origin, start, stop, paths, scratch_of(len(tables.control)))
 
 
-def control(setup: Any, tables: Any, origin: Origin, chosen: Chosen, total: Array, alive: Array) -> None:
-    """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-    for _, places, steps, taken in _recorded(setup, tables, origin, chosen.number):
-        _carried(tables.times, setup.inverse, taken, steps, chosen.group[places], chosen.weight[places], total, alive)
-
-
-def trace(
-    setup: Any, tables: Any, origin: Origin, number: NDArray[np.int64], states: Array, out: NDArray[np.int64]
+def replay(
+    setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
 ) -> None:
-    """Write states (c, T+1, 2) and number of steps (c,) of chosen samples."""
-    states[:, 0] = origin.x
-    for _, places, steps, taken in _recorded(setup, tables, origin, number):
-        out[places] = steps
-        under_way = np.arange(taken.shape[1]) < steps[:, None]
-        states[places, 1:] = np.where(under_way[:, :, None], taken[:, :, :2], 0.0)
-
-
-def _recorded(
-    setup: Any, tables: Any, origin: Origin, chosen: NDArray[np.int64]
-) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
-    """Yield reference, places in `chosen`, numbers of steps and steps (., T, 4), block by block."""
+    """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
     H, T, m = tables.control.shape
-    order = np.argsort(chosen, kind="stable")
-    listed = np.ascontiguousarray(chosen[order])
+    order, states[:, 0], inverse = np.argsort(number, kind="stable"), origin.x, setup.inverse
+    listed = np.ascontiguousarray(number[order])
     edges = np.searchsorted(listed, tables.first)
-    scratch, taken = scratch_of(H), np.zeros((LANES, T, 4), np.float32)
-    paths = empty_paths(len(listed), H, m)
+    scratch, taken, paths = scratch_of(H), np.zeros((LANES, T, 4), np.float32), empty_paths(len(listed), H, m)
     for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
         for start in range(first, end, LANES):
-            stop = min(start + LANES, end)
-            taken[:] = 0.0
+            stop, taken[:] = min(start + LANES, end), 0.0
             block(setup, tables, origin, Run(h, start, stop, listed), paths, taken, scratch)
-            yield h, order[start:stop], paths.steps[start:stop], taken[: stop - start]
-
-
-@kernel
-def _carried(times, inverse, taken, steps, group, weight, total, alive):  # type: ignore[no-untyped-def]
-    """Add the controls of recorded steps (c, T, 4), as `control` says."""
-    for c in range(steps.shape[0]):
-        g, w = group[c], weight[c]
-        for i in range(steps[c]):
-            dt, y0, y1 = times[i + 1] - times[i], taken[c, i, 2], taken[c, i, 3]
-            alive[g, i] += w
-            for j in range(2):
-                total[g, i, j] += w * (inverse[j, 0] * y0 + inverse[j, 1] * y1) / dt
+            places = order[start:stop]
+            steps[places] = paths.steps[start:stop]
+            own = np.where((np.arange(T) < steps[places, None])[:, :, None], taken[: stop - start], 0.0)
+            controls = own[:, :, 2:3] * inverse[:, 0] + own[:, :, 3:] * inverse[:, 1]
+            states[places, 1:], applied[places] = own[:, :, :2], controls / np.diff(tables.times)[:, None]
