@@ -22,7 +22,7 @@ from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.point.block import is_point, replay, sample
+from pirrht.rollouts.point.block import replay, sample
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
@@ -135,9 +135,10 @@ class Cpu(NamedTuple):
 
 def kernels_for(problem: Problem, *, fitted: bool = True) -> Kernels:
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
-    if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
+    d = problem.dynamics
+    if d.even and d.constant and not callable(problem.q) and not problem.scene.movers:
         return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, fitted=fitted)), problem.dynamics.m)
+    return loops(*any_path(kind_of(problem, fitted=fitted)), d.m)
 
 
 def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:

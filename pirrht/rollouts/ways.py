@@ -70,17 +70,6 @@ def push_of(c, reach):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-def]
-    """Add the push of walls that reach as far as the ones to the `left` and `right` of (tx, ty) do [m]."""
-    c, nx, ny, d, mx, my = walls
-    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether they stand to the left
-    near = left if first else right
-    far = ZERO if first == second else (left if second else right)
-    one, other = push_of(c, near), push_of(d, far)
-    return gx + one * nx + other * mx, gy + one * ny + other * my
-
-
-@inlined
 def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
     """Return how far (x, y) [m] has passed cross-section s [m], and its place along it in nodes."""
     k = PLACE * s
@@ -155,7 +144,12 @@ def slope_of(f, at, each, decay, goal, x, y, walls):  # type: ignore[no-untyped-
     rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
     gx, gy = rate * dx if end else gx, rate * dy if end else gy
     tx, ty = dx if end else f[at + 5 * each], dy if end else f[at + 6 * each]
-    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
+    left, right = reach if end else left, reach if end else right
+    c, nx, ny, d, mx, my = walls
+    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether a wall is to the left
+    near, far = left if first else right, ZERO if first == second else (left if second else right)
+    one, other = push_of(c, near), push_of(d, far)
+    return gx + one * nx + other * mx, gy + one * ny + other * my
 
 
 @kernel

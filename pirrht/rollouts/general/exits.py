@@ -22,9 +22,9 @@ from pirrht.rollouts.first_exit import (
     endpoint_exit,
     line_of,
     rim_along,
+    sweep_onward,
 )
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.sweep import sweep_onward
 
 
 @cache

@@ -16,10 +16,9 @@ from pirrht.jit.streams import fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, facing, fitting, wall_slope
+from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 from pirrht.rollouts.general.law import columns_of
-from pirrht.rollouts.sweep import sweep_exit, turn_of
 from pirrht.rollouts.tuning import TUNING
 
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO

@@ -25,7 +25,6 @@ from pirrht.rollouts.point.stages import (  # isort: skip
 )  # fmt: skip
 from pirrht.rollouts.tables import Origin, empty_paths
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.dynamics import Dynamics, no_drift
 
 
 class Run(NamedTuple):
@@ -39,15 +38,6 @@ class Run(NamedTuple):
 
 
 RUN: Any = Run
-
-
-def is_point(d: Dynamics) -> bool:
-    """Tell whether the dynamics are those of a point, with isotropic constant noise and no drift."""
-    if not (d.n == d.m == 2 and d.drift is no_drift and d.constant):
-        return False
-    B = d.B_c(np.zeros(2))
-    cov = B @ B.T
-    return bool(cov[0, 1] == 0.0 and cov[0, 0] == cov[1, 1])
 
 
 @kernel
