@@ -16,18 +16,12 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import BAND, LEVEL_BITS, LEVELS, NOTHING, REACH, SHARP, Arrays, Field
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Arrays, Field
 from pirrht.geometry.flat import CURVED, FLAT
+from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Found
 from pirrht.jit.jit import inlined, kernel
 
-WIDTHS = (8, 16, 32)  # cells on a side of a block; wider ones make the table smaller and waste more points
-TABLE = 32_000_000  # places of the largest table, 4 bytes each
-MAX_POINTS = 24_000_000  # points of all blocks: 12 bytes, and about a quarter of a microsecond each
-MAX_COARSE_CELLS = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
-MAX_QUERIES = 1_000_000  # points at which solids are queried one at a time, some 10 microseconds each
-ROOMY = 8.0  # widths of a cell: with more clearance interpolation errs by less than a hundredth, flat or not
-AT_ONCE = 4096  # blocks
 TOP = LEVELS - 1
 
 Origins = NDArray[np.int64]  # (k, 2) first cells of blocks, in the finest spacing
@@ -52,7 +46,11 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
     for level in range(TOP, -1, -1):
         builder.reserve(level, origins)
         origins = np.concatenate(
-            [builder.add(level, origins[i : i + AT_ONCE]) for i in range(0, len(origins), AT_ONCE)] or [origins]
+            [
+                builder.add(level, origins[i : i + TUNING.blocks_at_once])
+                for i in range(0, len(origins), TUNING.blocks_at_once)
+            ]
+            or [origins]
         )
     return Field.in_blocks(collision.world, h, builder.table, builder.arrays())
 
@@ -63,11 +61,11 @@ def block_width(span: Array, h: float) -> int:
     Raises:
         TooLarge: the table would be too large with any.
     """
-    for cells in WIDTHS:
+    for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
         places = float(np.prod(_tops(span, h, cells) * 2.0**TOP))
-        if places <= TABLE:
+        if places <= TUNING.table_places:
             return cells
-    raise TooLarge(float(np.sqrt(TABLE / places)))
+    raise TooLarge(float(np.sqrt(TUNING.table_places / places)))
 
 
 def _tops(span: Array, h: float, cells: int) -> Array:
@@ -92,7 +90,7 @@ class _Builder(NamedTuple):
         cells = block_width(span, h)
         table = np.zeros((_tops(span, h, cells) * 2**TOP).astype(int), dtype=np.int32)
         table[:] = TOP  # block 0, which is constant
-        far, shape = REACH if len(members) else NOTHING, (1, cells + 1, cells + 1)
+        far, shape = REACH if len(members) else TUNING.nothing, (1, cells + 1, cells + 1)
         constant = (np.full(shape, far, np.float32), np.full(shape, far, np.float32), np.full(shape, -1, np.int32))
         return cls(collision, list(members), h, cells, table, [constant])
 
@@ -121,15 +119,15 @@ class _Builder(NamedTuple):
     def reserve(self, level: int, origins: Origins) -> None:
         """Refuse blocks (k, 2) that are too many or take too many queries; a finer level takes about twice as many."""
         points = (self.size + len(origins)) * (self.cells + 1) ** 2
-        if points > MAX_POINTS:
-            raise TooLarge(float(np.sqrt(MAX_POINTS / points)))
-        if level == TOP and len(origins) * self.cells**2 > MAX_COARSE_CELLS:
-            raise TooLarge(float(np.sqrt(MAX_COARSE_CELLS / (len(origins) * self.cells**2))))
+        if points > TUNING.block_points:
+            raise TooLarge(float(np.sqrt(TUNING.block_points / points)))
+        if level == TOP and len(origins) * self.cells**2 > TUNING.coarse_cells:
+            raise TooLarge(float(np.sqrt(TUNING.coarse_cells / (len(origins) * self.cells**2))))
         middles = self.collision.world.lower + (origins + (self.cells << level) / 2) * self.h
         cutoff = REACH + self.collision.footprint.radius + self.cells * 2**level * self.h
         queries = self.collision.queried_points(middles, self.members, cutoff) * (self.cells + 1) ** 2 << level
-        if queries > MAX_QUERIES:
-            raise TooLarge(float(np.sqrt(MAX_QUERIES / queries)))
+        if queries > TUNING.queries:
+            raise TooLarge(float(np.sqrt(TUNING.queries / queries)))
 
     def add(self, level: int, origins: Origins) -> Origins:
         """Sample blocks (k, 2) of a level and enter them; return the required blocks of the next finer level."""
@@ -143,7 +141,7 @@ class _Builder(NamedTuple):
         _go_on_inside(found, width)
         kind = np.zeros((len(origins), self.cells, self.cells), dtype=np.int8)
         if level:  # on the finest level what flat faces spare is not worth the query
-            kind = self.collision.flat_cells(points, found, self.members, min(cutoff, r + ROOMY * width))
+            kind = self.collision.flat_cells(points, found, self.members, min(cutoff, r + TUNING.exact_cells * width))
         nearest, farther, finer = np.empty(shape), np.empty(shape), np.zeros((len(origins), 2, 2), dtype=np.bool_)
         _finish(found, kind, width, r, level == 0, nearest, farther, finer)
         self._enter(level, origins)
@@ -236,15 +234,15 @@ def _coarse(near, far, which, kind, i, j, width, radius):  # type: ignore[no-unt
     """Return whether a cell is too wide for the walls in it."""
     a, b, c, d = near[i, j], near[i + 1, j], near[i, j + 1], near[i + 1, j + 1]
     least = min(min(a, b), min(c, d))
-    if max(max(a, b), max(c, d)) <= -1.5 * width or least >= max(BAND * width, SHARP * radius):
+    if max(max(a, b), max(c, d)) <= -1.5 * width or least >= max(TUNING.band * width, TUNING.sharp * radius):
         return False
-    if kind == CURVED and least < BAND * width:
+    if kind == CURVED and least < TUNING.band * width:
         return True
-    if least >= SHARP * radius:
+    if least >= TUNING.sharp * radius:
         return False
     m = which[i, j]
     if kind != FLAT and (which[i + 1, j] != m or which[i, j + 1] != m or which[i + 1, j + 1] != m):
         return True
     a, b, c, d = far[i, j], far[i + 1, j], far[i, j + 1], far[i + 1, j + 1]
     lowest, highest = min(min(a, b), min(c, d)), max(max(a, b), max(c, d))
-    return highest - lowest > 1.5 * width and lowest < SHARP * radius
+    return highest - lowest > 1.5 * width and lowest < TUNING.sharp * radius

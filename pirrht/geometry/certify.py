@@ -10,11 +10,12 @@ import math
 
 from pirrht.geometry.arcs import along, point_along
 from pirrht.geometry.field import border, clearance, closest
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.addresses import load_float32
 from pirrht.jit.jit import inlined, kernel
 
 FREE, UNSURE, BLOCKED = 1, 0, -1
-LEAST_STEP = 1e-3  # a certificate that would have to advance less than this [m] is left to FCL
+LEAST_STEP = TUNING.least_step
 
 
 @kernel

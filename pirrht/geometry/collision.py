@@ -21,13 +21,10 @@ from pirrht.geometry.fcl_shapes import ball, capsule, shell_of, solid_of, tree_o
 from pirrht.geometry.flat import CURVED, flat_cells
 from pirrht.geometry.scene import Footprint, Kind, Workspace
 from pirrht.geometry.shapes import PROBE, Solids, distance_from
+from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.walls import Answer, Found, nearest_walls, queried_points
 
-TOLERANCE = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]
-SHORTEST = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]
-CONFIRMED = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
-KINK = 3.0  # in so many cells around it, interpolation is wrong where the distance to the rim takes over
-SPOTS = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
+SHORTEST = TUNING.shortest
 
 
 def touches(
@@ -82,7 +79,7 @@ class Collision:
         self._collision_request = fcl.CollisionRequest()
         self._waivers = np.array(world.waivers).reshape(-1, 4)
         self._border: tuple[float, ...] = (*world.lower.tolist(), *world.upper.tolist())
-        self._slack = 2 * TOLERANCE if self._doubtful else 1e-9
+        self._slack = 2 * TUNING.hull_error if self._doubtful else 1e-9
         self._forms = Solids.of(world.obstacles)
         self._lowest, self._highest = self._forms.low, self._forms.high
 
@@ -138,12 +135,13 @@ class Collision:
         """Return of which solids FCL confirms the closed form at corners and sides of rectangles around them, (M,)."""
         confirmed = self._forms.form >= 0
         r, height = self.footprint
+        spots = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1], [1, 0.1], [-1, -0.1], [0.1, 1], [-0.1, -1]])
         for m in np.flatnonzero(confirmed):
             middle, half = 0.5 * (self._lowest[m] + self._highest[m]), 0.5 * (self._highest[m] - self._lowest[m])
-            around = np.vstack([middle + share * (half + r) * SPOTS for share in (0.4, 1.0)])
+            around = np.vstack([middle + share * (half + r) * spots for share in (0.4, 1.0)])
             exact = self.obstacle_distance(int(m), around)
             found = np.array([distance_from(self._forms, m, *spot, height) for spot in around])
-            confirmed[m] = np.all(np.abs(np.where(found > PROBE, found, 0.0) - exact) < CONFIRMED)
+            confirmed[m] = np.all(np.abs(np.where(found > PROBE, found, 0.0) - exact) < TUNING.form_error)
         return confirmed
 
     def clearance(self, points: Array) -> Array:
@@ -231,7 +229,7 @@ class Collision:
         for x, y, disc, less in self._waivers:
             away = np.hypot(points[..., 0] - x, points[..., 1] - y)
             other = np.minimum(self.footprint.radius + disc - away, d + less)
-            kink = np.where(np.abs(eased - other) < KINK * cell, min(0.6 * cell, 0.5 * less), 0.0)
+            kink = np.where(np.abs(eased - other) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
             eased = np.maximum(eased, other) - kink
         return np.where(d > 0.0, eased, d)
 
@@ -266,8 +264,8 @@ class Collision:
         return self._corrected(point, d, lambda body: self._hits_one(self._solids[index], body))
 
     def _corrected(self, point: Array, d: float, hits: Callable[[Any], bool]) -> float:
-        """Return the greatest radius up to d of a ball that hits nothing, to within TOLERANCE."""
-        margin = 0.5 * TOLERANCE
+        """Return the greatest radius up to d of a ball that hits nothing, to within TUNING.hull_error."""
+        margin = 0.5 * TUNING.hull_error
         if d <= margin or not hits(ball(point, d - margin)):
             return d
         if hits(ball(point, PROBE)):

@@ -15,8 +15,6 @@ from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 
-TOUCHING = 1e-7  # distance from the goal's disc that counts as touching it [m]
-
 
 class Cubic(NamedTuple):
     """One path of constant jerk, as numbers."""
@@ -75,7 +73,7 @@ def entry_of_cubic(c, duration, gx, gy, radius):  # type: ignore[no-untyped-def]
     while True:
         x, y = place(c, s)
         gap = math.hypot(x - gx, y - gy) - radius
-        if gap <= TOUCHING:
+        if gap <= 1e-7:  # [m]: rounding of a march to the rim
             return s
         if s >= duration:
             return np.inf

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import BAND, LEVELS, NOTHING, REACH, SHARP, Field
+from pirrht.geometry.field import LEVELS, REACH, Field
+from pirrht.geometry.tuning import TUNING
 
 Mask = NDArray[np.bool_]  # (nx, ny)
 Values = tuple[Array, Array, NDArray[np.int64]]  # nearest, second and label at the points of a grid, (nx, ny)
@@ -38,9 +39,9 @@ def build_dense(collision: Collision, members: Sequence[int], h: float) -> Field
     for _ in range(LEVELS - 1):
         least, most = _least(nearest), -_least(-nearest)
         margin = width**2 / (4.0 * np.maximum(least + least_r - np.sqrt(2.0) * width, 0.5 * least_r))
-        shallow, near = most > -1.5 * width, SHARP * r
+        shallow, near = most > -1.5 * width, TUNING.sharp * r
         corners = world.lower + width * np.moveaxis(np.indices(least.shape), 0, -1)
-        refine = _within(shallow & (least < BAND * width) | collision.near_waivers(corners, 2.0 * width))
+        refine = _within(shallow & (least < TUNING.band * width) | collision.near_waivers(corners, 2.0 * width))
         change = _within(_change(shallow & (least < near), second, label, width, near))
         width /= 2.0
         near_guess, second_guess = _upsample(nearest) - _fill(margin), _upsample(second)
@@ -61,12 +62,12 @@ class _Level:
     def at(self, width: float, refine: Mask, change: Mask, guess: Values | None) -> Values:
         """Return values at points to refine, second wall and label where these change, and elsewhere the guess."""
         if guess is None:
-            shape, far = refine.shape, REACH if self.members else NOTHING
+            shape, far = refine.shape, REACH if self.members else TUNING.nothing
             cutoff, guess = REACH, (np.full(shape, far), np.full(shape, far), np.full(shape, -1, dtype=np.int64))
         else:
-            cutoff = min(REACH, 2.0 * (BAND + 1.5) * width)  # no nearest solid of a refined cell is farther
+            cutoff = min(REACH, 2.0 * (TUNING.band + 1.5) * width)  # no nearest solid of a refined cell is farther
         if self.members:
-            near = max(cutoff, min(REACH, SHARP * self.collision.footprint.radius + 3.0 * width))
+            near = max(cutoff, min(REACH, TUNING.sharp * self.collision.footprint.radius + 3.0 * width))
             self.query(width, refine & ~change, refine, cutoff, guess)
             self.query(width, change, refine, near, guess)
         return guess

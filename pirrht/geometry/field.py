@@ -20,15 +20,13 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Workspace
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.addresses import load_float32, load_int32
 from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import inlined, kernel
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
-BAND = 2.0  # a cell is refined where its clearance is less than this many of its own widths
-REACH = 1.0  # the field reports no clearance above this [m]; exits and bridges are decided far below it
-SHARP = 4.0  # where walls change that are less than this many robot radii away, the change is refined
-NOTHING = 1e6  # clearance where there are no obstacles at all [m]
+REACH = TUNING.cutoff
 LEVEL_BITS = 2  # of a table's entry: the lowest bits are a block's level, the others its number
 
 Arrays = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]  # nearest, second, label
@@ -232,10 +230,6 @@ def clearances(field, points, out):  # type: ignore[no-untyped-def]
         out[k] = clearance(field, points[k, 0], points[k, 1])
 
 
-TINY = np.float32(1e-12)
-JUMP, AWAY = np.float32(2.0), np.float32(1e6)  # steeper than a distance can be: another wall is second from there on
-
-
 @inlined
 def two_walls(field, x, y):  # type: ignore[no-untyped-def]
     """Return the two nearest walls at (x, y) [m], border included: distance [m] and unit vector away from it, each."""
@@ -260,8 +254,9 @@ def walls_of(field, x, y, nearest, second):  # type: ignore[no-untyped-def]
     """Return the two nearest walls from clearances (c, gx, gy) [m] of two obstacles, in single precision."""
     c, nx, ny = np.float32(nearest[0]), np.float32(nearest[1]), np.float32(nearest[2])
     d, mx, my = np.float32(second[0]), np.float32(second[1]), np.float32(second[2])
-    d = d if mx * mx + my * my < JUMP else AWAY
-    one, other = ONE / math.sqrt(nx * nx + ny * ny + TINY), ONE / math.sqrt(mx * mx + my * my + TINY)
+    d = d if mx * mx + my * my < np.float32(2.0) else np.float32(1e6)  # steeper than a distance can be: another wall
+    tiny = np.float32(1e-12)  # for places on a wall
+    one, other = ONE / math.sqrt(nx * nx + ny * ny + tiny), ONE / math.sqrt(mx * mx + my * my + tiny)
     nx, ny, mx, my = one * nx, one * ny, other * mx, other * my
     left, right = np.float32(x - field.left), np.float32(field.right - x)
     low, high = np.float32(y - field.low), np.float32(field.high - y)

@@ -16,13 +16,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.collision import SHORTEST, Collision
 from pirrht.geometry.scene import ROUNDING, Goal, Scene, Waiver
-
-KEPT_SHARES = (0.5, 0.25, 0.0)  # of the clearance at the start, kept around it; the first one with a path out is taken
-TURNING_REACH = 4.0  # added to a disc's radius, for robots that cannot turn on the spot [body radii]
-EXIT_SHARE = 0.75  # of a disc's radius, within which a path must have left the margin
-MAX_REACH = 64.0  # radius of the largest disc that is searched for a path out [body radii]
-LATTICE = 32  # points in a goal's radius
-SIMILAR = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
+from pirrht.geometry.tuning import TUNING
 
 
 def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> Scene:
@@ -45,7 +39,7 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
         wide, part = (_free_part(scene, collision, radius) for radius in (scene.robot_radius, body))
         if part is None:
             raise SceneError(_in_collision(scene, "goal", goal.center, ", as everywhere in its disc"))
-        goal = part if wide is None or wide.radius < SIMILAR * part.radius else wide
+        goal = part if wide is None or wide.radius < TUNING.similar * part.radius else wide
         if collision.distance(goal.center[None])[0] < scene.robot_radius:
             waivers.append(_waiver(scene, collision, goal.center))
     changed = goal is not scene.goal or len(waivers) > len(scene.waivers)
@@ -65,10 +59,10 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out."""
     body = _body_radius(scene)
     clearance = float(collision.distance(point[None])[0]) - body
-    for share in KEPT_SHARES:
+    for share in (0.5, 0.25, 0.0):  # of the clearance is kept; the first one with a path out is taken
         radius = body + min(share * clearance, clearance - SHORTEST)
-        disc, leads_out = 2.0 * (scene.margin - clearance) + TURNING_REACH * body, False
-        while not leads_out and disc < MAX_REACH * body:
+        disc, leads_out = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body, False
+        while not leads_out and disc < TUNING.max_reach * body:
             leads_out = _leads_out(collision, point, radius, disc)
             disc *= 1.0 if leads_out else 2.0
         if leads_out:
@@ -93,7 +87,7 @@ def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -
     free &= np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
     free[count, count] = True
     pieces, _ = label(free)
-    return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < EXIT_SHARE * disc)))
+    return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < TUNING.exit_share * disc)))
 
 
 def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:
@@ -104,8 +98,8 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     from scipy.ndimage import label, maximum
 
     goal = scene.goal
-    cell = goal.radius / LATTICE
-    places = goal.center + cell * _lattice(LATTICE)
+    cell = goal.radius / TUNING.goal_lattice
+    places = goal.center + cell * _lattice(TUNING.goal_lattice)
     to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
     to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
     to_obstacles = collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
@@ -114,7 +108,7 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     if not count:
         return None
     greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
-    inside = (clearance >= SIMILAR * greatest) & (greatest >= SIMILAR * greatest.max())
+    inside = (clearance >= TUNING.similar * greatest) & (greatest >= TUNING.similar * greatest.max())
     centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))

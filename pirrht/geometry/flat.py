@@ -17,9 +17,6 @@ from pirrht.geometry.walls import Found, square_to
 from pirrht.jit.jit import inlined, kernel
 
 CURVED, BENT, FLAT = 0, 1, 2  # what is known of a cell: nothing; several faces, each of them flat; one face only
-LINEAR = 1e-9  # relative difference between a distance and its planar part that is rounding
-PARALLEL = 1e-7  # sine of an angle that is rounding
-HALF_DIAGONAL = math.sqrt(0.5)
 
 
 def flat_cells(
@@ -57,7 +54,7 @@ def _judge(solids, closed, bins, points, found, width, height, cutoff, out):  # 
                 low = min(min(first[i, j], first[i + 1, j]), min(first[i, j + 1], first[i + 1, j + 1]))
                 high = max(max(first[i, j], first[i + 1, j]), max(first[i, j + 1], first[i + 1, j + 1]))
                 # Some point of the cell is as near to a solid as to the nearest: this far from the middle at most.
-                most = max(low, 0.0) + 3.0 * HALF_DIAGONAL * width
+                most = max(low, 0.0) + 3.0 * math.sqrt(0.5) * width
                 if most >= cutoff or high <= 0.0:
                     continue
                 for c in range(4):
@@ -94,7 +91,7 @@ def _kind(solids, closed, bins, near, corner, label, most, entered, height):  # 
 
 @inlined
 def _same(nx, ny, ux, uy):  # type: ignore[no-untyped-def]
-    return abs(nx * uy - ny * ux) < PARALLEL and nx * ux + ny * uy > 0.0
+    return abs(nx * uy - ny * ux) < 1e-7 and nx * ux + ny * uy > 0.0
 
 
 @inlined
@@ -114,13 +111,13 @@ def _face(solids, m, corner, label, height):  # type: ignore[no-untyped-def]
             if d <= PROBE:
                 return False, 0.0, 0.0
             ex, ey = offset_from(solids, m, x, y, height)
-        if abs(math.sqrt(ex * ex + ey * ey) - d) > LINEAR * (1.0 + d):
+        if abs(math.sqrt(ex * ex + ey * ey) - d) > 1e-9 * (1.0 + d):  # rounding
             return False, 0.0, 0.0
         ex, ey = ex / d, ey / d
         if known and not _same(nx, ny, ex, ey):
             return False, 0.0, 0.0
         nx, ny, level, known = ex, ey, d - ex * x - ey * y, True
     for c in range(4):
-        if corner[c, 2] <= 0.0 and corner[c, 2] > level + nx * corner[c, 0] + ny * corner[c, 1] + LINEAR:
+        if corner[c, 2] <= 0.0 and corner[c, 2] > level + nx * corner[c, 0] + ny * corner[c, 1] + 1e-9:  # rounding
             return False, 0.0, 0.0
     return known, nx, ny

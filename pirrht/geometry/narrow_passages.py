@@ -18,13 +18,8 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, value_at
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
-
-ROOM = 1.0  # a room is deeper than its door by this many spacings of the field, or it is grain
-SOLID = 0.5  # an obstacle is deeper than the gap by this share of the robot's radius; its inside by all of it
-BLOCKS = 2.0  # of the field's points that make a square, per radius: the thinnest obstacle still blocks one
-STEPS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
-FINE = 2  # levels below this are looked at point by point: wider cells hold whole squares
 
 
 class Pages(NamedTuple):
@@ -44,7 +39,7 @@ def narrow_places(field: Field, radius: float) -> tuple[int, NDArray[np.int64]]:
     Returns: the side of a square in grid points, and (row, column) of the squares (k, 2). The first point of a square
         is that many times (row, column).
     """
-    stride = max(1, int(radius / (BLOCKS * field.spacing)))
+    stride = max(1, int(radius / (TUNING.squares_per_radius * field.spacing)))
     squares = _pages_of(field, stride, radius)
     value, surroundings = squares.value, len(squares.value) - 1
     near = np.flatnonzero(value[: squares.empty] < REACH)
@@ -52,12 +47,15 @@ def narrow_places(field: Field, radius: float) -> tuple[int, NDArray[np.int64]]:
     rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
     found = np.zeros(len(value), dtype=np.bool_)
     root = np.full(len(value), -1, dtype=np.int32)
+    steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
     open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
-    _sweep(squares, open_space, STEPS, np.inf, root, np.zeros_like(found))
-    _sweep(squares, np.ascontiguousarray(rising[::-1]), STEPS, ROOM * field.spacing, root, found)
+    _sweep(squares, open_space, steps, np.inf, root, np.zeros_like(found))
+    _sweep(squares, np.ascontiguousarray(rising[::-1]), steps, TUNING.room_depth * field.spacing, root, found)
     root[:] = -1
     root[surroundings] = surroundings
-    _sweep(squares, rising, STEPS[:4], SOLID * radius, root, found)  # what is blocked must not meet at corners
+    _sweep(
+        squares, rising, steps[:4], TUNING.solid_depth * radius, root, found
+    )  # what is blocked must not meet at corners
     at = np.flatnonzero(found & (value > -field.spacing))  # a gap on whose axis no grid point lies may look closed
     at = at[np.argsort(value[at], kind="stable")]
     page, square = np.divmod(at, squares.side**2)
@@ -99,7 +97,7 @@ def _greatest(field, i, j, stride, radius):  # type: ignore[no-untyped-def]
     """Return the greatest clearance [m], from -radius to REACH, in the square that begins at grid point (i, j)."""
     h, best = field.spacing, -radius
     x, y = field.x0 + (i + 0.5) * h, field.y0 + (j + 0.5) * h
-    wide = cell_of(field, x, y)[3] * h * (1 << FINE) <= 1.0  # then the greatest value is at a corner
+    wide = cell_of(field, x, y)[3] * h * 4.0 <= 1.0  # its cells hold whole squares: the greatest value is at a corner
     step = stride if wide else 1
     for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
         for m in range(j, min(j + stride + (1 if wide else 0), field.ny), step):

@@ -17,18 +17,9 @@ from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance, value_at
 from pirrht.geometry.narrow_passages import narrow_places
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import kernel
 
-ANGLES = 16  # directions that are tried first, over half a turn
-TURNS = 4  # searches for the direction, each four times as fine
-MOVES = 10  # along the axis, to where a passage is narrowest
-NARROWER = 1e-3  # a move must shorten the chord by this share of it
-HALVINGS = 12
-STEP = 0.5  # of a walk along the axis [robot radii]
-STEPS = 60  # of the longest walk to one side
-WIDER = 1.0  # a walk ends where there is more clearance than in the middle by this [robot radii]
-ROOMY = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
-MAX_CORNERS = 2 * STEPS + 2
 BORDER = "border"  # its name next to those of solids
 
 
@@ -83,7 +74,7 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     """Find every passage that a robot can use by the clearance field; FCL decides where that is unsure."""
     radius = collision.footprint.radius
     middles: list[Array] = []
-    walks, work = [], np.empty((MAX_CORNERS, 3))
+    walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 3))
     middle = np.empty(4)  # x, y, heading, clearance
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
@@ -143,7 +134,7 @@ def _end_of_chord(field, x, y, ux, uy, most):  # type: ignore[no-untyped-def]
             return most
         low = high
         high += max(0.7 * (c - level), 0.25 * field.spacing)
-    for _ in range(HALVINGS):
+    for _ in range(TUNING.chord_halvings):
         s = 0.5 * (low + high)
         if clearance(field, x + s * ux, y + s * uy) > level:
             low = s
@@ -164,11 +155,11 @@ def _chord(field, x, y, angle, most):  # type: ignore[no-untyped-def]
 def _centre(field, radius, middle):  # type: ignore[no-untyped-def]
     """Move x, y, heading, clearance (4,) to the middle of the shortest chord; return whether the robot fits."""
     most = 3.0 * (max(middle[3], 0.0) + radius)
-    angle, step, length = 0.0, np.pi / ANGLES, np.inf
-    for _ in range(TURNS):
+    angle, step, length = 0.0, np.pi / TUNING.chord_angles, np.inf
+    for _ in range(TUNING.chord_turns):
         shortest, base = np.inf, angle
-        for k in range(ANGLES):
-            trial = base + (k - ANGLES // 2) * step
+        for k in range(TUNING.chord_angles):
+            trial = base + (k - TUNING.chord_angles // 2) * step
             length = _chord(field, middle[0], middle[1], trial, most)[0]
             if length < shortest:
                 shortest, angle = length, trial
@@ -185,14 +176,14 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
     best, shift = _chord(field, middle[0], middle[1], angle, most)
     middle[0] += shift * ux
     middle[1] += shift * uy
-    for _ in range(MOVES):
+    for _ in range(TUNING.chord_moves):
         shorter = False
         for side in (-move, move):
             x, y = middle[0] - side * uy, middle[1] + side * ux
             if clearance(field, x, y) <= -field.spacing:  # where the passage bends, this is in a wall
                 continue
             length, shift = _chord(field, x, y, angle, most)
-            if length < best - NARROWER * move:
+            if length < best - TUNING.chord_gain * move:
                 best, shorter = length, True
                 middle[0], middle[1] = x + shift * ux, y + shift * uy
         if not shorter:
@@ -203,7 +194,7 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
 @kernel
 def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
     """Write the corners of a passage's axis but for its middle, and their headings; return their number."""
-    if middle[3] > ROOMY * radius:
+    if middle[3] > TUNING.wide * radius:
         return 0
     count = _walk_to(field, radius, middle, 1.0, out, 0)
     return _walk_to(field, radius, middle, -1.0, out, count)
@@ -213,9 +204,9 @@ def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
 def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untyped-def]
     """Walk along the axis to one side until it is wide; corners are written only where the axis bends."""
     ux, uy = side * math.cos(middle[2]), side * math.sin(middle[2])
-    x, y, step, least = middle[0], middle[1], STEP * radius, middle[3]
+    x, y, step, least = middle[0], middle[1], TUNING.walk_step * radius, middle[3]
     from_x, from_y, heading = x, y, middle[2]
-    for _ in range(STEPS):
+    for _ in range(TUNING.walk_steps):
         next_x, next_y = x + step * ux, y + step * uy
         most = 2.0 * (max(clearance(field, x, y), 0.0) + radius)
         length, shift = _chord(field, next_x, next_y, math.atan2(ux, -uy), most)
@@ -232,7 +223,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         gap = math.hypot(next_x - x, next_y - y)
         ux, uy = (next_x - x) / gap, (next_y - y) / gap
         x, y, heading = next_x, next_y, math.atan2(side * uy, side * ux)
-        if c > least + WIDER * radius:
+        if c > least + TUNING.walk_wider * radius:
             break
     if x != from_x or y != from_y:
         out[count, 0], out[count, 1], out[count, 2] = x, y, heading

@@ -15,10 +15,9 @@ from pirrht.errors import SceneError
 from pirrht.geometry import solids
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.obstacle import Kind, Obstacle
+from pirrht.geometry.tuning import TUNING
 
 __all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
-
-WALL = 0.5  # height of walls that are made of plain numbers [m], more for a robot whose centre is higher
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,7 +50,7 @@ class Goal:
         return inside
 
 
-ROUNDING = 1e-9  # overlap that is rounding and no contact [m]
+ROUNDING = TUNING.rounding
 
 
 class Waiver(NamedTuple):
@@ -277,4 +276,4 @@ class Scene:
 
 def _height(task: Task) -> float:
     """Return the height [m] of walls that are as far from a robot as their outlines are."""
-    return max(WALL, 2.0 * task.get("robot_height", 0.0))
+    return max(TUNING.wall_height, 2.0 * task.get("robot_height", 0.0))

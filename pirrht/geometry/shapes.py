@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
-PROBE = 1e-6  # radius of the sphere that stands for the robot's centre; nearer than this counts as inside [m]
+PROBE = TUNING.probe
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)
 
 
@@ -146,13 +147,10 @@ class Bins(NamedTuple):
     member: NDArray[np.int64]  # (k,) solids, in the order of their indices within a cell
 
 
-MOST_BINS = 2048  # along a side
-
-
 def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, cutoff: float) -> Bins:
     """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
     corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
-    width = max(cutoff, float((end - corner).max()) / MOST_BINS)
+    width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
     counts = ((end - corner) / width).astype(np.int64) + 1
     wide = cutoff * (1.0 + 1e-9) + 1e-9
     low = np.floor((solids.low[members] - wide - corner) / width)

@@ -11,15 +11,14 @@ from numpy.typing import ArrayLike
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Kind, Obstacle, about_vertical
-
-SMALLEST = 1e-6  # side, radius, or area of a solid that counts as one [m], [m^2]
+from pirrht.geometry.tuning import TUNING
 
 
 def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], a yaw about the middle [rad]."""
     numbers = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
     half, middle = 0.5 * (numbers[:, 2:4] - numbers[:, :2]), 0.5 * (numbers[:, :2] + numbers[:, 2:4])
-    for i in np.flatnonzero(np.any(half < SMALLEST, axis=1)):
+    for i in np.flatnonzero(np.any(half < TUNING.smallest, axis=1)):
         raise SceneError(f"box {i + 1} is {numbers[i].tolist()}; x0 must be less than x1, and y0 than y1")
     return tuple(
         _standing(f"box {i}", Kind.BOX, np.array([*h, 0.5 * height]), xy, height, about_vertical(float(yaw)))
@@ -30,7 +29,7 @@ def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
 def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
     numbers = table(rows, (3,), "discs", "x, y, radius [m]")
-    for i in np.flatnonzero(numbers[:, 2] < SMALLEST):
+    for i in np.flatnonzero(numbers[:, 2] < TUNING.smallest):
         raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
     return tuple(
         _standing(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]), height)
@@ -110,7 +109,7 @@ def _convex_parts(name: str, corners: Array) -> list[Array]:
     if _crosses_itself(corners):
         raise SceneError(f"{name} crosses itself; list its corners in their order around it")
     area = 0.5 * float(np.sum(_cross(corners, np.roll(corners, -1, axis=0))))
-    if abs(area) < SMALLEST**2:
+    if abs(area) < TUNING.smallest**2:
         raise SceneError(f"{name} has no inside; give it three corners or more that are not in line")
     left = list(corners if area > 0 else corners[::-1])
     if all(_turn(left, k) >= 0 for k in range(len(left))):

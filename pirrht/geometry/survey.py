@@ -13,10 +13,7 @@ from pirrht.geometry.blocks import TooLarge, build_blocks
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.dense import build_dense, dense_shape
 from pirrht.geometry.field import Field
-
-FINENESS = 8.0  # spacings of the field in a robot's radius
-DENSE = 4_000_000  # points up to which one grid holds them all
-SINGLE = 2.0**17  # spacings from the origin at which single precision, in which paths are sampled, is too coarse
+from pirrht.geometry.tuning import TUNING
 
 
 def build_field(collision: Collision, members: Sequence[int]) -> Field:
@@ -27,14 +24,14 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     """
     world, radius = collision.world, collision.least_radius
     span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
-    h = radius / FINENESS
-    if farthest > SINGLE * h:
+    h = radius / TUNING.cells_per_radius
+    if farthest > TUNING.single_cells * h:
         raise SceneError(
             f"{_too_large(span, radius)}: {farthest:g} m from the origin positions are too coarse for it; up to "
-            f"{_rounded(SINGLE * h, math.floor)} m works, or a radius of "
-            f"{_rounded(farthest * FINENESS / SINGLE, math.ceil)} m or more"
+            f"{_rounded(TUNING.single_cells * h, math.floor)} m works, or a radius of "
+            f"{_rounded(farthest * TUNING.cells_per_radius / TUNING.single_cells, math.ceil)} m or more"
         )
-    if float(np.prod(np.array(dense_shape(span, h), dtype=float))) <= DENSE:
+    if float(np.prod(np.array(dense_shape(span, h), dtype=float))) <= TUNING.dense_points:
         return build_dense(collision, members, h)
     try:
         return build_blocks(collision, members, h)

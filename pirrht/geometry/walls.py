@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.shapes import PROBE, Bins, Solids, bin_at, bins_of, distance_from, offset_from, tiles
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, jitable, kernel
 
-APART_COSINE = 0.5  # cosine of the angle from which on two directions are those of two walls
-RISE_SINE = 0.15  # sine of the angle by which a solid has to rise from the plane of the nearer wall
+APART_COSINE = TUNING.apart_cosine
+RISE_SINE = TUNING.rise_sine
 
 Answer = tuple[float, float, float]  # distance and planar vector (x, y) from the nearest point [m], all 0 inside
 Query = Callable[[int, Array], Answer]  # of a solid, at a point (3,) [m]

@@ -6,6 +6,7 @@ exits              meetings of a sampled step with a moving obstacle
 certify            certificates of straight steps in space and time
 spans              boxes that bound an obstacle within spans of time
 broad_phase        obstacles that may be near a cell of space and time; broad_phase_cache: near one path
+tuning             numbers that trade accuracy for time or memory, and widths of arrays
 
 The package imports the core; `pirrht.geometry` imports none of it.
 """

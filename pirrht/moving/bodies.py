@@ -19,10 +19,7 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Footprint, Obstacle, Scene, Workspace
 from pirrht.geometry.shapes import Solids, distance_from, offset_from
 from pirrht.jit.jit import inlined, kernel
-
-PITCH = 0.05  # spacing of a table as a share of the robot's radius, as long as ...
-MAX_POINTS = 1_000_000  # ... all tables have no more points: 8 bytes each, and FCL takes some microseconds for one
-FAR = 1e3  # half the side of the plane in which a body is looked at on its own [m]
+from pirrht.moving.tuning import TUNING
 
 
 class Bodies(NamedTuple):
@@ -48,13 +45,13 @@ def gathered(groups: Sequence[Sequence[Obstacle]], footprint: Footprint, cutoff:
     """Gather any solids by bodies; those of body 0, which is static, come first."""
     every = [solid for group in groups for solid in group]
     solids = Solids.of(every)
-    K, tables, fine = len(every), np.flatnonzero(solids.form < 0), PITCH * footprint.radius
+    K, tables, fine = len(every), np.flatnonzero(solids.form < 0), TUNING.table_pitch * footprint.radius
     margin = cutoff + footprint.radius + 2.0 * fine
     area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
-    pitch = max(fine, math.sqrt(area / MAX_POINTS))
+    pitch = max(fine, math.sqrt(area / TUNING.table_points))
     first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
     parts: list[Array] = [np.zeros(0)]
-    plane = np.full(2, FAR)
+    plane = np.full(2, 1e3)  # beyond any solid [m]
     for k in tables:
         corner[k] = solids.low[k] - cutoff - footprint.radius - pitch
         shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2

@@ -17,16 +17,11 @@ from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import PERIOD, disc_of, of_body, piece_of, restart_of
 from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import CELL_STATE, TUNING
 
-REACHES = 3.0  # of walls that push (`ProposalTables.cutoff`), within which bodies are asked for
-STRETCH = 0.2  # stretches last at least so long [s]
-MAX_CELLS = 1 << 16  # cells of all stretches, which grow where there would be more
-PITCH = 1.0  # side of a cell over the cutoff
-SLACK = 1e-6  # bodies count from so much further away, for rounding's sake [m]
-HELD = 2  # numbers of what a path has candidates: of which cell, or EVERYBODY or NOBODY, and how many jumps are past
-CELL, PAST = range(HELD)
+REACHES = TUNING.push_cutoff
+CELL, PAST = range(CELL_STATE)
 EVERYBODY, NOBODY = -1, -2
-SHORTEST = 1e-9  # a body keeps its velocity for at least so long [s]
 
 
 class Nearby(NamedTuple):
@@ -46,15 +41,15 @@ class Nearby(NamedTuple):
         """Build cells for paths in a frame (x, y, X, Y) [m] whose steps end at times (T + 1,) [s], and a cutoff [m]."""
         stretch, bounds = _stretches(times)
         left, low, right, high = map(float, frame)
-        wide, deep, most = right - left, high - low, MAX_CELLS / (len(bounds) - 1)
-        pitch = max(PITCH * cutoff, math.sqrt(wide * deep / most), max(wide, deep) / most)
+        wide, deep, most = right - left, high - low, TUNING.cells / (len(bounds) - 1)
+        pitch = max(TUNING.cell_side * cutoff, math.sqrt(wide * deep / most), max(wide, deep) / most)
         shape = max(1, math.ceil(wide / pitch)), max(1, math.ceil(deep / pitch))
         cells = (left, low), 1.0 / pitch, shape
         first = np.zeros(shape[0] * shape[1] * (len(bounds) - 1) + 1, np.int32)
-        _mark(moving, bounds, cells, cutoff + SLACK, first[1:], np.empty(0, np.int32))
+        _mark(moving, bounds, cells, cutoff + 1e-6, first[1:], np.empty(0, np.int32))
         np.cumsum(first, out=first)
         body = np.empty(first[-1], np.int32)
-        _mark(moving, bounds, cells, cutoff + SLACK, first[:-1].copy(), body)
+        _mark(moving, bounds, cells, cutoff + 1e-6, first[:-1].copy(), body)
         return cls(cutoff, *cells, stretch, first, body, _jumps(moving, times[0], times[-1]))
 
 
@@ -68,7 +63,7 @@ def _stretches(times: Array) -> tuple[IntArray, Array]:
     """Assign steps that end at times (T + 1,) to stretches, (T,), and return the times that bound these."""
     stretch, bounds = np.zeros(len(times) - 1, np.int64), [float(times[0])]
     for i in range(len(stretch)):
-        if times[i] - bounds[-1] >= STRETCH:
+        if times[i] - bounds[-1] >= TUNING.stretch:
             bounds.append(float(times[i]))
         stretch[i] = len(bounds) - 1
     return stretch, np.array([*bounds, float(times[-1])])
@@ -102,7 +97,7 @@ def _mark(moving, bounds, cells, cutoff, vacant, body):  # type: ignore[no-untyp
                 ox, oy, _, vx, vy, _, until = piece_of(moving, j, t)
                 past = min(until, bounds[s + 1]) - t
                 _mark_way(ox, oy, past * vx, past * vy, far, cells, (s, j, moving.J), seen, vacant, body)
-                t = max(until, t + SHORTEST)
+                t = max(until, t + 1e-9)
 
 
 @kernel
@@ -151,7 +146,7 @@ def list_everybody(bodies, held, candidates):  # type: ignore[no-untyped-def]
 def list_around(cells, bodies, i, x, y, within, count, held, candidates):  # type: ignore[no-untyped-def]
     """List bodies that may come so near (x, y) [m] in step i; return how many.
 
-    `count`, `held` (HELD,) and `candidates` (bodies,), ascending, are what the last call has left.
+    `count`, `held` (CELL_STATE,) and `candidates` (bodies,), ascending, are what the last call has left.
     """
     u, v = (x - cells.corner[0]) * cells.per, (y - cells.corner[1]) * cells.per
     if not (within <= cells.cutoff and 0.0 <= u < cells.shape[0] and 0.0 <= v < cells.shape[1]):

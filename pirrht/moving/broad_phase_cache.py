@@ -8,10 +8,7 @@ import numpy as np
 
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import FASTEST, of_body, outside_of, piece_of, restart_of
-
-ROUNDING = 1e-9  # of clearances that are known from before [m]
-HELD = 5  # numbers of a list: distance within which all are on it, where and when that was known, until when it serves
-SEEN = 5  # and of each body, after these: a clearance at least [m], where, when, and until when that tells anything [s]
+from pirrht.moving.tuning import CACHED_BODY, CACHED_LIST
 
 
 @inlined
@@ -27,14 +24,14 @@ def surely(held, speed, x, y, t):  # type: ignore[no-untyped-def]
 def forget(held):  # type: ignore[no-untyped-def]
     """Forget the list and the clearances of all obstacles: another path begins."""
     held[4] = -math.inf
-    for k in range(HELD + SEEN - 1, held.shape[0], SEEN):
+    for k in range(CACHED_LIST + CACHED_BODY - 1, held.shape[0], CACHED_BODY):
         held[k] = -math.inf
 
 
 @inlined
 def held_of(bodies):  # type: ignore[no-untyped-def]
     """Allocate an empty cache for so many obstacles."""
-    held = np.zeros(HELD + SEEN * bodies)
+    held = np.zeros(CACHED_LIST + CACHED_BODY * bodies)
     forget(held)
     return held
 
@@ -42,8 +39,8 @@ def held_of(bodies):  # type: ignore[no-untyped-def]
 @inlined
 def far_from(moving, j, held, x, y, t, within):  # type: ignore[no-untyped-def]
     """Return whether the cache certifies that obstacle j is farther than `within` from (x, y) [m] at t [s]."""
-    at = HELD + SEEN * j
-    free = held[at] - within - of_body(moving, j, FASTEST) * abs(t - held[at + 3]) - ROUNDING
+    at = CACHED_LIST + CACHED_BODY * j
+    free = held[at] - within - of_body(moving, j, FASTEST) * abs(t - held[at + 3]) - 1e-9  # rounding
     dx, dy = x - held[at + 1], y - held[at + 2]
     return free > 0.0 and dx * dx + dy * dy < free * free
 
@@ -56,7 +53,7 @@ def listing(moving, x, y, t, within, held, candidates):  # type: ignore[no-untyp
     """
     count, until = 0, math.inf
     for j in range(moving.J):
-        at, ends = HELD + SEEN * j, restart_of(moving, j, t)
+        at, ends = CACHED_LIST + CACHED_BODY * j, restart_of(moving, j, t)
         until = min(until, ends)
         if held[at + 3] <= t < held[at + 4] and far_from(moving, j, held, x, y, t, within):
             continue

@@ -12,11 +12,9 @@ import math
 from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE
 from pirrht.jit.addresses import load_int64
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.distances import LEAD, PARTS, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
-from pirrht.moving.spans import BOX, MOMENT, comes_by, keeps_off
-
-STRIDE = 5e-3  # of a march on where nothing is certain [m]
-CLOSE = 1e-5  # where distances are closed forms a march may come so close before it is uncertain [m]
+from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
+from pirrht.moving.spans import MOMENT, comes_by, keeps_off
+from pirrht.moving.tuning import BOX, PARTS, TUNING
 
 
 @kernel
@@ -115,7 +113,7 @@ def _marched(moving, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, speed
         now, end: the times [s].
         speed: by which clearances change at most [m/s].
     """
-    error, least, verdict = 0.0, CLOSE, FREE
+    error, least, verdict = 0.0, TUNING.certain, FREE
     if inexact(moving, j):
         error, least = moving.pitch, LEAST_STEP
     while True:
@@ -124,7 +122,7 @@ def _marched(moving, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, speed
         if c < least:
             if c <= -2.0 * error:
                 return BLOCKED
-            verdict, c = UNSURE, STRIDE
+            verdict, c = UNSURE, TUNING.stride
         if now >= end:
             return verdict
         now = min(now + c / speed, end) if speed > 0.0 else end

@@ -23,10 +23,9 @@ from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
+from pirrht.moving.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
-TINY = 1e-300  # instead of no time at all [s]
-HAIR = 1e-6  # a path that is free but for less than this is not [m]
 
 
 class Body:
@@ -92,7 +91,7 @@ class Body:
         the chord by no more than a bound that halving the way quarters.
         """
         knots = [s, *self._times[bisect_right(self._times, s) : bisect_left(self._times, t)], t]
-        shares = [(knot - s) / max(t - s, TINY) for knot in knots]
+        shares = [(knot - s) / max(t - s, 1e-300) for knot in knots]
         ends = [np.append(a + share * (b - a), self._lap.pose_at(k)) for share, k in zip(shares, knots, strict=True)]
         pieces = list(pairwise(ends))
         while pieces:
@@ -100,7 +99,7 @@ class Body:
             off = _off_chord(begin, end)
             if self.shape.segments_free(_seen(begin), _seen(end), off)[0]:
                 continue
-            if off < HAIR:
+            if off < TUNING.hair:
                 return True
             middle = 0.5 * (begin + end)
             pieces += [(middle, end), (begin, middle)]
@@ -110,7 +109,7 @@ class Body:
         """Cut a straight path where the motion starts over: places (2,) [m] and times of the rows [s] of both ends."""
         count, s = self.lap(begin)
         while (until := (count + 1) * self._length - self._offset) <= end:
-            middle = a + (until - begin) / max(end - begin, TINY) * (b - a)
+            middle = a + (until - begin) / max(end - begin, 1e-300) * (b - a)
             yield a, s, middle, self._length
             a, begin, count, s = middle, until, count + 1, 0.0
         yield a, s, b, s + end - begin

@@ -11,15 +11,9 @@ import math
 from pirrht.geometry.shapes import offset_of, outside
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.tuning import BODY, PARTS, ROW, SOLID, TABLE
 
-BODY = 5  # numbers of a body: how much later than now its rows' clock is [s], when it starts over [s] (0: never),
-# whether elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
-PARTS = 6  # of a body: where its rows begin and end, its solids, and its boxes
-ROW = 7  # numbers of a row: t [s], x, y [m], yaw [rad], and the rates of these until the next [1/s]
-SOLID = 15  # numbers of a solid: MuJoCo's sizes, place in the body's frame, and axes there as columns, row by row
-TABLE = 4  # of a solid: form or -1, where its lattice begins in the table, and how many points that has along x and y
-WALL = 5  # numbers of a wall that moves
 
 
 @inlined

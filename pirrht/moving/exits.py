@@ -18,7 +18,6 @@ from pirrht.moving.broad_phase_cache import listing, surely
 from pirrht.moving.distances import (
     FASTEST,
     JUMPING,
-    WALL,
     clearance_facing,
     clearance_of_body,
     disc_of,
@@ -29,14 +28,9 @@ from pirrht.moving.distances import (
     wall_facing,
     walls_of_some,
 )
+from pirrht.moving.tuning import NEAR_WIDTH, TUNING, WALL
 
-SKIN = 1.0  # bodies are candidates so much further away than they have to be [m]
 NEVER = 2.0  # share of a step at which nothing is met
-CLOSE = 0.1  # of the robot's radius: sweeps advance at least by so much
-BEYOND = 1e-9  # share of a step by which a sweep goes past the moment of a jump
-NEAR_WIDTH = 17  # numbers of a body: clearance [m], direction (x, y) away from it, velocity (x, y) of the wall [m/s],
-# pose [m], [rad] and its rates, from when and until when these are right [s], cosine and sine of a yaw, and whether the
-# wall is known: otherwise the clearance is only at least so much
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR_WIDTH)
 
 
@@ -142,7 +136,7 @@ def walls_along(moving, x, y, t, within, held, candidates, count, near):  # type
     `held`, `candidates` and `count` are what the last call has left.
     """
     if surely(held, moving.speed, x, y, t) < within:
-        count = listing(moving, x, y, t, within + SKIN, held, candidates)
+        count = listing(moving, x, y, t, within + TUNING.skin, held, candidates)
     return count, walls_of_some(moving, candidates, count, x, y, t, within, near)
 
 
@@ -228,7 +222,7 @@ def _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length):  # type: igno
         )  # fmt: skip
         if e <= 0.0:
             return c * (1.0 - 1.0 / share)
-        share += max(e, CLOSE * moving.robot) / length
+        share += max(e, TUNING.sweep_step * moving.robot) / length
     return d
 
 
@@ -270,9 +264,9 @@ def met_on_path(moving, candidates, count, x, y, mx, my, turn, t, dt, stop):  # 
                 c = clearance_of_body(moving, j, ox, oy, yaw, px, py)
             if c <= 0.0:
                 return share
-            ahead = min(ahead, max(c, CLOSE * moving.robot) / max(speed, MIN_VARIANCE))
+            ahead = min(ahead, max(c, TUNING.sweep_step * moving.robot) / max(speed, MIN_VARIANCE))
             if of_body(moving, j, JUMPING) > 0.0:
-                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + BEYOND)
+                ahead = min(ahead, max((ends - t) / dt - share, 0.0) + 1e-9)
         if share >= stop:
             return NEVER
         share = min(stop, share + ahead)

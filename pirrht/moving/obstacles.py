@@ -13,11 +13,10 @@ from pirrht.geometry.scene import Scene
 from pirrht.moving.bodies import gathered
 from pirrht.moving.certify import certify_leg
 from pirrht.moving.collision import jumps, radius_of, speed_bound
-from pirrht.moving.distances import BODY, FASTEST, LEAD, PARTS, RADIUS, ROW, WALL, moving_clearance, moving_walls
-from pirrht.moving.spans import BOX, boxes_of
+from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
+from pirrht.moving.spans import boxes_of
+from pirrht.moving.tuning import BODY, BOX, PARTS, ROW, TUNING, WALL
 
-CUTOFF_RADII = 8.0  # no clearance above so many robot radii is reported ...
-MIN_CUTOFF = 1.0  # ... and one of so many meters, if that is more [m]
 MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
 
 
@@ -51,7 +50,7 @@ class MovingObstacleArrays(ObstacleNumbers):
     def of(cls, scene: Scene) -> MovingObstacleArrays:
         """Gather the moving obstacles of a scene; J may be 0."""
         movers, footprint = scene.movers, scene.footprint
-        cutoff = max(CUTOFF_RADII * footprint.radius, MIN_CUTOFF)
+        cutoff = max(TUNING.cutoff_radii * footprint.radius, TUNING.min_cutoff)
         bodies = gathered([(), *(mover.solids for mover in movers)], footprint, cutoff)
         solids = bodies.solids
         shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])

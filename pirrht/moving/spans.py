@@ -9,10 +9,10 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.jit.addresses import load_float64
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.tuning import BOX, TUNING
 
-SPAN = 0.5  # of a body's own clock, in which boxes bound it [s]
-BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
-MOMENT = 1e-9  # least time by which a walk from span to span advances [s]
+SPAN = TUNING.span
+MOMENT = TUNING.moment
 
 
 def boxes_of(rows: Array, *, repeat: bool, span: float = SPAN) -> Array:

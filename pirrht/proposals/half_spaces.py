@@ -17,8 +17,8 @@ from pirrht.geometry.field import two_walls
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase_cache import held_of
-from pirrht.moving.distances import WALL
 from pirrht.moving.exits import walls_along, with_walls
+from pirrht.moving.tuning import WALL
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
 

@@ -16,7 +16,8 @@ import numpy as np
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.moving.distances import FASTEST, WALL, of_body, outside_of, piece_of, pose_of, wall_of_body
+from pirrht.moving.distances import FASTEST, of_body, outside_of, piece_of, pose_of, wall_of_body
+from pirrht.moving.tuning import WALL
 from pirrht.shortening.tuning import IN_TIME as TUNING
 
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots

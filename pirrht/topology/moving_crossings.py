@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel, part
-from pirrht.moving.spans import BOX, span_at
+from pirrht.moving.spans import span_at
+from pirrht.moving.tuning import BOX
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     MarkerTrajectories,

@@ -21,7 +21,8 @@ from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.jit.addresses import load_float64, load_int64
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.spans import BOX, boxes_of
+from pirrht.moving.spans import boxes_of
+from pirrht.moving.tuning import BOX
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
 

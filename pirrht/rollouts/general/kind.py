@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.moving.broad_phase import HELD
-from pirrht.moving.exits import NEAR_WIDTH
+from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
 from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import NUMBERS
 from pirrht.systems.dynamics import no_drift, no_homing
@@ -137,7 +136,7 @@ class Scratch(NamedTuple):
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
     fresh: Array  # normals of the next steps
-    held: NDArray[np.int64]  # (HELD,) of which moving obstacles are listed
+    held: NDArray[np.int64]  # (CELL_STATE,) of which moving obstacles are listed
     listed: NDArray[np.int64]  # (J,) those within reach
     near: Array  # (J, NEAR_WIDTH) where they are
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
@@ -161,7 +160,7 @@ def scratch_for(kind: KernelSpec) -> Any:
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
             np.empty((rows, m)), np.empty((H, m)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, modes)), np.zeros(m), np.zeros(modes), np.zeros(modes),
-            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), np.empty(HELD, np.int64),
+            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), np.empty(CELL_STATE, np.int64),
             np.empty(J, np.int64), np.empty((J, NEAR_WIDTH)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
             np.empty(NUMBERS, np.float32),
         )  # fmt: skip

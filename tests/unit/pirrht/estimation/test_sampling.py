@@ -85,7 +85,7 @@ def test_a_single_sample_knows_its_value_up_to_lambda(strip):
 
 def learn(allocation: Allocation, **contributions: float) -> None:
     """Learn from an estimate to whose weight a single sample per class contributes."""
-    rollouts = SimpleNamespace(leads=SimpleNamespace(first=np.arange(len(contributions) + 1)))
+    rollouts = SimpleNamespace(tables=SimpleNamespace(first=np.arange(len(contributions) + 1)))
     weight = np.array([*contributions.values()])
     batch = SimpleNamespace(proposals=[SimpleNamespace(name=name) for name in contributions])
     allocation.learn(batch, SimpleNamespace(rollouts=rollouts, weight=weight, proposal_weights=weight.tolist()))

@@ -9,9 +9,10 @@ from moving import busy, hall, moved
 
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import kernel
-from pirrht.moving.broad_phase import HELD, Nearby, begin_list, list_around, next_jump
+from pirrht.moving.broad_phase import Nearby, begin_list, list_around, next_jump
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import CELL_STATE
 
 FRAME = 0.0, 0.0, 6.0, 5.0
 
@@ -34,7 +35,7 @@ def _jumps(nearby, times, held, out):  # type: ignore[no-untyped-def]
 
 def listed(nearby: Nearby, bodies: int, i: int, x: Array, within: float) -> IntArray:
     room = np.full(bodies, -1)
-    count = _listed(nearby, bodies, i, x[0], x[1], within, np.empty(HELD, np.int64), room)
+    count = _listed(nearby, bodies, i, x[0], x[1], within, np.empty(CELL_STATE, np.int64), room)
     return room[:count]
 
 
@@ -85,7 +86,7 @@ def test_a_path_is_told_every_jump_to_come():
     nearby = Nearby.of(MovingObstacleArrays.of(hall("laps", bodies)), FRAME, TIMES, 0.4)
     times = np.sort(np.random.default_rng(4).uniform(TIMES[0], TIMES[-1], 50))
     told = np.empty(50)
-    _jumps(nearby, times, np.empty(HELD, np.int64), told)
+    _jumps(nearby, times, np.empty(CELL_STATE, np.int64), told)
     jumps = np.array(
         [t for t in np.sort(np.concatenate([0.9 * np.arange(1, 9), 0.4 * np.arange(1, 9)])) if t < TIMES[-1]]
     )

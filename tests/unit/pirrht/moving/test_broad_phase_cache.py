@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from moving import busy
 
-from pirrht.moving.broad_phase_cache import HELD, SEEN, held_of, listing, surely
+from pirrht.moving.broad_phase_cache import held_of, listing, surely
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.moving.tuning import CACHED_BODY, CACHED_LIST
 
 
 def test_a_list_serves_as_long_as_it_says():
@@ -35,9 +36,11 @@ def test_what_a_list_knows_from_before_leaves_out_no_body_that_is_near():
     x, t = np.array([1.0, 1.0]), 0.0
     for _ in range(400):
         x, t = np.clip(x + rng.normal(0.0, 0.1, 2), 0.0, 5.0), t + rng.uniform(0.0, 0.02)
-        within, before = rng.uniform(0.1, 1.0), held[HELD:].copy()
+        within, before = rng.uniform(0.1, 1.0), held[CACHED_LIST:].copy()
         found = listed[: listing(traffic, x[0], x[1], t, within, held, listed)].tolist()
-        skipped += int(np.sum(np.all(held[HELD:].reshape(-1, SEEN) == before.reshape(-1, SEEN), axis=1)))
+        skipped += int(
+            np.sum(np.all(held[CACHED_LIST:].reshape(-1, CACHED_BODY) == before.reshape(-1, CACHED_BODY), axis=1))
+        )
         afresh = np.empty(traffic.J, np.int64)
         assert found == afresh[: listing(traffic, x[0], x[1], t, within, held_of(traffic.J), afresh)].tolist()
     assert skipped > 200

@@ -1,0 +1,66 @@
+"""Hold the tuning numbers of the geometry: each trades accuracy for time or memory."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class GeometryTuning(NamedTuple):
+    """Numbers of fields, distances, passages and of what is fitted to walls."""
+
+    # Clearance field
+    cells_per_radius: float = (
+        8.0  # spacings in a robot's radius: halving them halves the error and takes 4 times as long
+    )
+    band: float = 2.0  # a cell is refined where its clearance is less than so many of its widths: error against points
+    cutoff: float = 1.0  # clearances are reported up to this [m]: exits and bridges are decided far below it
+    sharp: float = 4.0  # changes of walls nearer than so many robot radii are refined, as proposals lean on both walls
+    nothing: float = 1e6  # clearance where there are no obstacles at all [m]: more than any workspace
+    dense_points: int = 4_000_000  # up to so many points one grid holds them all: quicker to read than blocks
+    single_cells: float = 2.0**17  # spacings from the origin at which single precision is too coarse for paths
+    table_places: int = 32_000_000  # places of the largest table of blocks: 4 bytes each
+    block_points: int = 24_000_000  # points of all blocks: 12 bytes and about a quarter of a microsecond each
+    coarse_cells: int = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
+    queries: int = 1_000_000  # points at which solids are queried one at a time: some 10 microseconds each
+    exact_cells: float = 8.0  # with clearance of so many widths interpolation in a cell errs by less than a hundredth
+    blocks_at_once: int = 4096  # blocks that are sampled together: memory against calls
+    least_step: float = 1e-3  # a certificate that would advance by less is left to FCL [m]: steps against FCL's queries
+    # Distances
+    probe: float = 1e-6  # radius of the sphere that stands for the robot's centre; nearer counts as inside [m]
+    hull_error: float = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]: bisections
+    shortest: float = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]: bisections
+    form_error: float = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
+    kink_cells: float = 3.0  # within so many cells of a waiver's rim interpolation is corrected: safe for 1-Lipschitz
+    bins_per_side: int = 2048  # of a lattice of solids: memory against solids per bin
+    apart_cosine: float = 0.5  # of the angle from which on two directions are those of two walls
+    rise_sine: float = (
+        0.15  # of the angle by which a solid has to rise from a nearer wall's plane, or is in line with it
+    )
+    rounding: float = 1e-9  # overlap that is rounding and no contact [m]
+    # Passages
+    room_depth: float = 1.0  # a room is deeper than its door by so many spacings of the field, or it is grain
+    solid_depth: float = (
+        0.5  # an obstacle is deeper than a gap by this share of the robot's radius; inside by all of it
+    )
+    squares_per_radius: float = 2.0  # squares in which saddles are sought: the thinnest obstacle still blocks one
+    chord_angles: int = 16  # directions that are tried first, over half a turn
+    chord_turns: int = 4  # searches for the direction, each four times as fine
+    chord_moves: int = 10  # moves along the axis, to where a passage is narrowest
+    chord_gain: float = 1e-3  # a move must shorten the chord by this share of it
+    chord_halvings: int = 12  # of the interval in which a chord ends: below a thousandth of a spacing
+    walk_step: float = 0.5  # of a walk along the axis [robot radii]
+    walk_steps: int = 60  # of the longest walk to one side
+    walk_wider: float = 1.0  # a walk ends with so much more clearance than in the middle [robot radii]
+    wide: float = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
+    # Start and goal
+    turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
+    exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin
+    max_reach: float = 64.0  # radius of the largest waiver that is searched for a path out [body radii]
+    goal_lattice: int = 32  # points in a goal's radius
+    similar: float = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
+    # Walls from plain numbers
+    wall_height: float = 0.5  # [m]; more for a robot whose centre is higher
+    smallest: float = 1e-6  # side, radius, or root of the area of a solid that counts as one [m]
+
+
+TUNING = GeometryTuning()
