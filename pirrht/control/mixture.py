@@ -152,7 +152,7 @@ def pooled(
         leads: what samples around each class followed, by name; None where that does not depend on the state.
         push: wall drift near the samples.
     """
-    x, trust = estimate.rollouts.x0, estimate.rollouts.tables.trust
+    x, trust = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
     laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, trust, tuning)
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:

@@ -62,7 +62,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
             if not stranded:
-                homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.pace, u[:m])
+                homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.least_rate, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]

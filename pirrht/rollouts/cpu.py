@@ -45,9 +45,9 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), applied, led_by, base)
             work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
-            paths.lasting[s] = lasting
+            paths.log_survival[s] = lasting
             for j in range(m):
-                paths.led[s, j] = base[j]
+                paths.start_control[s, j] = base[j]
             for i in range(min(taken, window)):
                 dt = times[i + 1] - times[i]
                 under_way = last if i == taken - 1 else dt
@@ -188,5 +188,5 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
+        least_rate=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
     )  # fmt: skip

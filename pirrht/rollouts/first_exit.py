@@ -43,12 +43,12 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
-    """Gradient (x, y) [1/m] of log(c / (c + reach)) + log(d / (d + reach)) for two walls as `two_walls` gives them.
+def wall_slope(c, nx, ny, d, mx, my, offset):  # type: ignore[no-untyped-def]
+    """Gradient (x, y) [1/m] of log(c / (c + offset)) + log(d / (d + offset)) for two walls as `two_walls` gives them.
 
     Along it, times BB', surviving paths lean away from walls: psi vanishes there like the distance, c > 0 [m].
     """
-    one, other = reach / (c * (c + reach)), reach / (d * (d + reach))
+    one, other = offset / (c * (c + offset)), offset / (d * (d + offset))
     return one * nx + other * mx, one * ny + other * my
 
 
@@ -124,9 +124,9 @@ def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _may_meet(before, after, reach):  # type: ignore[no-untyped-def]
-    """Check whether a bridge between two distances may meet what they are from; beyond `reach` [m^2] it cannot."""
-    return after <= 0.0 or 2.0 * before * after < reach
+def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
+    """Check whether a bridge between two distances may meet what they are from; beyond `square` [m^2] it cannot."""
+    return after <= 0.0 or 2.0 * before * after < square
 
 
 @inlined
@@ -230,7 +230,7 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
 def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
     """Clearance of (x, y) [m] over the share of noise that a wall faces, where noise acts along a line.
 
-    What moves alongside a wall, and to and fro, comes no nearer to it. The covariance (xx, xy, yy) may be per second.
+    A path to and fro alongside a wall comes no nearer to it. The covariance (xx, xy, yy) may be per second.
     """
     size, nearest = cov[0] + cov[2], np.inf
     for k in range(2):
@@ -301,26 +301,26 @@ def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def sweep_onward(arena, x, y, nx, ny, turn, room):  # type: ignore[no-untyped-def]
-    """Judge a step as `sweep_exit` does, from where no wall is nearer than `room` [m], as far as is known.
+def sweep_onward(arena, x, y, nx, ny, turn, clear):  # type: ignore[no-untyped-def]
+    """Judge a step as `sweep_exit` does, from where no wall is nearer than `clear` [m], as far as is known.
 
-    The clearances at both ends may cover the step. Returns: INSIDE or the Outcome, share until then, room at its end.
+    The clearances at both ends may cover the step. Returns: INSIDE or the Outcome, share until then, clear at its end.
     """
     arc = math.sqrt(((nx - x) * (nx - x) + (ny - y) * (ny - y)) * (1.0 + 0.25 * turn * turn))
     (gx, gy), reach = arena.goal, arc + arena.radius
     ahead = 0.0
     if (gx - x) * (gx - x) + (gy - y) * (gy - y) > reach * reach:
-        if arc < room:
-            return INSIDE, 1.0, room - arc
+        if arc < clear:
+            return INSIDE, 1.0, clear - arc
         ahead = clearance(arena.field, nx, ny)
-        if ahead > 0.0 and arc < room + ahead:
+        if ahead > 0.0 and arc < clear + ahead:
             return INSIDE, 1.0, ahead
-    return _march(arena, x, y, nx, ny, turn, room, ahead)
+    return _march(arena, x, y, nx, ny, turn, clear, ahead)
 
 
 @kernel
-def _march(arena, x, y, nx, ny, turn, room, ahead):  # type: ignore[no-untyped-def]
-    """March what `room` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
+def _march(arena, x, y, nx, ny, turn, clear, ahead):  # type: ignore[no-untyped-def]
+    """March what `clear` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
         exit, share = endpoint_exit(arena, nx, ny)
@@ -332,7 +332,7 @@ def _march(arena, x, y, nx, ny, turn, room, ahead):  # type: ignore[no-untyped-d
         until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
     stop = min(length, until)
     bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
-    s = min(stop, room * pace)
+    s = min(stop, clear * pace)
     while True:
         aside = bow * s * (length - s)
         c = clearance(field, x + s * ux + aside * uy, y + s * uy - aside * ux)

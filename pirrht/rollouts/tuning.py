@@ -18,7 +18,7 @@ class RolloutTuning(NamedTuple):
     negligible: float = 20.0
     lost: float = 30.0  # nats by which a path is less likely under a reference whose law then counts for nothing
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
-    gates: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
+    half_spaces: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
     mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
     mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
     mills_rows: int = 16  # rows of it per unit of z: more than 1e-4 of itself is not needed

@@ -34,14 +34,14 @@ def obstacles_for(kind: KernelSpec) -> Any:
 
     @part
     def obstacles_of(setup, tables, scratch, step, move, close):  # type: ignore[no-untyped-def]
-        x, moved, held, listed, moving = scratch.x, scratch.moved, scratch.held, scratch.listed, setup.traffic
+        x, moved, held, listed, moving = scratch.x, scratch.moved, scratch.held, scratch.candidates, setup.traffic
         (dt, now, i), (_, _, turn, (xx, _, yy)) = step, move
         length = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2)
         if not noisy_position:
             length *= 1.0 + abs(turn)
-            return list_around(tables.nearby, moving.J, i, x[0], x[1], length, close, held, listed)
+            return list_around(tables.obstacles, moving.J, i, x[0], x[1], length, close, held, listed)
         spread = math.sqrt(0.5 * FAR * (xx * dt + yy * dt if along_line else max(xx * dt, yy * dt)))
-        if length + spread > tables.nearby.cutoff:
+        if length + spread > tables.obstacles.cutoff:
             close = list_everybody(moving.J, held, listed)
             look_around(moving, listed, close, x[0], x[1], now, spread, scratch.near)
         return close
@@ -129,7 +129,7 @@ def exits(kind: KernelSpec) -> Any:
         state, exit, share, missed = bridge_exit(arena, (x, y, mx, my), before, after, cov, weighed, state, along_line)
         if moving and close > 0:
             state, hit, body, alive = met_on_bridge(
-                setup.traffic, scratch.listed, close, scratch.near, x, y, mx, my, now, dt, cov, along_line, weighed,
+                setup.traffic, scratch.candidates, close, scratch.near, x, y, mx, my, now, dt, cov, along_line, weighed,
                 state,
             )  # fmt: skip
             if hit <= 1.0 and (exit == INSIDE or hit < share):
@@ -149,7 +149,7 @@ def exits(kind: KernelSpec) -> Any:
         if not arrived:
             exit, share, room = sweep_onward(setup.arena, x, y, mx, my, turn, room)
         if moving and close > 0:
-            hit = met_on_path(setup.traffic, scratch.listed, close, x, y, mx, my, turn, now, dt, share)
+            hit = met_on_path(setup.traffic, scratch.candidates, close, x, y, mx, my, turn, now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
         return exit, share, (before, room, close)

@@ -76,7 +76,7 @@ class KernelSpec(NamedTuple):
         return self.moving and self.n == self.m == 2 and not self.input_form
 
     @property
-    def steady(self) -> bool:
+    def is_martingale(self) -> bool:
         """Tell whether a gated point has neither drift nor varying B, G or q.
 
         Then its optimal control is a martingale along its optimal paths (`proposals.near_walls`).
@@ -124,7 +124,7 @@ class Scratch(NamedTuple):
     D: Array  # (m, m) B^-1 G
     B: Array  # (rows, m)
     a: Array  # (H, m) B^-1 G u of every reference
-    pushed: Array  # (m,) wall drift
+    wall_drift: Array  # (m,) wall drift
     stage: NDArray[np.int64]  # (H,) cross-section of a tube, or row of a law
     lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
     column: Array  # (m, 1)
@@ -137,7 +137,7 @@ class Scratch(NamedTuple):
     apart: Array  # (n,) state less the law's
     fresh: Array  # normals of the next steps
     held: NDArray[np.int64]  # (CELL_STATE,) of which moving obstacles are listed
-    listed: NDArray[np.int64]  # (J,) those within reach
+    candidates: NDArray[np.int64]  # (J,) those within reach
     near: Array  # (J, NEAR_WIDTH) where they are
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
     spot: Array  # (SPOT,) where that was evaluated

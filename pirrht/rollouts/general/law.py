@@ -43,7 +43,7 @@ class Gate(NamedTuple):
     weight: float
 
 
-GATES, GATE = TUNING.gates, len(Gate._fields)
+GATES, GATE = TUNING.half_spaces, len(Gate._fields)
 _Z = np.arange(TUNING.mills_from, TUNING.mills_to + 0.5 / TUNING.mills_rows, 1.0 / TUNING.mills_rows)
 MILLS = np.exp(-0.5 * _Z**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _Z])
 
@@ -139,7 +139,7 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
         """Find the row of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
-        law, led, s, (i, share) = tables.law, tables.led, scratch.stage[g], at
+        law, led, s, (i, share) = tables.law, tables.law_length, scratch.stage[g], at
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
         elif s < led[g]:
@@ -188,11 +188,11 @@ def aims(kind: KernelSpec) -> Any:
         """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
         a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.arena
         s = row_of(tables, scratch, g, at)
-        if s < tables.led[g]:
+        if s < tables.law_length[g]:
             along_row(tables, scratch, g, s)
         else:
             if not headed:
-                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.pace, home)
+                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, home)
                 headed = True
             for j in range(modes):
                 wide[g, j] = home[j] if j < m else 0.0
@@ -221,8 +221,8 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def drifts(tables, g):  # type: ignore[no-untyped-def]
         """Tell whether walls push on top: where noise moves the position, and neither tube nor law has it."""
-        apart = tables.ways.count[g] == 0 and (tables.led[g] == 0 or gated)
-        return noisy_position and tables.reach > 0.0 and apart
+        apart = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated)
+        return noisy_position and tables.wall_offset > 0.0 and apart
 
     @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
@@ -231,7 +231,7 @@ def aims(kind: KernelSpec) -> Any:
         if under_way:
             add_sequence(tables, scratch, g, i)
         for j in range(m if pushed else 0):
-            a[g, j] += scratch.pushed[j]
+            a[g, j] += scratch.wall_drift[j]
         for j in range(m if takes_law and (under_way or pushed or tables.ways.count[g] > 0) else 0):
             scratch.wide[g, j] = a[g, j]
 
@@ -247,7 +247,7 @@ def aims(kind: KernelSpec) -> Any:
                 continue
             if noisy_position and tables.ways.count[g] > 0:
                 along_tube(tables, scratch, g, setup.arena.goal, walls)
-            elif takes_law and tables.led[g] > 0:
+            elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)
             else:
                 without_law(scratch, g)

@@ -70,7 +70,7 @@ def log_ratios(kind: KernelSpec) -> Any:
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
-            if has_laws and scratch.stage[g] < tables.led[g]:
+            if has_laws and scratch.stage[g] < tables.law_length[g]:
                 ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):
@@ -87,7 +87,7 @@ def recorder(kind: KernelSpec) -> Any:
     second half (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of drift.
     """
     m, noisy_position, state_dependent_gain = kind.m, kind.noisy_position, kind.state_dependent_gain
-    gated, steady = kind.gated, kind.steady
+    gated, steady = kind.gated, kind.is_martingale
 
     @part
     def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
@@ -104,7 +104,7 @@ def recorder(kind: KernelSpec) -> Any:
     @part
     def taken(scratch, h, counted, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
-        pushed, a = scratch.pushed, scratch.a
+        pushed, a = scratch.wall_drift, scratch.a
         for j in range(m):
             pushing = counted * pushed[j] if steady else pushed[j]
             scratch.column[j, 0] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
@@ -123,7 +123,7 @@ def recorder(kind: KernelSpec) -> Any:
     @part
     def record(keep, inverse, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
         """Add a step of `until` seconds, the first also without wall drift; return the share owed."""
-        (i, whole, first), carried, near_walls = where, scratch.carried, noisy_position and tables.reach > 0.0
+        (i, whole, first), carried, near_walls = where, scratch.carried, noisy_position and tables.wall_offset > 0.0
         owes = near_walls and inside and i < keep.led_by.shape[0]
         if i < keep.applied.shape[0]:
             for j in range(m):
@@ -175,7 +175,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         x = scratch.x
         copy_rows(setup.gain, scratch.D)
         copy_rows(setup.diffusion, scratch.B)
-        scratch.f[:], scratch.pushed[:], scratch.stage[:] = 0.0, 0.0, 0
+        scratch.f[:], scratch.wall_drift[:], scratch.stage[:] = 0.0, 0.0, 0
         scratch.lost[:] = False
         copy_row(origin.x, x)
         copy_row(origin.x, scratch.moved)
@@ -206,7 +206,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if drifting and not drifted:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, clear, left, now, i)
-        if noisy_position and tables.reach > 0.0:
+        if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.arena, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
         return rates, dt, close, walls
 

@@ -30,15 +30,15 @@ def length_for(kind: KernelSpec) -> Any:
     moving, along_line = kind.moving, kind.along_line
 
     @part
-    def narrowest(tables, scratch, arena, rates, before, left, among):  # type: ignore[no-untyped-def]
+    def narrowest(tables, scratch, arena, rates, before, left, obstacles):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
-        (xx, xy, yy), x, (close, gone) = rates, scratch.x, among
+        (xx, xy, yy), x, (close, gone) = rates, scratch.x, obstacles
         scale, gap = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))), before[0]
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
         if moving:
             if along_line and scale * gone * gone < left:
-                gone = facing_among(scratch.near, scratch.listed, close, (xx, xy, yy))
+                gone = facing_among(scratch.near, scratch.candidates, close, (xx, xy, yy))
             gap = min(gap, gone)
         return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
 
@@ -46,9 +46,12 @@ def length_for(kind: KernelSpec) -> Any:
     def fitted(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
         (before, _, close), moved, gone, until_change = clear, setup.traffic, np.inf, np.inf
         if moving:  # as far as noise carries a path that is not to be split, or walls push
-            x, held, listed = scratch.x, scratch.held, scratch.listed
-            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.reach)
-            close, gone = list_around(tables.nearby, moved.J, i, x[0], x[1], within, close, held, listed), moved.cutoff
+            x, held, listed = scratch.x, scratch.held, scratch.candidates
+            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.wall_offset)
+            close, gone = (
+                list_around(tables.obstacles, moved.J, i, x[0], x[1], within, close, held, listed),
+                moved.cutoff,
+            )
             if close > 0:
                 gone, until_change = look_around(moved, listed, close, x[0], x[1], now, within, scratch.near)
         dt = left
@@ -58,7 +61,7 @@ def length_for(kind: KernelSpec) -> Any:
             if moving:
                 dt = min(dt, max(until_change - now, TUNING.least_change))
         if moving:
-            dt = min(dt, max(next_jump(tables.nearby, now, scratch.held) - now, TUNING.least_change))
+            dt = min(dt, max(next_jump(tables.obstacles, now, scratch.held) - now, TUNING.least_change))
         return dt, close
 
     @part
@@ -77,16 +80,16 @@ def walls_for(kind: KernelSpec) -> Any:
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
         x, B = scratch.x, scratch.B
         c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
-        widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.beyond)
+        widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
-            walls = with_moving(walls, scratch.near, scratch.listed, close, widest)
+            walls = with_moving(walls, scratch.near, scratch.candidates, close, widest)
             _, wx, wy, _, vx, vy = walls
-        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.reach)
+        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.wall_offset)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            scratch.pushed[j] = bx * sx + by * sy
+            scratch.wall_drift[j] = bx * sx + by * sy
         return walls
 
     return push_of
@@ -122,7 +125,7 @@ def noise_for(kind: KernelSpec) -> Any:
         """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
         law, drawn, stage, wide = tables.law, scratch.drawn, scratch.stage, scratch.wide
         state, source = one_by_one(scratch, state) if noisy_position else abreast(scratch, state, i)
-        if stage[h] < tables.led[h] and not noisy_position:
+        if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
             source = drawn.ctypes.data

@@ -19,9 +19,9 @@ from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
 
 from pirrht.rollouts.point.stages import (  # isort: skip
-    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LASTING, LOST, NX, NY, PER, PUSH0, PUSH1, ROOT, SAMPLE, SIGN,
-    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, pace, row_of,
-    scratch_of, settle, tape_control, way_control,
+    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PER, PUSH0, PUSH1, ROOT, SAMPLE, SIGN,
+    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, fit_steps, row_of,
+    scratch_of, relax, tape_control, way_control,
 )  # fmt: skip
 from pirrht.rollouts.tables import Origin, empty_paths
 from pirrht.rollouts.tuning import TUNING
@@ -52,7 +52,7 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     state, outcome, share, lasting = bridge_exit(
         arena, (x, y, nx, ny), before, after, (step, 0.0, step), weighed, random[k]
     )
-    f[LASTING + k] += np.float32(lasting)
+    f[LOG_SURVIVAL + k] += np.float32(lasting)
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
@@ -96,10 +96,10 @@ def retire(setup, tables, run, outcome, share, k, scratch, paths):  # type: igno
         span += np.float64(f[SPENT + k]) + until
     likelihood(h, tables.drift.shape[0], until, k, f, a, ratio, paths.log_ratio[s])
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
-    paths.outcome[s], paths.steps[s], paths.span[s], paths.lasting[s] = outcome, i + 1, span, f[LASTING + k]
+    paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
     for j in range(2):
         paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * base[j]
-        paths.led[s, j] = base[j]
+        paths.start_control[s, j] = base[j]
 
 
 @inlined
@@ -183,8 +183,8 @@ def write_controls(setup, tables, around, h, scratch, n):  # type: ignore[no-unt
     ways, active, B, drift = tables.ways, tables.active, setup.diffusion, tables.drift.ctypes.data
     (H, T, _), (_, C, J, _) = tables.drift.shape, ways.slope.shape
     place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-    if tables.reach > 0.0:
-        wall_push(around.field, tables.reach, tables.beyond, B, f, short, n)
+    if tables.wall_offset > 0.0:
+        wall_push(around.field, tables.wall_offset, tables.set_back, B, f, short, n)
     for one in range(H):
         g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
         if ways.count[g] > 0:
@@ -214,14 +214,14 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
     begun = False
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
-        pace(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
+        fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
         write_controls(setup, tables, around, h, scratch, full)
         if not begun:
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
             inverse, begun = setup.inverse, True
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
             run = RUN(h, start, stop, chosen, base)
-        settle(h, f, a, full)
+        relax(h, f, a, full)
         draw(random, bits, f, full)
         move(h, B, f, a, full)
         cross(setup.cuts, f, long, full)
@@ -235,7 +235,7 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         for k in range(n if into.shape[0] > 0 else 0):
             record(into, k, start, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
-        if advance(h, tables.window, tables.reach > 0.0, f, short, a, full) >= T:
+        if advance(h, tables.window, tables.wall_offset > 0.0, f, short, a, full) >= T:
             n = end_late(setup, tables, run, n, scratch, paths)
 
 
