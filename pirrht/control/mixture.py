@@ -42,7 +42,7 @@ class ClassLaw:
     lead: ProposalControl | None  # None: samples of no class have none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
-    trust: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.trust`
+    trust: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
 
     def control(self, x: Array, s: float) -> Array:
         """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""

@@ -69,19 +69,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem)`.
-
-    Examples:
-        >>> from pirrht import Problem, Scene, SingleIntegrator, Goal
-        >>> goal = Goal(center=np.array([3.4, 1.5]), radius=0.3)
-        >>> scene = Scene(
-        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(), goal=goal,
-        ...     start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
-        ... )
-        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
-        >>> Cpu.of(problem, threads=2).threads
-        2
-    """
+    """Backend of compiled kernels: `Cpu.of(problem)`."""
 
     kernels: Kernels
     threads: int

@@ -48,10 +48,8 @@ def length_for(kind: KernelSpec) -> Any:
         if moving:  # as far as noise carries a path that is not to be split, or walls push
             x, held, listed = scratch.x, scratch.held, scratch.candidates
             within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.wall_offset)
-            close, gone = (
-                list_around(tables.obstacles, moved.J, i, x[0], x[1], within, close, held, listed),
-                moved.cutoff,
-            )
+            close = list_around(tables.obstacles, moved.J, i, x[0], x[1], within, close, held, listed)
+            gone = moved.cutoff
             if close > 0:
                 gone, until_change = look_around(moved, listed, close, x[0], x[1], now, within, scratch.near)
         dt = left
