@@ -60,10 +60,20 @@ class ProposalBuilder:
         )
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [integral.sampling.samples] * len(classes)
-        if integral.guidance is not None:
-            guides = self._guides(integral.guidance, x, times, references, run, budget)
+
+        def followed(guide: DDPGuide) -> ProposalControl:
+            """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
+            if integral.guidance is not None:
+                return LinearFeedback(guide)
+            controls, end = guide.tape, guide.length
+            controls[end : end + TUNING.onward] = controls[end - 1]
+            return Tape(times, controls)
+
+        if integral.guidance is not None or any(one.slack is not None for one in trajectories):
+            guides = self._guides(integral.proposals.nominal, x, times, references, run, budget)
             pairs = zip(controls, guides, strict=True)
-            controls = [one if guide is None else LinearFeedback(guide) for one, guide in pairs]
+            controls = [one if guide is None else followed(guide) for one, guide in pairs]
+        if integral.guidance is not None:
             counts = integral.guidance.counts(guides, integral.sampling.samples)
             predicted, worth = [0.0] * len(counts), [count > TUNING.few for count in counts]  # costs are too rough
             run.memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
@@ -75,7 +85,7 @@ class ProposalBuilder:
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
             other = run.memory.optima.get(classes[k], [])[1:]
-            return LinearFeedback(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
+            return followed(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
             proposals = run.memory.allocation.split(proposals, second)

@@ -46,7 +46,7 @@ def validate(tree: HomologyTree | None, integral: PathIntegral, settings: Contro
             f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
             f"the tree with a Steering for {dynamics}"
         )
-    if not (tree.steering.drives or integral.proposals.closed_loop):
+    if not (tree.steering.drives or integral.proposals.tracks):
         raise OptionError(
             f"{dynamics} has no steering of its own, and its references no controls that samples could follow: guide "
             'them by "feedback", not "open-loop"'

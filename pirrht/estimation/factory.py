@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -62,9 +63,14 @@ class ProposalFactory:
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @property
-    def closed_loop(self) -> bool:
-        """Check whether samples follow feedback, so that references need no controls."""
-        return self.guidance is not None or self.climbs
+    def tracks(self) -> bool:
+        """Check whether references need no controls, since samples climb or follow what optimises them."""
+        return self.climbs or DDPGuidance.suits(self.problem)
+
+    @cached_property
+    def nominal(self) -> DDPGuidance:
+        """Optimiser of trajectories whose nominal controls open-loop samples follow along tracked references."""
+        return self.guidance or DDPGuidance(self.problem, self.world, sways=False)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides."""

@@ -12,7 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.certify import BLOCKED, FREE, certify_point
 from pirrht.jit.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
-from pirrht.jit.jit import as_tuple, caller, inlined, kernel
+from pirrht.jit.jit import as_tuple, caller, kernel, part
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again
@@ -68,7 +68,7 @@ def near_count(size, n):  # type: ignore[no-untyped-def]
     return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
 
 
-@inlined
+@part
 def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyped-def]
     """Append a directed edge and link it into both of its lists.
 
@@ -96,7 +96,7 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
     store_int64(at.size, g.SIZE.pairs, used)
 
 
-@inlined
+@part
 def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
     """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
     edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)

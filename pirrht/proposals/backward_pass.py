@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.jit import inlined, kernel, part
+from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.forward_pass import passes_of
@@ -22,7 +22,7 @@ from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.kind import KernelSpec
 
 
-@kernel
+@borrowing
 def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
     """Write the eigenvalues of symmetric A (m, m) to its diagonal, by Jacobi's rotations; `vectors` (m, m) in columns.
 
@@ -57,7 +57,7 @@ def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
                     vectors[k, i], vectors[k, j] = c * one - s * other, s * one + c * other
 
 
-@kernel
+@borrowing
 def recompose(A, vectors, out):  # type: ignore[no-untyped-def]
     """Write V diag(A) V' to out (m, m), of the diagonal of A (m, m) and vectors V (m, m) in columns."""
     m = A.shape[0]
@@ -100,7 +100,7 @@ class ClearanceCost(NamedTuple):
 PRICE: Any = ClearanceCost
 
 
-@kernel
+@borrowing
 def add_after(price, costate, P):  # type: ignore[no-untyped-def]
     """Add the price of the state after a step to gradient (n,) and Hessian (n, n) of the cost-to-go."""
     n = costate.shape[0]
@@ -110,7 +110,7 @@ def add_after(price, costate, P):  # type: ignore[no-untyped-def]
     add_product(price.chain[:, n:], price.bent[:, n:], P)
 
 
-@kernel
+@borrowing
 def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
     """Write J' P J + S to Q and the gradient to g; `lead` (n, N) is scratch."""
     n = costate.shape[0]
@@ -122,7 +122,7 @@ def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
     add_transformed(J[:n], costate, g)
 
 
-@kernel
+@borrowing
 def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
     """Add the price of the state before a step, and its coupling to the state after."""
     n = J.shape[0] - 1
@@ -140,7 +140,7 @@ def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
             Q[k, j] += total
 
 
-@kernel
+@borrowing
 def respond(course, i, passive, damping, g, Q, work):  # type: ignore[no-untyped-def]
     """Write change, gains, share, inverse and volume of step i, by the best response to g and Q.
 
@@ -171,7 +171,7 @@ def respond(course, i, passive, damping, g, Q, work):  # type: ignore[no-untyped
     return expected
 
 
-@kernel
+@borrowing
 def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
     """Write the Schur complement, the cost-to-go that the best response leaves, to v and W."""
     n = v.shape[0]

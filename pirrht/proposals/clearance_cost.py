@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.field import border, with_slope
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.moving.broad_phase_cache import listing
 from pirrht.moving.distances import outside_of, piece_of, wall_of_body
 from pirrht.moving.exits import met_on_path
@@ -37,7 +37,7 @@ def barrier(c, task):  # type: ignore[no-untyped-def]
     return value, rise + bend * below - down, bend
 
 
-@kernel
+@borrowing
 def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     """Write clearance and direction away (x, y) of the walls nearer than `margin` [m] to `walls`; return their number.
 
@@ -60,7 +60,7 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     return count
 
 
-@kernel
+@borrowing
 def moving_walls(traffic, margin, x, y, time, walls, count):  # type: ignore[no-untyped-def]
     """Add moving obstacles nearer than `margin` [m] at a time [s] to `count` walls; return the new number."""
     for j in range(traffic.J):
@@ -87,7 +87,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
         """Allocate room for the walls at one place."""
         return np.empty((STATIC + (setup.traffic.J if moving else 0), 3))
 
-    @kernel
+    @borrowing
     def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
         x, y, dx, dy, bx, by, begin, dt = step
@@ -98,7 +98,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
             count = moving_walls(setup.traffic, task.margin, at, to, begin + t * dt, walls, count)
         return count, w
 
-    @kernel
+    @borrowing
     def cost(setup, task, step, points, walls):  # type: ignore[no-untyped-def]
         """Return the clearance cost of a step [cost] at some points, its end the last.
 
@@ -111,7 +111,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
                 total += barrier(walls[i, 0], task)[0]
         return task.price * total * step[7] / points
 
-    @kernel
+    @borrowing
     def expand(setup, task, step, points, walls, g, H):  # type: ignore[no-untyped-def]
         """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.step_map import step_of
@@ -29,7 +29,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
 
-    @kernel
+    @borrowing
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
         """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
         gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
@@ -43,7 +43,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed
 
-    @kernel
+    @borrowing
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
         """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
         length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.arena.goal
@@ -52,7 +52,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
             return False
         return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
 
-    @kernel
+    @borrowing
     def _control(setup, task, course, length, i, step, x, B, u):  # type: ignore[no-untyped-def]
         """Write the modes of step i at x (n,) to u: the law's, or past its length those of homing."""
         modes = u.shape[0]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit.jit import kernel, part
+from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
@@ -27,14 +27,14 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
     noise_at: Any = diffusion_of(kind) if varying else drift
     fixed = n - rows
 
-    @kernel
+    @borrowing
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
         """Write the drift at x (n,) to f (n,) [state/s]; return q there [cost/s]."""
         f[:] = 0.0
         drift(x, setup.parameters, f)
         return q(x, setup.parameters) if varying_rate else setup.rate
 
-    @kernel
+    @borrowing
     def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,).
 
@@ -71,7 +71,7 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
-    @kernel
+    @borrowing
     def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
         """Write the state after a step to out (n,); arguments and result are those of `displacement`."""
         cost = displacement(setup, x, a, dt, B, f, out)
@@ -79,18 +79,20 @@ def step_of(kind: KernelSpec) -> tuple[Any, Any, Any]:
             out[j] += x[j]
         return cost
 
-    @part
+    @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
         """Return the weighted displacement and q dt, with variables i and k of (x, a) shifted."""
         (x, a, dt, costate), (z, c, B, f) = at, work
         copy_row(x, z)
         copy_row(a, c)
-        for e in range(2):
-            j, h = (i, k)[e], (shift, other)[e]
-            if j < n:
-                z[j] += h
-            else:
-                c[j - n] += h
+        if i < n:
+            z[i] += shift
+        else:
+            c[i - n] += shift
+        if k < n:
+            z[k] += other
+        else:
+            c[k - n] += other
         rate, total = displacement(setup, z, c, dt, B, f, out), 0.0
         for j in range(n):
             total += costate[j] * out[j]

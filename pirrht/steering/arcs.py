@@ -10,13 +10,13 @@ import numpy as np
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along, entry_of_curve, truncate
 from pirrht.geometry.certify import certify_curve, surely_free
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import kernel, part
 from pirrht.steering.motion import Motion, MotionKernels
 from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.crossings import pairs_of_curve
 
 
-@inlined
+@part
 def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     start, length, whole = curves.start[i], curves.length[i], 0.0
     for p in range(length.shape[0]):
@@ -26,7 +26,7 @@ def _entry(curves, i, around):  # type: ignore[no-untyped-def]
     return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.goal_radius)
 
 
-@inlined
+@part
 def _cut(curves, i, s):  # type: ignore[no-untyped-def]
     length, whole, left = curves.length[i], 0.0, 0.0
     for p in range(length.shape[0]):
@@ -37,23 +37,23 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
     curves.cost[i] *= left / max(whole, 1e-300)  # a curve of no length costs nothing
 
 
-@inlined
+@part
 def _certify(curves, i, around, prepared):  # type: ignore[no-untyped-def]
     return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i])
 
 
-@inlined
+@part
 def _sure(curves, i, around):  # type: ignore[no-untyped-def]
     return surely_free(around.field, curves.start[i], curves.curvature[i], curves.length[i])
 
 
-@inlined
+@part
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
     return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
 
 
-@inlined
+@part
 def _most(curves):  # type: ignore[no-untyped-def]
     return curves.length.shape[1]
 

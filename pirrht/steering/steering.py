@@ -14,7 +14,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import as_tuple, inlined, kernel
+from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
 from pirrht.steering.arcs import ARCS
 from pirrht.steering.motion import Motion, Motions, Surroundings
 from pirrht.steering.trajectory import Trajectory
@@ -198,7 +198,7 @@ def rows(states: Array, n: int) -> Array:
 def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
     """Build the kernel that finds the states of (k, n) of least cost, cheapest first; of equal ones the earlier."""
 
-    @kernel
+    @borrowing
     def nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
         """Write the indices to `chosen` (c,) and their costs to `least` (c,)."""
         count, found, here = chosen.shape[0], 0, as_tuple(x, n)
@@ -211,7 +211,7 @@ def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
     return found
 
 
-@inlined
+@part
 def _insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
     """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
     if found < chosen.shape[0]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
 from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.topology.tuning import TUNING
 
 
@@ -212,7 +212,7 @@ def _column(x, left, cell, columns):  # type: ignore[no-untyped-def]
     return min(max(int((x - left) / cell), 0), columns - 1)
 
 
-@kernel
+@borrowing
 def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append pairs of the markers inside the circle of an arc; number of pairs.
 
@@ -240,7 +240,7 @@ def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untype
     return count
 
 
-@kernel
+@borrowing
 def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs (at most M) of a piece that ends at (ex, ey); number of pairs."""
     x, y, theta, curvature, length = piece
@@ -259,7 +259,7 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
     return _around(cuts, piece, ex, ey, marker, turn, count) if bends else count
 
 
-@kernel
+@borrowing
 def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
 
@@ -287,7 +287,7 @@ def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ig
     return count
 
 
-@kernel
+@borrowing
 def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
     """Sum pairs begin to count of one marker into one, in place, and drop zeros; the new count.
 
@@ -305,7 +305,7 @@ def summed(total, marker, turn, begin, count):  # type: ignore[no-untyped-def]
     return kept
 
 
-@kernel
+@borrowing
 def key_of_pairs(marker, turn, begin, count, weights):  # type: ignore[no-untyped-def]
     """Additive key of pairs begin to count of marker, turn (l,) [turns], by weights (M,)."""
     key = np.int64(0)

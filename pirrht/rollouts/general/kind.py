@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import borrowing, kernel
 from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
 from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import NUMBERS
@@ -96,7 +96,7 @@ def diffusion_of(kind: KernelSpec) -> Any:
     block: Any = kind.diffusion_block
     rows, m = kind.rows, kind.m
 
-    @kernel
+    @borrowing
     def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
         block(x, p, G)
         for i in range(rows):
@@ -106,7 +106,7 @@ def diffusion_of(kind: KernelSpec) -> Any:
                     total += G[i, k] * s[k, j]
                 B[i, j] = total
 
-    @kernel
+    @borrowing
     def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
         block(x, p, B)
 

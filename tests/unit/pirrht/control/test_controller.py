@@ -10,9 +10,10 @@ from pirrht.control.controller import Controller
 from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, OptionError
 from pirrht.planner.tree import HomologyTree
+from pirrht.proposals.proposal import Tape
 from pirrht.steering.straight_line import StraightLine
 from pirrht.steering.trajectory import running_cost
-from sim.scenario import Scenario
+from sim.scenario import Scenario, prepare
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 
@@ -142,6 +143,20 @@ def test_a_held_open_loop_control_does_not_depend_on_the_state(slit: Scenario, s
     plan = slit.with_settings(samples=100, guide="open-loop", between="hold").controller(slit_tree).plan(slit.start)
     for x in ([1.0, 2.5], [3.4, 2.55], [0.1, 0.1]):
         np.testing.assert_array_equal(plan.at(np.array(x), 0.0), plan.control)
+
+
+def test_open_loop_samples_of_tracked_references_follow_controls_that_reach_the_goal():
+    given = {"vertices": 200, "samples": 20, "guide": "open-loop", "threads": 1}
+    rover = prepare("slit", robot="rover", given=given)
+    driver = rover.controller(rover.grown_tree())
+    references = driver.plan(rover.start).references
+    first = driver.batch(rover.start, list(references)).proposals[0].lead
+    assert isinstance(first, Tape)
+    x, goal, away = rover.start, rover.loaded.scene.goal, []
+    for u, dt in zip(first.controls, np.diff(first.times), strict=True):
+        x = rover.problem.dynamics.step(x, u, np.zeros(2), dt)
+        away.append(np.hypot(*(x[:2] - goal.center)))
+    assert min(away) < goal.radius
 
 
 # -- fallbacks ---------------------------------------------------------------------------------------------------
