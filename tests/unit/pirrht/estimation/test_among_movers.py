@@ -138,7 +138,7 @@ def test_bodies_out_of_reach_change_no_path():
     x, control, found = np.array([1.5, 2.5]), np.array([0.9, 0.0]), []
     for movers in (near, (*far[:3], *near, *far[3:])):
         found.append(held(sampler(hall("near", movers), 0.3), x, control, 300))
-    for name in ("work", "log_ratio", "outcome", "steps", "lasting"):
+    for name in ("work", "log_ratio", "outcome", "steps", "log_survival"):
         assert np.array_equal(getattr(found[0].paths, name), getattr(found[1].paths, name))
     assert np.sum(found[0].paths.outcome == Outcome.COLLISION) > 20
 
