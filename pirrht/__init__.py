@@ -54,7 +54,7 @@ _HOME = {
     "SingleIntegrator": "systems.single_integrator",
     "Steering": "steering.steering",
     "StraightLine": "steering.straight_line",
-    "Trajectory": "steering.trajectory",
+    "Trajectory": "steering.motion",
     "Unicycle": "systems.unicycle",
     "path_integral": "estimation.assembly",
 }

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.certify import FREE, UNSURE, certify_point
+from pirrht.geometry.arcs import FREE, UNSURE, certify_point
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted

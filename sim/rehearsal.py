@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError
 from sim.options.settings import SETTINGS
 from sim.options.table import BY_SETTING, refuse_idle

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.run_state import ClassMemory
+from pirrht.control.policy import ClassMemory
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.weights import log_weights
 from pirrht.problem import Problem

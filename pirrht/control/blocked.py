@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.run_state import Halt, Law, RunState
+from pirrht.control.policy import Halt, Law, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
@@ -140,7 +140,7 @@ def known_law(batch: Batch | None, references: Sequence[Reference]) -> Law | Non
         return None
     led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
     if led:
-        return held(batch.times, min(led, key=lambda guide: guide.priced).tape)
+        return held(batch.times, min(led, key=lambda guide: guide.penalised).tape)
     return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None
 
 

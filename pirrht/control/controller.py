@@ -10,12 +10,11 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control import references as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
-from pirrht.control.budget import TimeBudget
-from pirrht.control.methods import ControlSettings
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.control.proposals import ProposalBuilder, plan_of
+from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.control.methods import TUNING, ControlTuning
+from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.weights import normalised
 from pirrht.problem import Problem

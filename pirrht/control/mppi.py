@@ -20,10 +20,10 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.control.budget import TimeBudget
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
+from pirrht.control.settings import TimeBudget
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.control.methods import TUNING
+from pirrht.control.settings import TUNING
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Replay
 from pirrht.freespace import FreeSpace

@@ -1,23 +1,192 @@
-"""Interface of all policies."""
+"""Interface of all policies, and the state of a run: path, clocks, prediction, and what plans leave for the next."""
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.budget import TimeBudget
+from pirrht.control.mixture import ClassMixture
 from pirrht.control.plan import Plan
-from pirrht.control.prediction import Predictor
-from pirrht.control.run_state import RunState
+from pirrht.control.prediction import Prediction, Predictor
+from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError
+from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.motion import Mover
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.topology.homology import Homology
+from pirrht.proposals.guide import DDPGuide
+from pirrht.steering.motion import Motions
+from pirrht.topology.homology import Driven, Homology
+from pirrht.topology.signature import integers
+
+ClassFromStart = tuple[int, ...]  # class of the driven path and the path ahead together
+Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
+K = TypeVar("K")
+V = TypeVar("V")
+
+
+@dataclass(slots=True)
+class ClassMemory:
+    """Memory of the plans of a run, by class from its start: the winding, or the name of it.
+
+    Attributes:
+        paths: shortened references of the last plan, from which shortening goes on.
+        optima: valid guides of the last plan, best first, from which their improvement goes on.
+        sampled: classes whose guides had more than a few samples.
+        allocation: of samples, by what earlier ones contributed.
+        mixture: feedback of the last plan, into which the next one is pooled.
+        followed: name of the one class that the control follows; None: all.
+        others: names by additive key of earlier classes that the last plan did not update.
+    """
+
+    paths: dict[ClassFromStart, Motions] = field(default_factory=dict)
+    optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)
+    sampled: set[ClassFromStart] = field(default_factory=set)
+    allocation: Allocation = field(default_factory=Allocation)
+    mixture: ClassMixture | None = None
+    followed: str | None = None
+    others: dict[int, str] = field(default_factory=dict)
+
+    def forget(self) -> None:
+        """Forget guides and samples, but no path."""
+        self.optima, self.sampled = {}, set()
+        self.allocation, self.mixture = Allocation(), None
+
+    def renamed(
+        self, guides: Mapping[ClassFromStart, ClassFromStart], paths: Mapping[ClassFromStart, ClassFromStart],
+        names: Mapping[str, str],
+    ) -> ClassMemory:  # fmt: skip
+        """Return what remains among other obstacles.
+
+        Args:
+            guides: present classes of guides that are still free.
+            paths: present classes of paths that are still free.
+            names: present names of all these classes.
+        """
+        mixture, before = self.mixture, self.allocation
+        return ClassMemory(
+            paths=kept(self.paths, paths), optima=kept(self.optima, guides),
+            sampled={guides[one] for one in self.sampled & guides.keys()},
+            allocation=Allocation(kept(before.contribution, names), kept(before.shares, names)),
+            mixture=None if mixture is None else mixture.with_classes(kept(mixture.classes, names)),
+            followed=names.get(self.followed or ""),
+        )  # fmt: skip
+
+
+def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
+    """Rename classes to what they are now; of several that became one, keep the first."""
+    return {heirs[one]: value for one, value in reversed([*known.items()]) if one in heirs}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Halt:
+    """A law that brakes or, of a robot that cannot, follows the longest free path; with its outcome."""
+
+    law: Law
+    times: Array  # ends of steps, (T+1,) [s]
+    tape: Array  # controls of those steps without noise, (T, m)
+    room: float  # clearance from static obstacles once it has settled, at most the sufficient one [m]
+    free: float  # how long it touches nothing [s]; infinite if that is beyond the horizon
+    clearance: float  # the least within the horizon, once it has settled [m]
+    enough: float = 0.0  # clearance at which the robot goes on waiting by this law [m]
+
+
+class RunState:
+    """State of a run from x (n,) at a time [s] of the moving obstacles' clock.
+
+    Attributes:
+        homology: of the paths ahead, in the prediction if there is one.
+        path: path driven so far, which gives classes their names.
+        time: of the run and of moving obstacles [s].
+        begun: when it started [s].
+        known: until when states are observed, not only expected [s].
+        since_plan: time since the last plan [s].
+        since_estimate: time since the last plan of which samples survived [s].
+        queried: state (n,) of a plan since which no time has passed.
+        planned: whether there has been a plan.
+        held: how long the control of the last step is held [s]; None: there is none.
+        prediction: of moving obstacles; None: their motions are known.
+        movers: moving obstacles as predicted, on the run's clock.
+        halt: brake that the robot waits by; None: it is not blocked.
+        favourite: path ahead of the last plan's favourite, (k, 3) [m, m, s] on the run's clock.
+        recent: numbers of classes of the last plans, and the time until they sampled [s].
+        memory: of plans, by class.
+    """
+
+    def __init__(self, homology: Homology, x: Array, time: float = 0.0, movers: tuple[Mover, ...] = ()) -> None:
+        self.homology, self.path = homology, Driven(homology, x, time)
+        self.time = self.begun = self.known = time
+        self.since_plan = self.since_estimate = 0.0
+        self.queried: Array | None = None
+        self.planned, self.held = False, None  # type: bool, float | None
+        self.prediction: Prediction | None = None
+        self.movers, self.favourite = movers, None  # type: tuple[Mover, ...], Array | None
+        self.halt: Halt | None = None
+        self.recent: list[tuple[int, float]] = []
+        self.memory = ClassMemory()
+
+    @property
+    def since(self) -> float:
+        """Start of the prediction's clock [s]."""
+        return 0.0 if self.prediction is None else self.prediction.since
+
+    @property
+    def now(self) -> float:
+        """Time on the prediction's clock [s]."""
+        return self.time - self.since
+
+    def query(self, x: Array) -> None:
+        """Record a plan at x (n,); warn if the robot has moved since the last one and nothing was observed.
+
+        Raises:
+            OptionError: x has entries that are no finite numbers.
+        """
+        if not np.all(np.isfinite(x)):
+            raise OptionError(f"the state is {x.tolist()}; all of it must be finite numbers")
+        if self.queried is not None and not np.array_equal(x, self.queried):
+            warnings.warn(
+                f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({self.queried[0]:.4g}, {self.queried[1]:.4g}), and "
+                "nothing was observed in between: call step(x, dt) for each control, or observe(states, dt) after it; "
+                "begin(x) if this is another run",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
+        self.queried = x
+
+    def passed(self, duration: float) -> None:
+        """Let time [s] pass."""
+        self.queried = None
+        self.since_plan += duration
+        self.since_estimate += duration
+        self.time += duration
+
+    def set_prediction(self, after: Prediction, x: Array) -> None:
+        """Continue from x (n,) under another prediction; the class of the path ahead keeps its name."""
+        before, offset = self.prediction, np.zeros(0)
+        if before is not None:
+            here = np.array([[*x[:2], self.time]])
+            path = (
+                here if self.favourite is None else np.vstack([here, self.favourite[self.favourite[:, 2] > self.time]])
+            )
+            turns = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
+            offset = np.array(self.path.winding()) + turns[0] - turns[1]
+        self.prediction, self.homology = after, after.homology
+        self.movers = tuple(replace(m, motion=m.motion.after(-after.since)) for m in after.space.scene.movers)
+        self.path = Driven(after.homology, x, self.now, offset)
+
+
+def from_start(run: RunState, references: Sequence[Reference]) -> list[ClassFromStart]:
+    """Return the classes of the driven path and each reference together."""
+    driven = run.path.winding()
+    return [integers(np.add(driven, one.winding)) for one in references]
 
 
 class Policy(ABC):

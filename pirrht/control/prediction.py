@@ -13,8 +13,8 @@ from typing import Protocol
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.methods import TUNING, ControlTuning
 from pirrht.control.plan import Plan
+from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.passages import Passages

@@ -9,12 +9,11 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.best_class import follow_best
-from pirrht.control.budget import TimeBudget
-from pirrht.control.methods import ControlSettings
 from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
+from pirrht.control.policy import RunState, from_start
 from pirrht.control.prediction import favourite_path
-from pirrht.control.run_state import RunState, from_start
+from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
@@ -26,7 +25,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.steering.motion import Trajectory, running_cost
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.budget import TimeBudget
-from pirrht.control.methods import ControlSettings, ControlTuning
-from pirrht.control.run_state import ClassFromStart, RunState, from_start
+from pirrht.control.policy import ClassFromStart, RunState, from_start
+from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference, OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
@@ -19,8 +18,8 @@ from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.steering.trajectory import SPACING
-from pirrht.topology.driven import Driven
+from pirrht.steering.motion import SPACING
+from pirrht.topology.homology import Driven
 from pirrht.topology.signature import integers
 
 

@@ -19,17 +19,25 @@ from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
-from pirrht.proposals.desirability_tube import way_of
+from pirrht.proposals.desirability_tube import tube_of
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import Scales, WallDrift, squeezed, trust, under_way, window
+from pirrht.proposals.wall_drift import (
+    FlatWalls,
+    NearWalls,
+    Scales,
+    WallDrift,
+    linear_law_weight,
+    squeezed,
+    under_way,
+    window,
+)
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
 from pirrht.rollouts.ways import no_ways
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 
 
 class ProposalFactory:
@@ -108,8 +116,8 @@ class ProposalFactory:
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
-        push = self._push(scales.reach, self.sampling.first_dt, time=time)
-        return DesirabilityAscent(way_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
+        return DesirabilityAscent(tube_of(self._soft, line, x, scales.decay), push.gain(x), push)
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the ascent of a point next to its guide among moving obstacles; None of other systems.
@@ -139,14 +147,13 @@ class ProposalFactory:
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
         push = self.push(tables, x, time)
-        if self.is_martingale and tables.wall_offset > 0.0:
-            return NearWallsOfMeans.of(push, x, float(tables.times[tables.window]), tables.counted)
-        pushed = push(x)
-        return NearWalls(push=pushed, held_back=push(x, closest=PROPOSALS.least_gap) - pushed)
+        if not (self.is_martingale and tables.wall_offset > 0.0):
+            return NearWalls.of(push, x)
+        return NearWalls.of(push, x, FlatWalls.of(push, x, float(tables.times[tables.window])), tables.counted)
 
     def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
-            problem=self.problem, field=self.space.field, reach=offset, step=step, beyond=self.set_back, slack=slack,
+            problem=self.problem, field=self.space.field, offset=offset, step=step, behind=self.set_back, slack=slack,
             traffic=self.world.setup.traffic, time=time,
         )  # fmt: skip
 
@@ -198,14 +205,14 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.reach if self._drifts else 0.0,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if self._drifts else 0.0,
             set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, self._law_width)), law_length=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time), obstacles=NO_NEARBY,
-            law_weight=trust(scales.noise, near) if self.pointlike and moving else 1.0,
+            law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
         nearby = self._nearby(batch, tables) if moving else NO_NEARBY
         tables = tables._replace(counted=self._counted(batch, tables, scales), obstacles=nearby)

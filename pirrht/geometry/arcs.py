@@ -1,7 +1,8 @@
-"""Trace planar curves of arcs and straight pieces, find where they enter the goal, and measure how they wind.
+"""Trace planar curves of arcs and straight pieces, find their entry of the goal and turns, certify that they are free.
 
-A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0.
-Everything here is exact for such curves: no curve is divided into steps to be measured.
+A batch of k curves has P pieces each; a straight piece has curvature 0 and a missing piece length 0. Entries and turns
+are exact: no curve is divided into steps. Clearance is 1-Lipschitz, so a disc of that radius about a free point is
+free. A march from disc to disc, each begun where the last one ended, certifies what it covers (paper, `ObstacleFree`).
 """
 
 from __future__ import annotations
@@ -13,9 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.jit.jit import inlined, kernel
+from pirrht.geometry.field import border, clearance, closest
+from pirrht.geometry.tuning import TUNING
+from pirrht.jit.jit import inlined, kernel, load_float32
 
 TWO_PI = 2.0 * np.pi
+FREE, UNSURE, BLOCKED = 1, 0, -1
+LEAST_STEP = TUNING.least_step
 
 
 class Curves(NamedTuple):
@@ -151,3 +156,86 @@ def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Arra
         x, y, theta = along(x, y, theta, kappa, total)
     polyline: NDArray[np.float64] = np.array(points)
     return polyline
+
+
+@kernel
+def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
+    """Return whether the Lipschitz upper bound from the nearest grid point is already negative."""
+    at, dx, dy, width = closest(field, x, y)
+    return load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0
+
+
+@inlined
+def refused(field, x, y):  # type: ignore[no-untyped-def]
+    """Return BLOCKED or UNSURE for a point that is not certified to be free."""
+    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
+
+
+@kernel
+def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it.
+
+    Where they do not, the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+    """
+    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
+    per = 1.0 / length if length > 0.0 else 0.0
+    while True:
+        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
+        c = clearance(field, x, y)
+        if c < LEAST_STEP:
+            if refused(field, x, y) == BLOCKED:
+                return BLOCKED
+            verdict, c = UNSURE, 0.5 * field.spacing
+        if s >= length:
+            return verdict
+        s = min(s + c, length)
+
+
+@kernel
+def certify_point(field, x, y):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
+    return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
+
+
+@kernel
+def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m]: certified discs must cover it.
+
+    Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
+    """
+    x, y, theta = start[0], start[1], start[2]
+    verdict = FREE
+    for p in range(length.shape[0]):
+        s, kappa, ux, uy = 0.0, curvature[p], math.cos(theta), math.sin(theta)
+        while True:
+            px, py = point_along(x, y, theta, ux, uy, kappa, s)
+            c = clearance(field, px, py)
+            if c < LEAST_STEP:
+                if refused(field, px, py) == BLOCKED:
+                    return BLOCKED
+                verdict = UNSURE
+                c = 0.5 * field.spacing
+            if s >= length[p]:
+                break
+            s = min(s + c, length[p])
+        if p + 1 < length.shape[0]:
+            x, y, theta = along(x, y, theta, kappa, length[p])
+    return verdict
+
+
+@kernel
+def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
+    """Return whether the field alone certifies a curve (3,), (P,) [1/m], (P,) [m]; blocked and unsure are one."""
+    x, y, theta = start[0], start[1], start[2]
+    for p in range(length.shape[0]):
+        kappa, total = curvature[p], length[p]
+        ux, uy = math.cos(theta), math.sin(theta)
+        s = 0.0
+        while s < total:
+            px, py = point_along(x, y, theta, ux, uy, kappa, s)
+            c = clearance(field, px, py)
+            if c < LEAST_STEP:
+                return False
+            s += c
+        x, y, theta = along(x, y, theta, kappa, total)
+    return clearance(field, x, y) >= LEAST_STEP

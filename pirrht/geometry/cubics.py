@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
+from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 

@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.addresses import load_float32, load_int32
-from pirrht.jit.float32 import ONE, ZERO
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float32, load_int32
+from pirrht.jit.streams import ONE, ZERO
 
 LEVELS = 4  # the coarsest grid has 2^(LEVELS - 1) times the spacing of the finest
 REACH = TUNING.cutoff

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance, value_at
 from pirrht.geometry.narrow_passages import narrow_places

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.certify import BLOCKED, FREE, certify_segment
+from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment
 from pirrht.geometry.field import Field, clearance, two_walls
 from pirrht.geometry.scene import Goal
 

@@ -1,10 +1,8 @@
 """Kernels: numeric functions as machine code; nothing here knows the method.
 
-jit           kernel, inlined, part, borrowing, jitable; calls by address
-addresses     array elements by address, since arrays in records cost reference counts
+jit           kernel, inlined, part, borrowing, jitable; calls and array elements by address
 vectors       copies, small linear systems, sums of short rows in vector instructions
-float32       single precision and its bits, for loops over lanes
-streams       normal and uniform numbers by (seed, sample, draw)
+streams       normal and uniform numbers and crossings of bridges by (seed, sample, draw); single precision
 threads       independent kernel calls on several threads
 names         a name for all that a kernel computes
 cache         kernels on disk by their names

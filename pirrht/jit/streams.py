@@ -1,20 +1,32 @@
-"""Normal and uniform numbers that depend only on (seed, sample, draw), never on the number of threads.
+"""Random numbers of samples: normal and uniform ones, and first crossings of Brownian bridges.
 
-Each sample owns a SplitMix64 sequence (Steele, Lea and Flood, OOPSLA 2014) that starts at a mix of seed and sample
-index. Of each 64 bits come two normals (Box and Muller, Ann. Math. Stat. 1958), in single precision and without tables
-or branches, so that whole vectors of them are drawn at once. Single precision suffices: with 31 bits the radius stands
-for all but 2^-32 of the law, up to 6.66 deviations, and a path's rounding is far below what its noise is known to.
+They depend only on (seed, sample, draw), never on the number of threads. Each sample owns a SplitMix64 sequence
+(Steele, Lea and Flood, OOPSLA 2014) that starts at a mix of seed and sample index. Of each 64 bits come two normals
+(Box and Muller, Ann. Math. Stat. 1958), in single precision and without tables or branches, so that whole vectors of
+them are drawn at once. Single precision suffices: with 31 bits the radius stands for all but 2^-32 of the law, up to
+6.66 deviations, and the rounding of a path is far below its noise.
+
+A bridge crosses a flat wall at distances c0 and c1 with probability exp(-2 c0 c1 / variance); the time of the first
+crossing is then drawn exactly.
+
+A vector holds twice as many numbers of single precision, and they are divided and rooted four times as fast. In a
+kernel a literal is double and makes all that meets it double, so constants of loops over lanes are named here.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 
-from pirrht.jit.float32 import ONE, TWO, as_bits, as_number
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import DISABLED, inlined, kernel
 
+ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
+INFINITE = np.float32(np.inf)
 GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
 MIX_2 = np.uint64(0x94D049BB133111EB)
@@ -28,6 +40,42 @@ LN_2 = np.float32(math.log(2.0))
 A1, A2, A3, A4 = (np.float32(1.0 / (2 * k + 1)) for k in range(1, 5))
 S1, S2, S3, S4 = (np.float32((-1.0) ** k / math.factorial(2 * k + 1)) for k in range(1, 5))
 C1, C2, C3, C4 = (np.float32((-1.0) ** k / math.factorial(2 * k)) for k in range(1, 5))
+FAR = 12.0  # exponents beyond this are taken as certain survival
+SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall next to it at least, since lines turn
+MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
+
+
+def _cast(source: Any, target: Any, whole: bool) -> Any:
+    if DISABLED:
+        return lambda value: np.float32(value).view(np.uint32) if whole else np.uint32(value).view(np.float32)
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def cast(typing_context: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(arguments[0], ir.IntType(32) if whole else ir.FloatType())
+
+        return target(source), generate
+
+    return cast
+
+
+as_bits = _cast(types.float32, types.uint32, True)
+as_number = _cast(types.uint32, types.float32, False)
+
+LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
+LN_2_HIGH, LN_2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)  # their sum is log 2 beyond single precision
+E2, E3, E4, E5, E6 = (np.float32(1.0 / math.factorial(k)) for k in range(2, 7))
+SHIFT, BIAS = np.uint32(23), np.int32(127)
+
+
+@inlined
+def exponential(x):  # type: ignore[no-untyped-def]
+    """exp(x) of a float32 x <= 0, float32, within 3e-7 of itself; exp(-87) stands for all below it."""
+    x = max(x, LOWEST)
+    n = np.int32(x * PER_LN_2 - HALF)  # towards zero: the nearest whole number
+    r = (x - np.float32(n) * LN_2_HIGH) - np.float32(n) * LN_2_LOW
+    series = ONE + r * (ONE + r * (E2 + r * (E3 + r * (E4 + r * (E5 + r * E6)))))
+    return series * as_number(np.uint32(np.uint32(n + BIAS) << SHIFT))
 
 
 @inlined
@@ -109,3 +157,32 @@ def uniform(state):  # type: ignore[no-untyped-def]
     """The next state of a sequence and a uniform number in [0, 1), float64."""
     state = state + GOLDEN
     return state, np.float64(bits_of(state) >> np.uint64(11)) * UNIT
+
+
+@kernel
+def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
+    """Draw the share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
+
+    In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
+    Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
+    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m],
+        and the random sequence. Returns: next state of the sequence, share.
+    """
+    shape = (c0 / deviation) ** 2
+    state, z, _ = normals(state)
+    state, u = uniform(state)
+    slope = abs(c1) / c0  # one over the mean of s
+    half = 0.5 * z * z / shape
+    s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
+    if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
+        s = 1.0 / (slope * slope * s)
+    return state, s / (1.0 + s)
+
+
+@inlined
+def survival(c0, c1, variance):  # type: ignore[no-untyped-def]
+    """Return the probability that a bridge between two positive distances misses the wall."""
+    if c1 <= 0.0:
+        return 0.0
+    exponent = 2.0 * c0 * c1 / variance
+    return 1.0 if exponent > FAR else 1.0 - math.exp(-exponent)

@@ -9,9 +9,8 @@ from __future__ import annotations
 
 import math
 
-from pirrht.geometry.certify import BLOCKED, FREE, LEAST_STEP, UNSURE
-from pirrht.jit.addresses import load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.jit.jit import inlined, kernel, load_int64
 from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
 from pirrht.moving.spans import MOMENT, comes_by, keeps_off
 from pirrht.moving.tuning import BOX, PARTS, TUNING

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.shapes import offset_of, outside
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.moving.tuning import BODY, PARTS, ROW, SOLID, TABLE
 
 LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)

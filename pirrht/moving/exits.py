@@ -11,9 +11,8 @@ import math
 
 import numpy as np
 
-from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
 from pirrht.jit.jit import inlined
-from pirrht.jit.streams import normals, uniform
+from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.moving.broad_phase_cache import listing, surely
 from pirrht.moving.distances import (
     FASTEST,

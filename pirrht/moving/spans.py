@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.jit.addresses import load_float64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64
 from pirrht.moving.tuning import BOX, TUNING
 
 SPAN = TUNING.span

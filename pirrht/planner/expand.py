@@ -10,9 +10,19 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.certify import BLOCKED, FREE, certify_point
-from pirrht.jit.addresses import load_int32, load_int64, store_float64, store_int16, store_int32, store_int64
-from pirrht.jit.jit import as_tuple, caller, kernel, part
+from pirrht.geometry.arcs import BLOCKED, FREE, certify_point
+from pirrht.jit.jit import (
+    as_tuple,
+    caller,
+    kernel,
+    load_int32,
+    load_int64,
+    part,
+    store_float64,
+    store_int16,
+    store_int32,
+    store_int64,
+)
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import ask_again

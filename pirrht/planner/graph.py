@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.jit.addresses import load_int32, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_int32, load_int64
 from pirrht.planner.tuning import TUNING
 from pirrht.topology.crossings import spread
 

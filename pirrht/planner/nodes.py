@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.jit.addresses import (
+from pirrht.jit.jit import (
+    inlined,
+    kernel,
     load_float64,
     load_int8,
     load_int16,
@@ -21,7 +23,6 @@ from pirrht.jit.addresses import (
     store_int32,
     store_int64,
 )
-from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.tuning import TUNING

@@ -17,9 +17,8 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
-from pirrht.geometry.certify import FREE
-from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.geometry.arcs import FREE
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, load_int64
 from pirrht.jit.threads import mapped
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
@@ -27,8 +26,7 @@ from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING
 from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
-from pirrht.steering.motion import Motions
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Motions, Trajectory
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.signature import class_id, integers
 

@@ -8,15 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.certify import FREE
-from pirrht.jit.addresses import (
+from pirrht.geometry.arcs import FREE
+from pirrht.jit.jit import (
+    inlined,
+    kernel,
     load_float64,
     load_int32,
     load_int64,
     store_int8,
     store_int64,
 )
-from pirrht.jit.jit import inlined, kernel
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.nodes import Candidate, admits, append, pop, propagated, push

@@ -16,8 +16,7 @@ from pirrht.arrays import Array
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
-from pirrht.proposals.forward_pass import passes_of
-from pirrht.proposals.step_map import step_of
+from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.kind import KernelSpec
 
@@ -185,10 +184,10 @@ def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
 
 
 @cache
-def backward_of(kind: KernelSpec) -> Any:
+def backward_pass(kind: KernelSpec) -> Any:
     """Build the backward pass of one kind of dynamics."""
-    velocity, _, expand = step_of(kind)
-    arrival, n, m = passes_of(kind)[0], kind.n, kind.m
+    velocity, _, expand, arrival, _ = forward_pass(kind)
+    n, m = kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
     scratch_walls, _, expand_clearance = clearance_costs(kind.moving)
 
@@ -243,7 +242,7 @@ def backward_of(kind: KernelSpec) -> Any:
                     chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / nudge
 
     @part
-    def priced(setup, task, states, i, times, points, price, work):  # type: ignore[no-untyped-def]
+    def clearance_cost(setup, task, states, i, times, points, price, work):  # type: ignore[no-untyped-def]
         """Expand the clearance cost of a step in the states before and after it; return whether there is any."""
         f, other, walls, bends = work
         x, y, bx, by = states[i, 0], states[i, 1], 0.0, 0.0
@@ -279,7 +278,7 @@ def backward_of(kind: KernelSpec) -> Any:
             _end(setup, task, states[length], v, W)
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
-            near = priced(setup, task, states, i, times, points, price, ends)
+            near = clearance_cost(setup, task, states, i, times, points, price, ends)
             copy_row(v, costate)
             copy_rows(W, P)
             if task.hold > 0.0:

@@ -143,13 +143,15 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
 
 
 @kernel
-def touches(traffic, x, y, mx, my, turn, t, dt, held, listed):  # type: ignore[no-untyped-def]
-    """Check whether a step from (x, y) to (mx, my) [m] that begins at t and takes dt [s] touches a moving obstacle.
+def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
+    """Check whether a step touches a moving obstacle.
 
-    It turns by `turn` in all [rad]; `held` is from earlier steps (`held_of`), `listed` (J,) is scratch.
+    A step is (x, y, mx, my, turn, t, dt): both ends [m], its turn in all [rad], begin and duration [s]. `held` is from
+    earlier steps (`held_of`), `candidates` (J,) is scratch.
     """
-    way = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
-    count = listing(traffic, x, y, t, way, held, listed)
+    x, y, mx, my, turn, t, dt = step
+    length = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
+    count = listing(traffic, x, y, t, length, held, candidates)
     if t + dt > held[4]:
-        count = listing(traffic, x, y, t, math.inf, held, listed)
-    return met_on_path(traffic, listed, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0
+        count = listing(traffic, x, y, t, math.inf, held, candidates)
+    return met_on_path(traffic, candidates, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0

@@ -66,21 +66,22 @@ class LinearFeedback(ProposalControl):
         off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
         a = self._law(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off)
         mean, sway = a[: d.m], a[d.m :]
-        return guide.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
+        return d.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
 
     def held(self, x: Array) -> Array:
         """Return the mean control (m,) of the guide over its first step from x (n,)."""
         guide, d = self.guide, self.guide.dynamics
-        return guide.input_of(x, self._law(x, 0, 0, d.difference(x, guide.states[0]))[: d.m])
+        return d.input_of(x, self._law(x, 0, 0, d.difference(x, guide.states[0]))[: d.m])
 
     def _law(self, x: Array, i: int, row: int, off: Array) -> Array:
         """Evaluate the law of step i (modes,), with its row of constraints and drift, `off` (n,) from the guide."""
         guide = self.guide
         modes, gains, more = guide.modes[i], guide.gains[i], np.zeros(guide.modes.shape[1])
-        if guide.half_spaces is not None and guide.wall_drift is not None:
+        if guide.walls_ahead is not None:
+            half_spaces, drift, bend = guide.walls_ahead
             B = guide.dynamics.B_c(x)
-            modes, gains = modes - guide.wall_drift[0][row] @ B, gains - B.T @ guide.wall_drift[1][row]
-            more = beyond_linear(guide.half_spaces[row], B, gains, off)
+            modes, gains = modes - drift[row] @ B, gains - B.T @ bend[row]
+            more = beyond_linear(half_spaces[row], B, gains, off)
         return np.asarray(np.clip(modes + gains @ off + more, -guide.steep, guide.steep))
 
     def pack(self, leads: ProposalTables, h: int) -> None:
@@ -93,13 +94,12 @@ class LinearFeedback(ProposalControl):
         then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
         mean = (1.0 - share) * guide.modes[i] + share * guide.modes[then]
         gains = (1.0 - share[:, :, None]) * guide.gains[i] + share[:, :, None] * guide.gains[then]
-        if guide.half_spaces is not None:
+        if guide.walls_ahead is not None:
+            half_spaces, drift, bend = guide.walls_ahead
             B = guide.dynamics.B_c(guide.states[0])
-            if guide.wall_drift is not None:
-                mean = mean - guide.wall_drift[0] @ B
-                gains = gains - np.einsum("ij,kil->kjl", B, guide.wall_drift[1])
-            mean, gains, gates = without(guide.half_spaces, B, mean, gains)
-            leads.law[h, :, -gates[0].size :] = gates.reshape(len(row), -1)
+            mean, gains = mean - drift @ B, np.ascontiguousarray(gains - np.einsum("ij,kil->kjl", B, bend))
+            mean, gains, ahead = without(half_spaces, B, mean, gains)
+            leads.law[h, :, -ahead[0].size :] = ahead.reshape(len(row), -1)
         law.mean[:], law.gains[:], law.state[:] = mean, np.swapaxes(gains, 1, 2), self._states(i, share)
         law.deviation[:], law.inverse[:] = np.swapaxes(guide.share, 1, 2)[i], np.swapaxes(guide.inverse, 1, 2)[i]
         law.log_det[:], law.steepest[:], law.metric[:] = guide.volume[i], guide.steep, guide.metric

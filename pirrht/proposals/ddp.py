@@ -10,18 +10,17 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.moving.broad_phase_cache import held_of
-from pirrht.proposals.backward_pass import backward_of
+from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.forward_pass import passes_of
+from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
-from pirrht.proposals.step_map import step_of
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.kind import KernelSpec
@@ -29,22 +28,11 @@ from pirrht.topology.crossings import key_of_segment
 from pirrht.topology.moving_crossings import key_of_path
 
 
-class Optimiser(NamedTuple):
-    """Kernels of one kind of dynamics."""
-
-    forward: Any
-    backward: Any
-    optimise: Any
-    arrival: Any
-    expand: Any
-
-
 @cache
-def optimiser(kind: KernelSpec) -> Optimiser:
-    """Build the kernels that optimise trajectories of one kind of dynamics."""
-    velocity, _, expand = step_of(kind)
-    arrival, forward = passes_of(kind)
-    backward = backward_of(kind)
+def optimiser(kind: KernelSpec) -> Any:
+    """Build the kernel that optimises trajectories of one kind of dynamics."""
+    velocity, _, _, _, forward = forward_pass(kind)
+    backward = backward_pass(kind)
     n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
 
     @kernel
@@ -52,7 +40,7 @@ def optimiser(kind: KernelSpec) -> Optimiser:
         """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+            held, candidates = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
         for i in range(length):
             x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
             dt = times[i + 1] - times[i]
@@ -61,21 +49,23 @@ def optimiser(kind: KernelSpec) -> Optimiser:
                 velocity(setup, states[i + 1], f[1])
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
             outcome, _ = sweep_exit(setup.arena, x, y, to_x, to_y, turn)
-            if outcome == COLLISION:
-                return False
-            if moving and touches(setup.traffic, x, y, to_x, to_y, turn, times[i], dt, held, listed):
+            if outcome == COLLISION or (
+                moving and touches(setup.traffic, (x, y, to_x, to_y, turn, times[i], dt), held, candidates)
+            ):
                 return False
         return True
 
     @kernel
-    def key_of(setup, states, length):  # type: ignore[no-untyped-def]
-        """Return the additive class key of the first `length` steps of states (T+1, n)."""
-        key = np.int64(0)
+    def _judge(problem, states, length):  # type: ignore[no-untyped-def]
+        """Check that a trajectory is of its class, and that it is and touches nothing; aims are held to unchecked."""
+        (setup, task, times, own, bows), key = problem, np.int64(0)
+        if task.hold > 0.0:
+            return True, True
         for i in range(length):
             key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
         if moving:
             key += key_of_path(setup.marks, setup.arena.goal, states, length)
-        return key
+        return key == own, key == own and _is_free(setup, states, length, times, bows)
 
     @kernel
     def _points(setup, task, states, length, times):  # type: ignore[no-untyped-def]
@@ -85,15 +75,6 @@ def optimiser(kind: KernelSpec) -> Optimiser:
             way = math.sqrt((states[i + 1, 0] - states[i, 0]) ** 2 + (states[i + 1, 1] - states[i, 1]) ** 2)
             longest = max(longest, way + (setup.traffic.speed * (times[i + 1] - times[i]) if moving else 0.0))
         return max(1, min(TUNING.points, math.ceil(TUNING.points_margin * longest / task.spacing)))
-
-    @kernel
-    def _judge(problem, states, length):  # type: ignore[no-untyped-def]
-        """Check that a trajectory is of its class, and that it is and touches nothing; aims are held to unchecked."""
-        setup, task, times, key, bows = problem
-        if task.hold > 0.0:
-            return True, True
-        right = key_of(setup, states, length) == key
-        return right, right and _is_free(setup, states, length, times, bows)
 
     @kernel
     def _search(problem, course, trial, points, expected, found):  # type: ignore[no-untyped-def]
@@ -125,17 +106,15 @@ def optimiser(kind: KernelSpec) -> Optimiser:
             length: steps that it prescribes.
 
         Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced [cost],
-            backward passes, whether it is of its class and touches nothing.
+            whether it is of its class and touches nothing.
         """
-        states, control = course.states, course.control
+        states, control, gains, share, inverse, volume, change, aims = course
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
-        trial = COURSE(
-            other, tried, course.gains, course.share, course.inverse, course.volume, course.change, course.aims
-        )
+        trial = COURSE(other, tried, gains, share, inverse, volume, change, aims)
         copy_row(states[0], other[0])
         steps, _, _ = forward(setup, task, times, course, length, 0.0, 1, trial)
         if steps < 0:
-            return -1, np.inf, np.inf, 0, False
+            return -1, np.inf, np.inf, False
         points = _points(setup, task, other, steps, times)
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         copy_rows(tried, control)
@@ -147,9 +126,8 @@ def optimiser(kind: KernelSpec) -> Optimiser:
         for k in range(m, control.shape[1]):  # a reference's control does not rise within a step: that costs little,
             flat = flat and control[0, k] == 0.0  # and it tells the control now
         first, factor, nothing, most = TUNING.damping
-        damping, done, again = 0.0, 0, False
+        damping, again = 0.0, False
         for _ in range(rounds):
-            done += 1
             expected = backward(setup, task, times, course, found[0], points, damping)
             if expected < task.tolerance and not flat:
                 break
@@ -168,6 +146,6 @@ def optimiser(kind: KernelSpec) -> Optimiser:
                 damping, again = 0.0, False  # steps that were too long where the damping rose may not be so here
         steps, cost, priced, _, sound = found
         backward(setup, task, times, course, steps, points, 0.0)
-        return steps, cost, priced, done, sound
+        return steps, cost, priced, sound
 
-    return Optimiser(forward, backward, optimise, arrival, expand)
+    return optimise

@@ -1,10 +1,13 @@
-"""The desirability of a way: log psi of one class along its reference, from cross-section to cross-section.
+"""Desirability in a tube around a reference: log psi of one class, from cross-section to cross-section.
 
 With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
 with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
 `sqrt(k / 2 pi r) exp(-k r) cos` far away. So psi on one cross-section of a reference is an integral over the next one,
 back from the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers
 settle to its slowest mode at its own decay, and behind a corner psi is diffracted.
+
+A cross-section is a straight line across the reference, square to it, or along the bisector of a corner. It ends at a
+wall, or where noise does not carry a path that goes on to the goal. They are dense near walls, sparse in the open.
 
 Samples follow the slope of log psi at the nodes (`rollouts.ways`); towards a wall at a distance c it is known by the
 length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
@@ -21,19 +24,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import two_walls
+from pirrht.geometry.field import clearance, two_walls
 from pirrht.geometry.world import World
-from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
 from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.streams import logarithm
-from pirrht.proposals.cross_sections import sections_of
+from pirrht.jit.streams import HALF, ONE, TWO, ZERO, exponential, logarithm
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE
 
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
 # Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
 # All are in one array: a compiler that does not know how far apart arrays are must assume that vectors overlap.
-PLACE_X, PLACE_Y, NEAR, NEAR_X, NEAR_Y, FAR, FAR_X, FAR_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_FAR, TOP, WHOLE = (
+PLACE_X, PLACE_Y, WALL, WALL_X, WALL_Y, NEXT, NEXT_X, NEXT_Y, LOG_PSI, SLOPE_X, SLOPE_Y, PUSH, PUSH_NEXT, TOP, WHOLE = (
     WIDTH * row for row in range(15)
 )
 ROWS = 15 * WIDTH
@@ -80,35 +81,36 @@ def wall(k, r, per, bent, steep, c, d):  # type: ignore[no-untyped-def]
     """
     square = SINGLE.four * c * d
     far = math.sqrt(r * r + square)
-    other, ratio, beyond = bend(k * far), r / far, ONE / far
+    other, ratio, inverse = bend(k * far), r / far, ONE / far
     image = exponential(-k * square / (far + r)) * math.sqrt((ONE + other) / (ONE + bent) * ratio) * ratio
     left = max(ONE - image, SINGLE.tiny)
-    odds, down = image / left, fall(k, beyond, other)
-    return left, odds * down * TWO * d * beyond, max(odds * (steep - down * ratio), ZERO)
+    odds, down = image / left, fall(k, inverse, other)
+    return left, odds * down * TWO * d * inverse, max(odds * (steep - down * ratio), ZERO)
 
 
 @inlined
-def beyond(c, nx, ny, dx, dy, near, mx, my, far, ox, oy):  # type: ignore[no-untyped-def]
-    """Return the distance of a place (dx, dy) from here to the wall that is c away here in the direction -(nx, ny).
+def wall_distance(here, dx, dy, first, second):  # type: ignore[no-untyped-def]
+    """Return the distance of a place (dx, dy) from here to a wall that is c away here in the direction -(nx, ny).
 
     It is that of one of the place's own two walls of the same direction; else that to the wall's plane, unless the wall
-    is left behind around a corner.
+    is left behind around a corner. Walls are (c, nx, ny).
     """
+    (c, nx, ny), (near, mx, my), (far, ox, oy) = here, first, second
     plane = c + dx * nx + dy * ny
     one, other = nx * mx + ny * my > ALIKE, nx * ox + ny * oy > ALIKE
     return near if one else (far if other else (plane if plane > ZERO else near))
 
 
 @kernel
-def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
-    """Fill the rows of f (ROWS,) from those of the next cross-section, `known`.
+def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) from those of the next cross-section, `known`: of J nodes, `step` apart [m].
 
-    Args, in order: k [1/m]; point and unit normal of the next cross-section; number and spacing of its nodes [m]; rows.
+    line: point and unit normal of the next cross-section.
     """
     px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
     for i in range(WIDTH):
         f[TOP + i], f[WHOLE + i], f[LOG_PSI + i], f[SLOPE_X + i] = SINGLE.nothing, ZERO, ZERO, ZERO
-        f[SLOPE_Y + i], f[PUSH + i], f[PUSH_FAR + i] = ZERO, ZERO, ZERO
+        f[SLOPE_Y + i], f[PUSH + i], f[PUSH_NEXT + i] = ZERO, ZERO, ZERO
     for j in range(J):
         ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
         for i in range(WIDTH if level > SINGLE.negligible else 0):
@@ -116,8 +118,8 @@ def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
             f[TOP + i] = max(f[TOP + i], level - k * math.sqrt(dx * dx + dy * dy))
     for j in range(J):
         ax, ay, level = known[PLACE_X + j], known[PLACE_Y + j], known[LOG_PSI + j]
-        near, mx, my = known[NEAR + j], known[NEAR_X + j], known[NEAR_Y + j]
-        far, ox, oy = known[FAR + j], known[FAR_X + j], known[FAR_Y + j]
+        first = known[WALL + j], known[WALL_X + j], known[WALL_Y + j]
+        second = known[NEXT + j], known[NEXT_X + j], known[NEXT_Y + j]
         for i in range(WIDTH):
             dx, dy = ax - f[PLACE_X + i], ay - f[PLACE_Y + i]
             r = math.sqrt(dx * dx + dy * dy) + SINGLE.tiny
@@ -128,32 +130,29 @@ def look(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
             density = step * math.sqrt(PER_TURN * k * per * (ONE + bent)) * along * per
             density = density if along > SINGLE.grazing * r else ZERO
             f[WHOLE + i] += density * exponential(min(k * (ahead - r), ZERO))
-            c = beyond(f[NEAR + i], f[NEAR_X + i], f[NEAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
-            d = beyond(f[FAR + i], f[FAR_X + i], f[FAR_Y + i], dx, dy, near, mx, my, far, ox, oy)
-            share, push, nearer = wall(k, r, per, bent, steep, f[NEAR + i], c)
-            other, press, too = wall(k, r, per, bent, steep, f[FAR + i], d)
+            c = wall_distance((f[WALL + i], f[WALL_X + i], f[WALL_Y + i]), dx, dy, first, second)
+            d = wall_distance((f[NEXT + i], f[NEXT_X + i], f[NEXT_Y + i]), dx, dy, first, second)
+            share, push, nearer = wall(k, r, per, bent, steep, f[WALL + i], c)
+            other, press, too = wall(k, r, per, bent, steep, f[NEXT + i], d)
             weight = density * exponential(min(level - k * r - f[TOP + i], ZERO)) * share * other
             inward, across = (steep + nearer + too) * per * weight, weight / along
             f[LOG_PSI + i] += weight
             f[SLOPE_X + i] += inward * dx - across * tx
             f[SLOPE_Y + i] += inward * dy - across * ty
             f[PUSH + i] += weight * push
-            f[PUSH_FAR + i] += weight * press
+            f[PUSH_NEXT + i] += weight * press
     for i in range(WIDTH):
         psi = max(f[LOG_PSI + i], SINGLE.least)
         per = ONE / psi
         f[SLOPE_X + i], f[SLOPE_Y + i] = per * f[SLOPE_X + i], per * f[SLOPE_Y + i]
-        f[PUSH + i], f[PUSH_FAR + i] = per * f[PUSH + i], per * f[PUSH_FAR + i]
+        f[PUSH + i], f[PUSH_NEXT + i] = per * f[PUSH + i], per * f[PUSH_NEXT + i]
         # Between nodes that noise hardly spreads over, a sum can exceed what reaches the whole line, exp(-k ahead).
         f[LOG_PSI + i] = f[TOP + i] + logarithm(psi) - logarithm(max(f[WHOLE + i], ONE))
 
 
 @kernel
-def sight(k, goal, radius, f):  # type: ignore[no-untyped-def]
-    """Fill the rows of f (ROWS,) where the goal is in sight: psi of its disc in the open, and walls up to its rim.
-
-    Args, in order: k [1/m], centre and radius of the goal's disc [m], the rows.
-    """
+def goal_kernel(k, goal, radius, f):  # type: ignore[no-untyped-def]
+    """Fill the rows of f (ROWS,) where the goal is in sight: psi of its disc in the open, and walls up to its rim."""
     k, radius, most = np.float32(k), np.float32(radius), np.float32(0.5 / k)
     for i in range(WIDTH):
         dx, dy = np.float32(goal[0]) - f[PLACE_X + i], np.float32(goal[1]) - f[PLACE_Y + i]
@@ -161,14 +160,86 @@ def sight(k, goal, radius, f):  # type: ignore[no-untyped-def]
         length = r - radius + most
         bent, to_rim = bend(k * length), ONE - radius / r
         steep = fall(k, ONE / length, bent)
-        c, d = f[NEAR + i], f[FAR + i]
-        near = c + to_rim * (dx * f[NEAR_X + i] + dy * f[NEAR_Y + i])
-        far = d + to_rim * (dx * f[FAR_X + i] + dy * f[FAR_Y + i])
+        c, d = f[WALL + i], f[NEXT + i]
+        near = c + to_rim * (dx * f[WALL_X + i] + dy * f[WALL_Y + i])
+        far = d + to_rim * (dx * f[NEXT_X + i] + dy * f[NEXT_Y + i])
         one, f[PUSH + i], _ = wall(k, length, ONE / length, bent, steep, c, near if near > ZERO else c)
-        two, f[PUSH_FAR + i], _ = wall(k, length, ONE / length, bent, steep, d, far if far > ZERO else d)
+        two, f[PUSH_NEXT + i], _ = wall(k, length, ONE / length, bent, steep, d, far if far > ZERO else d)
         inward = (k + HALF / r) / r
         f[SLOPE_X + i], f[SLOPE_Y + i] = inward * dx, inward * dy
         f[LOG_PSI + i] = HALF * logarithm(radius / r) - k * (r - radius) + logarithm(one) + logarithm(two)
+
+
+@kernel
+def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
+    """Return the free length from (x, y) along a unit vector, `far` at most [m], and whether a wall ends it."""
+    s = max(clearance(field, x, y), TUNING.stride)  # a reference touches walls
+    while s < far:
+        c = clearance(field, x + s * ux, y + s * uy)
+        if c <= TUNING.touching:
+            return s, True
+        s += max(c, TUNING.stride)
+    return far, False
+
+
+@kernel
+def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
+    """Make cross-section c at (x, y) across (ux, uy), up to `spread` [m]; return whether walls end both sides."""
+    point, ahead, ends = out
+    ends[c, 0], left = _march(field, x, y, -uy, ux, spread)
+    ends[c, 1], right = _march(field, x, y, uy, -ux, spread)
+    point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
+    return left and right
+
+
+@kernel
+def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
+    """Place C cross-sections of a reference (k, 2) [m]: the first through its start, the last before the goal.
+
+    Returns: points (C, 2) on the reference [m], unit normals (C, 2) in the direction of travel, and offsets (C, 2) of
+        the ends to the left and to the right [m].
+    """
+    last, whole = line.shape[0] - 2, 0.0
+    for i in range(last + 1):
+        whole += math.hypot(line[i + 1, 0] - line[i, 0], line[i + 1, 1] - line[i, 1])
+    most = 2 + line.shape[0] + int(whole / TUNING.section_least)
+    point, ahead, ends = np.empty((most, 2)), np.empty((most, 2)), np.empty((most, 2))
+    count, s, since, apart, ux, uy = 0, 0.0, math.inf, TUNING.section_apart, 1.0, 0.0
+    for i in range(last + 1):
+        x, y = line[i, 0], line[i, 1]
+        dx, dy = line[i + 1, 0] - x, line[i + 1, 1] - y
+        leg = math.hypot(dx, dy)
+        if leg <= 0.0:
+            continue
+        vx, vy = dx / leg, dy / leg
+        bx, by = (ux + vx, uy + vy) if count > 0 else (vx, vy)
+        size = math.hypot(bx, by)
+        bx, by = (bx / size, by / size) if size > TUNING.touching else (vx, vy)
+        ux, uy = vx, vy
+        end = leg - radius if i == last else leg
+        t = 0.0
+        while t < end or (count == 0):
+            if since >= apart or count == 0:
+                here = s + t  # noise is that of a bridge
+                spread = math.sqrt(max(here * (whole - here) / whole, TUNING.section_shortest) / decay)
+                across = TUNING.section_deviations * spread + TUNING.section_extra
+                cx, cy = (bx, by) if t == 0.0 else (ux, uy)
+                channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, (point, ahead, ends))
+                free = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
+                stride = min(TUNING.section_stride + TUNING.section_widening * free, TUNING.section_widest)
+                apart = TUNING.section_apart
+                if channel:
+                    width = ends[count, 0] + ends[count, 1]
+                    stride = min(stride, max(TUNING.section_channel * decay * width * width, TUNING.section_least))
+                    apart = min(apart, stride)
+                count, since = count + 1, 0.0
+            else:
+                stride = apart - since
+            left = end - t
+            stride = left if stride >= left else min(stride, max(0.5 * left, apart))
+            t, since = t + stride, since + stride
+        s += leg
+    return point[:count], ahead[:count], ends[:count]
 
 
 class DesirabilityTube(NamedTuple):
@@ -181,16 +252,17 @@ class DesirabilityTube(NamedTuple):
     log_psi: float  # of the class at the start [nats]
 
 
-def way_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
-    """Compute the way of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
+def tube_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
+    """Compute the tube of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
 
     Args:
         arena: of the world, with the goal's disc.
         decay: k, of psi per meter [1/m].
         nodes: J.
     """
-    cut = sections_of(arena.field, line, x, arena.radius, decay)
-    C = len(cut.point)
+    whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
+    cut = sections_of(arena.field, whole, arena.radius, decay)
+    C = len(cut[0])
     place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, KNOWN), np.float32)
     log_psi = _transfer(arena, cut, decay, place, slope)
     return DesirabilityTube(place, slope, decay, arena.goal, float(log_psi))
@@ -213,8 +285,8 @@ def _reach(c, push):  # type: ignore[no-untyped-def]
 @kernel
 def _to_sides(f, j, tx, ty, out):  # type: ignore[no-untyped-def]
     """Write the reach of the walls to the left and to the right of the direction (tx, ty) at node j to out (2,) [m]."""
-    near, far = _reach(f[NEAR + j], f[PUSH + j]), _reach(f[FAR + j], f[PUSH_FAR + j])
-    across, other = f[NEAR_X + j] * ty - f[NEAR_Y + j] * tx, f[FAR_X + j] * ty - f[FAR_Y + j] * tx
+    near, far = _reach(f[WALL + j], f[PUSH + j]), _reach(f[NEXT + j], f[PUSH_NEXT + j])
+    across, other = f[WALL_X + j] * ty - f[WALL_Y + j] * tx, f[NEXT_X + j] * ty - f[NEXT_Y + j] * tx
     out[0], out[1] = (near, 0.0) if across > 0.0 else (0.0, near)
     if (across > 0.0) != (other > 0.0):
         out[1 if across > 0.0 else 0] = far
@@ -231,13 +303,13 @@ def _lay(field, cut, c, J, step, f):  # type: ignore[no-untyped-def]
         left = (j + 0.5) * step - ends[c, 1] if j < J else 0.0
         x, y = px - left * ty, py + left * tx
         f[PLACE_X + j], f[PLACE_Y + j] = x, y
-        near, f[NEAR_X + j], f[NEAR_Y + j], far, f[FAR_X + j], f[FAR_Y + j] = two_walls(field, x, y)
-        f[NEAR + j], f[FAR + j] = max(near, TUNING.closest), max(far, TUNING.closest)
+        near, f[WALL_X + j], f[WALL_Y + j], far, f[NEXT_X + j], f[NEXT_Y + j] = two_walls(field, x, y)
+        f[WALL + j], f[NEXT + j] = max(near, TUNING.closest), max(far, TUNING.closest)
 
 
 @kernel
 def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
-    """Fill `place` and `slope` of a tube from `Sections`, from the goal back; returns log psi at the start."""
+    """Fill `place` and `slope` of a tube from `sections_of`, from the goal back; return log psi at the start."""
     point, ahead, ends = cut
     C, J = slope.shape[0], slope.shape[1]
     f, known = np.zeros(ROWS, np.float32), np.zeros(ROWS, np.float32)
@@ -247,15 +319,15 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
         step = max((ends[c, 0] + ends[c, 1]) / J, 1e-6)
         _lay(arena.field, cut, c, J, step, f)
         if c == C - 1:
-            sight(k, arena.goal, arena.radius, f)
+            goal_kernel(k, arena.goal, arena.radius, f)
         else:
             line = (point[c + 1, 0], point[c + 1, 1], ahead[c + 1, 0], ahead[c + 1, 1])
-            look(np.float32(k), line, J, np.float32(wide), known, f)
+            propagate(np.float32(k), line, J, np.float32(wide), known, f)
         wide = step
         for j in range(J):
             slope[c, j, 0], slope[c, j, 1] = f[SLOPE_X + j], f[SLOPE_Y + j]
             _to_sides(f, j, tx, ty, slope[c, j, 2:])
-        place[c, 0], place[c, 1], place[c, 2], place[c, 3] = point[c, 0], point[c, 1], tx, ty
+        place[c, :2], place[c, 2], place[c, 3] = point[c], tx, ty
         place[c, 4], place[c, 5] = 0.5 * step - ends[c, 1], 1.0 / step
         if c > 0:
             top = f[LOG_PSI]

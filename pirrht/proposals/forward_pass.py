@@ -1,33 +1,208 @@
-"""Forward pass of the optimisation: simulating a law from the start, and its cost."""
+"""Forward pass of the optimisation: noise-free steps of any system, their derivatives, and simulating a law by them.
+
+A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
+u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step and moves the mean over it, as the noise
+of rollouts does (`rollouts.general.step`).
+"""
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.jit.jit import borrowing, kernel
-from pirrht.jit.vectors import copy_row
+from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.clearance_cost import clearance_costs
-from pirrht.proposals.step_map import step_of
-from pirrht.rollouts.general.kind import KernelSpec, diffusion_of
+from pirrht.proposals.tuning import TUNING
+from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 from pirrht.systems.dynamics import no_homing
 from pirrht.systems.heading import wrapped
 
 
+class ForwardPass(NamedTuple):
+    """Kernels of one kind of dynamics."""
+
+    velocity: Any
+    advance: Any
+    expand: Any
+    arrival: Any
+    forward: Any
+
+
 @cache
-def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
-    """Build the kernels of one kind of dynamics: `arrival`, the cost of the rest to the goal's rim, and `forward`."""
-    velocity, advance, _ = step_of(kind)
-    n, m, noisy_position, angles, homing_of = kind.n, kind.m, kind.noisy_position, kind.angles, kind.homing
-    rows, by_inputs = kind.rows, kind.input_form
-    through_inputs = by_inputs and kind.diffusion_block is not None
-    noise_at: Any = diffusion_of(kind) if through_inputs else kind.drift
+def forward_pass(kind: KernelSpec) -> ForwardPass:
+    """Build the kernels of one kind of dynamics."""
+    drift, q, n, m, rows, stratonovich = kind.drift, kind.q, kind.n, kind.m, kind.rows, kind.stratonovich
+    varying_rate, noisy_position, angles, homing_of = kind.varying_rate, kind.noisy_position, kind.angles, kind.homing
+    varying = kind.diffusion_block is not None
+    noise_at: Any = diffusion_of(kind) if varying else drift
+    fixed, by_inputs, through_inputs = n - rows, kind.input_form, kind.input_form and varying
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
+
+    @borrowing
+    def velocity(setup, x, f):  # type: ignore[no-untyped-def]
+        """Write the drift at x (n,) to f (n,) [state/s]; return q there [cost/s]."""
+        f[:] = 0.0
+        drift(x, setup.parameters, f)
+        return q(x, setup.parameters) if varying_rate else setup.rate
+
+    @borrowing
+    def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
+        """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,).
+
+        B (2, rows, m) and f (n,) are scratch; B[0] keeps B of x, or where G is that of the middle, of the middle.
+        Returns: cost of the states in it, q dt.
+        """
+        B, G = B[0], B[1]
+        if varying:
+            noise_at(x, setup.parameters, setup.inverse, G, B)
+        else:
+            copy_rows(setup.diffusion, B)
+        f[:] = 0.0
+        copy_row(x, out)
+        if setup.bridge and not noisy_position:
+            for j in range(rows):
+                for k in range(m):
+                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
+                    out[fixed + j] += dt * B[j, k] * mean
+        drift(out, setup.parameters, f)
+        if stratonovich:
+            for j in range(n):
+                out[j] = x[j] + 0.5 * dt * f[j]
+            for j in range(rows):
+                for k in range(m):
+                    out[fixed + j] += 0.5 * dt * B[j, k] * a[k]
+            if varying:
+                noise_at(out, setup.parameters, setup.inverse, G, B)
+            if noisy_position or not setup.bridge:
+                drift(out, setup.parameters, f)
+        for j in range(n):
+            out[j] = dt * f[j]
+        for j in range(rows):
+            for k in range(m):
+                out[fixed + j] += dt * B[j, k] * a[k]
+        return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
+
+    @borrowing
+    def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
+        """Write the state after a step to out (n,); arguments and result are those of `displacement`."""
+        cost = displacement(setup, x, a, dt, B, f, out)
+        for j in range(n):
+            out[j] += x[j]
+        return cost
+
+    @borrowing
+    def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
+        """Return the weighted displacement and q dt, with variables i and k of (x, a) shifted."""
+        (x, a, dt, costate), (z, c, B, f) = at, work
+        copy_row(x, z)
+        copy_row(a, c)
+        if i < n:
+            z[i] += shift
+        else:
+            c[i - n] += shift
+        if k < n:
+            z[k] += other
+        else:
+            c[k - n] += other
+        rate, total = displacement(setup, z, c, dt, B, f, out), 0.0
+        for j in range(n):
+            total += costate[j] * out[j]
+        return total, rate
+
+    @kernel
+    def differentiate(setup, at, which, nudge, curved, work, out):  # type: ignore[no-untyped-def]
+        """Write first derivatives to J and second ones to F, of the weighted displacement, and R, of q dt."""
+        (J, F, R), count, up, down = out, which.shape[0], np.empty(nudge.shape), np.empty(nudge.shape)
+        up_rate, down_rate, ahead, behind = np.empty(nudge.shape), np.empty(nudge.shape), np.empty(n), np.empty(n)
+        here, rate = probe(setup, at, 0, 0.0, 0, 0.0, work, ahead)
+        for c in range(count):
+            i = which[c]
+            h = nudge[i]
+            up[i], up_rate[i] = probe(setup, at, i, h, 0, 0.0, work, ahead)
+            down[i], down_rate[i] = probe(setup, at, i, -h, 0, 0.0, work, behind)
+            for j in range(n):
+                J[j, i] = 0.5 * (ahead[j] - behind[j]) / h
+            J[n, i] = 0.5 * (up_rate[i] - down_rate[i]) / h
+            if not curved:
+                continue
+            F[i, i] = (up[i] - 2.0 * here + down[i]) / (h * h)
+            R[i, i] = (up_rate[i] - 2.0 * rate + down_rate[i]) / (h * h)
+            for e in range(c):
+                k = which[e]
+                total, cost = 2.0 * here - up[i] - up[k] - down[i] - down[k], 2.0 * rate
+                cost -= up_rate[i] + up_rate[k] + down_rate[i] + down_rate[k]
+                for sign in (1.0, -1.0):
+                    more, other = probe(setup, at, i, sign * h, k, sign * nudge[k], work, ahead)
+                    total, cost = total + more, cost + other
+                F[i, k], R[i, k] = 0.5 * total / (h * nudge[k]), 0.5 * cost / (h * nudge[k])
+                F[k, i], R[k, i] = F[i, k], R[i, k]
+
+    @kernel
+    def chain(setup, dt, which, J, F, S):  # type: ignore[no-untyped-def]
+        """Complete derivatives in the states where B is constant: modes move the state at which the drift is taken."""
+        N, B = J.shape[1], setup.diffusion
+        D = np.zeros((n, N))
+        for i in range(n):
+            D[i, i] = 1.0
+        for j in range(rows if setup.bridge and not noisy_position else 0):
+            for k in range(N - n):
+                D[fixed + j, n + k] = (0.5 if k < m else -SWAY) * dt * B[j, k % m]
+        for j in range(n):
+            for k in range(n, N):
+                J[j, k] = dt * B[j - fixed, k - n] if j >= fixed and k - n < m else 0.0
+                for i in which:
+                    J[j, k] += J[j, i] * D[i, k]
+        for i in which:
+            for k in which:
+                if F[i, k] != 0.0:
+                    for r in range(N):
+                        for s in range(N):
+                            S[r, s] += D[i, r] * F[i, k] * D[k, s]
+
+    @kernel
+    def expand(setup, at, active, curved, J, S):  # type: ignore[no-untyped-def]
+        """Differentiate `advance` in (x, a), N = n + modes: by differences in all of them, or where B is constant in x.
+
+        Args:
+            at: x (n,), a (modes,), dt [s], and weights (n,) of the next state's components.
+            active: bits of the states that drift or q depend on.
+            curved: whether second derivatives are required.
+            J: (n+1, N), filled with the first derivatives of the next state and of q dt.
+            S: (N, N), filled with the second derivatives of the weighted sum and q dt.
+        """
+        x, a, dt, _ = at
+        modes, size, all_vary = a.shape[0], 0.0, varying or stratonovich
+        N = n + modes
+        which, count = np.empty(N, np.int64), 0
+        work = np.empty(n), np.empty(modes), np.zeros((2, rows, m)), np.empty(n)
+        F, nudge = np.zeros((N, N)), np.full(N, TUNING.nudge)
+        J[:, :], S[:, :] = 0.0, 0.0
+        for i in range(N if all_vary else n):
+            if all_vary or (active >> i) & 1:
+                which[count] = i
+                count += 1
+        if all_vary:
+            displacement(setup, x, a, dt, work[2], work[3], work[0])  # for B
+            for j in range(rows):
+                for k in range(m):
+                    size = max(size, abs(work[2][0, j, k]))
+            nudge[n:] = TUNING.nudge / (dt * size)
+        which = which[:count]
+        differentiate(setup, at, which, nudge, curved, work, (J, F, S))
+        if all_vary:
+            for i in range(N):
+                for k in range(N):
+                    S[i, k] += F[i, k]
+        else:
+            chain(setup, dt, which, J, F, S)
+        for j in range(n):
+            J[j, j] += 1.0
 
     @borrowing
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
@@ -53,9 +228,9 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
         return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
 
     @borrowing
-    def _control(setup, task, course, length, i, step, x, B, u):  # type: ignore[no-untyped-def]
-        """Write the modes of step i at x (n,) to u: the law's, or past its length those of homing."""
-        modes = u.shape[0]
+    def _control(setup, task, law, i, x, B, u):  # type: ignore[no-untyped-def]
+        """Write the modes of step i at x (n,) to u, by a law (course, length, step), or past its length by homing."""
+        (course, length, step), modes = law, u.shape[0]
         if i >= length:
             for j in range(modes):  # a system with neither drift nor homing goes on as before
                 u[j] = course.control[length - 1, j] if stranded and length > 0 else 0.0
@@ -97,7 +272,7 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
                 velocity(setup, x, f)
                 ahead = not held and _enters(setup, x[0], x[1], f[0] * dt, f[1] * dt)
             if not ahead:
-                _control(setup, task, course, length, i, step, x, B, u)
+                _control(setup, task, (course, length, step), i, x, B, u)
                 bow[0], bow[1] = f[0], f[1]
                 running = advance(setup, x, u, dt, B, f, states[i + 1])
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
@@ -114,15 +289,10 @@ def passes_of(kind: KernelSpec) -> tuple[Any, Any]:
             cost, priced = cost + running, priced + running
             priced += clearance_cost(setup, task, (x[0], x[1], dx, dy, bx, by, times[i], dt), points, walls)
             if held:
-                priced += (
-                    task.hold
-                    * ((states[i + 1, 0] - aims[i + 1, 0]) ** 2 + (states[i + 1, 1] - aims[i + 1, 1]) ** 2)
-                    * dt
-                )
+                away_x, away_y = states[i + 1, 0] - aims[i + 1, 0], states[i + 1, 1] - aims[i + 1, 1]
+                priced += task.hold * (away_x**2 + away_y**2) * dt
             if not priced < 1e12:  # diverged
                 return -1, np.inf, np.inf
-        if held:
-            return length, cost, priced
-        return -1, np.inf, np.inf
+        return (length, cost, priced) if held else (-1, np.inf, np.inf)
 
-    return arrival, forward
+    return ForwardPass(velocity, advance, expand, arrival, forward)

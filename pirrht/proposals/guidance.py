@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from pirrht.geometry.field import clearance
 from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
-from pirrht.proposals.guide import Course, DDPGuide, Task
+from pirrht.proposals.guide import Course, DDPGuide, Task, WallsAhead, empty_course
 from pirrht.proposals.half_spaces import constraints_of, drifts_of
 from pirrht.proposals.initialisation import Initialisation
 from pirrht.proposals.noise_scales import Noise, noise_of
@@ -31,7 +31,7 @@ from pirrht.proposals.wall_drift import Scales
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
 
 UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
@@ -65,8 +65,8 @@ class DDPGuidance:
         kind = kind_of(problem)
         self.gated = kind.gated
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
-        self.passes = optimiser(kind)
-        noise = noise_of(problem, setup, self.passes.expand, self.width, tuning)
+        self.optimise = optimiser(kind)
+        noise = noise_of(problem, setup, self.width, tuning)
         self.metric = noise.metric
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
@@ -75,7 +75,7 @@ class DDPGuidance:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
         self.starts = Initialisation(
-            dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.passes.optimise,
+            dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.optimise,
             tracking=tracking, window=window, asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
         )  # fmt: skip
 
@@ -107,18 +107,19 @@ class DDPGuidance:
         layer, margin, exponent = (push / force) ** 0.6, t.margin, -2.0 / 3.0
         if self.gated:
             # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
-            push, price, margin, exponent = warmth * temperature * noise.pace**2, t.barrier_point, t.margin_point, -2.0
-            layer = (push / force) ** (1.0 / 3.0)
+            push, price, margin = warmth * temperature * noise.position**2, t.barrier_point, t.margin_point
+            layer, exponent = (push / force) ** (1.0 / 3.0), -2.0
         return Task(
             temperature=temperature, margin=margin * layer, least=t.parabola * layer, price=price * push,
             exponent=exponent, spacing=math.sqrt(8.0 * self.wall_radius * t.sag * layer),
             tolerance=t.tolerance * warmth * temperature, steep=t.steepest * math.sqrt(2.0 * rate / temperature),
-            far=math.sqrt(2.0 * rate * temperature) / noise.pace, active=noise.active, curved=noise.curved,
+            far=math.sqrt(2.0 * rate * temperature) / noise.position, active=noise.active, curved=noise.curved,
         )  # fmt: skip
 
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
-        self._from(self.query(x, np.arange(3.0), 0, 0.0), (self.starts.empty(2), 1), self.tuning.warm)
+        course = empty_course(2, self.problem.dynamics.n, self.width)
+        self._from(self.query(x, np.arange(3.0), 0, 0.0), (course, 1), self.tuning.warm)
 
     def improve(
         self, x: Array, times: Array, key: int, trajectory: Trajectory, last: DDPGuide | None = None,
@@ -144,6 +145,8 @@ class DDPGuidance:
             thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
             short: whether time is short, so that nothing more is improved.
         """
+        if not last and self._is_late(query, reference):
+            return []
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
         first = found[0] if found else None
@@ -152,6 +155,12 @@ class DDPGuidance:
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
 
+    def _is_late(self, query: Query, reference: Trajectory) -> bool:
+        """Check that controls of a reference enter the goal only after the horizon: optimisation could not start."""
+        seconds = float(reference.durations.sum())
+        rim = query.setup.arena.radius * seconds / max(reference.length, 1e-9)
+        return reference.slack is None and seconds - rim > query.times[-1]
+
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
         """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.
 
@@ -159,12 +168,12 @@ class DDPGuidance:
         """
         if not valid:
             return [] if first is None else [first]
-        best, t = min(valid, key=lambda one: one.priced), self.tuning
-        if first is not None and first.valid and first.priced <= best.priced + self.problem.temperature:
+        best, t = min(valid, key=lambda one: one.penalised), self.tuning
+        if first is not None and first.valid and first.penalised <= best.penalised + self.problem.temperature:
             best = first  # prices are off the value of a class by about lambda
-        most = best.priced + t.alternative * self.problem.temperature
-        others = [one for one in valid if one is not best and one.priced < most and best.log_ratio_to(one) > t.apart]
-        return [best, *sorted(others, key=lambda one: one.priced)[:1]]
+        most = best.penalised + t.alternative * self.problem.temperature
+        others = [one for one in valid if one is not best and one.penalised < most and best.log_ratio_to(one) > t.apart]
+        return [best, *sorted(others, key=lambda one: one.penalised)[:1]]
 
     def _improved(
         self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]
@@ -207,11 +216,11 @@ class DDPGuidance:
 
     def query(self, x: Array, times: Array, key: int, time: float) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        setup = self.setup
-        if setup.traffic.J == 0:
-            return Query(setup, times, x, times, key)
-        clock = np.ascontiguousarray(times + time)
-        return Query(setup._replace(marks=self.world.homology.rays(x, clock)), clock, x, times, key)
+        setup, clock = self.setup, times
+        if setup.traffic.J > 0:
+            clock = np.ascontiguousarray(times + time)
+            setup = setup._replace(marks=self.world.homology.rays(x, clock))
+        return Query(setup, clock, x, times, key)
 
     def _clearance(self, query: Query) -> float:
         """Return the clearance of the robot's centre, [m]."""
@@ -227,20 +236,20 @@ class DDPGuidance:
         Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
         longer than any path of some weight.
         """
-        t, priced = self.tuning, [np.inf if guide is None else guide.priced for guide in guides]
-        least = min(priced)
+        t, costs = self.tuning, [np.inf if guide is None else guide.penalised for guide in guides]
+        least = min(costs)
         bound = least * (1.0 + t.hopeless_share) + t.hopeless * self.problem.temperature
-        return [samples if least == np.inf or one <= bound else min(t.few, samples) for one in priced]
+        return [samples if least == np.inf or one <= bound else min(t.few, samples) for one in costs]
 
     def _from(self, query: Query, start: tuple[Course, int], stages: Iterable[Stage]) -> DDPGuide | None:
         course, length = start
         course.states[0] = query.x
-        cost, priced, sound = np.inf, np.inf, False
+        cost, penalised, sound = np.inf, np.inf, False
         for warmth, rounds in stages:
             if length < 1:
                 return None
             length = self.starts.continued(course, query.times, length)
-            length, cost, priced, _, sound = self.passes.optimise(
+            length, cost, penalised, sound = self.optimise(
                 query.setup, self.tasks[warmth], query.clock, query.key, rounds, course, length
             )
         if length < 1:
@@ -254,12 +263,12 @@ class DDPGuidance:
         return DDPGuide(
             dynamics=self.problem.dynamics, times=query.times, states=course.states, modes=course.control,
             gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
-            metric=self.metric, steep=steep, length=length, cost=cost, priced=priced, valid=bool(sound),
-            **(self._walls_ahead(query, course.states, length) if self.gated else {}),
+            metric=self.metric, steep=steep, length=length, cost=cost, penalised=penalised, valid=bool(sound),
+            walls_ahead=self._walls_ahead(query, course.states, length) if self.gated else None,
         )  # fmt: skip
 
-    def _walls_ahead(self, query: Query, states: Array, length: int) -> dict[str, Any]:
-        """Return constraints and wall drift along a guide (T+1, 2); none past its length."""
+    def _walls_ahead(self, query: Query, states: Array, length: int) -> WallsAhead:
+        """Evaluate half-space constraints and wall drift along a guide (T+1, 2); none past its length."""
         times, count, rows = query.clock, length * FINER, length * FINER + 1
         i, share = np.divmod(np.arange(rows) / FINER, 1.0)
         i = np.minimum(i.astype(np.int64), len(times) - 2)
@@ -268,13 +277,12 @@ class DDPGuidance:
         when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
         d = self.problem.dynamics
         noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
-        gates = np.zeros(((len(times) - 1) * FINER, GATES, GATE))
+        total, offset = (len(times) - 1) * FINER, Scales.of(self.problem, states[0]).wall_offset
+        ahead = WallsAhead(np.zeros((total, GATES, GATE)), np.zeros((total, 2)), np.zeros((total, 2, 2)))
         within = self.tuning.careless * noise * math.sqrt(float(when[-1] - when[0]))
-        gates[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
-        slopes, bends = np.zeros((len(gates), 2)), np.zeros((len(gates), 2, 2))
-        reach = Scales.of(self.problem, states[0]).reach
-        slopes[:count], bends[:count] = drifts_of(query.setup, places[:count], when[:count], reach)
-        return {"half_spaces": gates, "wall_drift": (slopes, bends)}
+        ahead.half_spaces[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
+        ahead.drift[:count], ahead.bend[:count] = drifts_of(query.setup, places[:count], when[:count], offset)
+        return ahead
 
 
 def in_time(stages: Sequence[Stage], short: Callable[[], bool]) -> Iterator[Stage]:

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array, IntArray
-from pirrht.steering.trajectory import Trajectory
+from pirrht.arrays import Array
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -55,26 +55,24 @@ def empty_course(T: int, n: int, modes: int) -> Course:
 COURSE: Any = Course
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Track:
-    """Path of straight lines between the states of a guide."""
+class Track(NamedTuple):
+    """Straight lines between the states of a guide."""
 
-    states: Array  # (k+1, n)
+    tails: Array  # (k, n)
+    heads: Array  # (k, n)
     cost: Array  # (k,) [cost]
-
-    @property
-    def tails(self) -> Array:
-        """First states, (k, n)."""
-        return np.asarray(self.states[:-1])
-
-    @property
-    def heads(self) -> Array:
-        """Last states, (k, n)."""
-        return np.asarray(self.states[1:])
 
     def points(self, spacing: float) -> list[Array]:
         """Return every piece as a line of two points (2, 2) [m], at any `spacing` [m]."""
-        return [np.vstack(pair) for pair in zip(self.states[:-1, :2], self.states[1:, :2], strict=True)]
+        return list(np.stack([self.tails[:, :2], self.heads[:, :2]], axis=1))
+
+
+class WallsAhead(NamedTuple):
+    """Walls along a guide, at its T FINER rows."""
+
+    half_spaces: Array  # (T FINER, GATES, GATE) constraints of walls yet to be passed
+    drift: Array  # (T FINER, 2) slope of log psi by near walls [1/m]
+    bend: Array  # (T FINER, 2, 2) its derivatives [1/m^2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,14 +91,9 @@ class DDPGuide:
     steep: float  # |a| stays below this [1/sqrt(s)]
     length: int  # steps until the one that enters the goal
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
-    priced: float  # cost with clearance priced [cost]
+    penalised: float  # cost with that of the clearance [cost]
     valid: bool  # whether it touches nothing and is of its class
-    wall_drift: tuple[Array, Array] | None = None  # (T FINER, 2) [1/m], and its derivatives (T FINER, 2, 2)
-    half_spaces: Array | None = None  # (T FINER, GATES, GATE) of a point among moving obstacles: walls yet to be passed
-
-    def input_of(self, x: Array, a: Array) -> Array:
-        """Return the control u (m,) at x (n,) of one in noise units (m,)."""
-        return self.dynamics.input_of(x, a)
+    walls_ahead: WallsAhead | None = None  # of a point among moving obstacles
 
     def log_ratio_to(self, other: DDPGuide) -> float:
         """Return by how much another guide's path is less likely than its own under its own law [nats].
@@ -135,17 +128,5 @@ class DDPGuide:
         durations = np.append(steps, left)
         return Trajectory(
             controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]), durations=durations,
-            path=Track(states, durations), cost=float(durations.sum()), length=float(travel.sum()),
+            path=Track(states[:-1], states[1:], durations), cost=float(durations.sum()), length=float(travel.sum()),
         )  # fmt: skip
-
-
-def remaining(last: Any, times: Array, elapsed: float) -> tuple[Array, IntArray, int]:
-    """Interpolate a guide after some time [s] on a new grid (T+1,) [s].
-
-    Returns: states (T+1, n), numbers (T,) of its steps there, and how many of them are before the goal.
-    """
-    then = times + elapsed
-    states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
-    at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
-    length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
-    return states, at, min(length, len(times) - 1)

@@ -1,14 +1,15 @@
-"""Gates, the walls that a point has yet to pass, which bend its psi more than any linear feedback can.
+"""Half-space constraints: walls that a point has yet to pass bend its psi more than any linear feedback can.
 
 A noisy path from x that would pass a wall in a time t at a distance m does so with probability Phi(z), z = m / (b
 sqrt(t)): far from it a path is free, and one that would run into it aims at its edge. At every row of a law the wall
-with the least z on the rest of the guide is a gate, and so is the one of the least z in another direction. The part of
-gates that a law contains already, to first order, is taken off it.
+with the least z on the rest of the guide is a constraint, and so is the one of the least z in another direction. The
+part of constraints that a law contains already, to first order, is taken off it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -24,35 +25,35 @@ from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
 
 
 def constraints_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
-    """Return gates (k, GATES, GATE) at places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
+    """Return half-spaces (k, GATES, GATE) at places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
 
-    Walls farther than `within` [m] are skipped.
+    Their rows are direction (x, y), z of the guide itself, and the change of z per meter. Walls farther than `within`
+    [m] are skipped.
     """
-    k = len(places)
-    walls, gates = np.full((k, TUNING.walls, 3), np.inf), np.zeros((k, GATES, GATE))
+    walls, out = np.full((len(places), TUNING.walls, 3), np.inf), np.zeros((len(places), GATES, GATE))
     _walls(setup, places, times, within, walls)
-    _gates(walls, times, noise, gates)
-    return gates
+    _choose(walls, times, noise, out)
+    return out
 
 
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, W, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
     J, many = setup.traffic.J, 0
-    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
+    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
-        c, nx, ny, d, mx, my = two_walls(setup.arena.field, x, y)
-        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2] = c, nx, ny
-        out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = d, mx, my
-        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
+        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = two_walls(
+            setup.arena.field, x, y
+        )
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, candidates, many, near)
         for k in range(min(count, TUNING.walls - 2)):
             copy_row(near[k, :3], out[i, 2 + k])
 
 
 @kernel
-def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
-    """Fill gates (k, GATES, GATE): direction (x, y), z of the guide itself, and what z changes by per meter."""
+def _choose(walls, times, noise, out):  # type: ignore[no-untyped-def]
+    """Choose the constraints `out` (k, GATES, GATE) among walls ahead (k, W, 3)."""
     last, count = times.shape[0], 0
     most = last * TUNING.walls
     place, clear, nx, ny = np.empty(most, np.int64), np.empty(most), np.empty(most), np.empty(most)
@@ -60,8 +61,7 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
         near = TUNING.careless * noise * math.sqrt(times[k] - times[0]) * (1.0 + 1e-9)
         for w in range(TUNING.walls):
             if walls[k, w, 0] < near and walls[k, w, 1] ** 2 + walls[k, w, 2] ** 2 >= 0.5:  # else: out of reach
-                place[count], clear[count] = k, walls[k, w, 0]
-                nx[count], ny[count] = walls[k, w, 1], walls[k, w, 2]
+                place[count], clear[count], nx[count], ny[count] = k, walls[k, w, 0], walls[k, w, 1], walls[k, w, 2]
                 count += 1
     begin = 0
     for i in range(last):
@@ -75,83 +75,73 @@ def _gates(walls, times, noise, gates):  # type: ignore[no-untyped-def]
                     continue  # without a root: no better
                 per = 1.0 / (noise * math.sqrt(ahead))
                 z = clear[e] * per
-                if not z < best:
-                    continue
-                if g > 0 and nx[e] * gates[i, 0, 0] + ny[e] * gates[i, 0, 1] > TUNING.other_wall:
-                    continue
-                best = z
-                gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3] = nx[e], ny[e], z, per
+                alike = g > 0 and nx[e] * out[i, 0, 0] + ny[e] * out[i, 0, 1] > TUNING.other_wall
+                if z < best and not alike:
+                    best = z
+                    out[i, g, 0], out[i, g, 1], out[i, g, 2], out[i, g, 3] = nx[e], ny[e], z, per
             if best == TUNING.careless:
                 break
 
 
-def drifts_of(setup: object, places: Array, times: Array, reach: float) -> tuple[Array, Array]:
+@kernel
+def drifts_of(setup, places, times, offset):  # type: ignore[no-untyped-def]
     """Return the slope of log psi by near walls (k, 2) [1/m] at places (k, 2) [m] and times (k,) [s].
 
     Second come its derivatives (k, 2, 2) [1/m^2].
     """
-    k = len(places)
-    slopes, bends = np.zeros((k, 2)), np.zeros((k, 2, 2))
-    _pushes(setup, places, times, np.float32(reach), slopes, bends)
-    return slopes, bends
-
-
-@kernel
-def _pushes(setup, places, times, reach, slopes, bends):  # type: ignore[no-untyped-def]
-    J, many, within = setup.traffic.J, 0, TUNING.drift_range * reach
-    held, listed, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
-    for i in range(places.shape[0]):
+    k, J, many = places.shape[0], setup.traffic.J, 0
+    offset32: Any = np.float32(offset)
+    slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_range * offset32
+    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
+    for i in range(k):
         x, y = places[i]
-        standing = two_walls(setup.arena.field, x, y)
-        many, count = walls_along(setup.traffic, x, y, times[i], within, held, listed, many, near)
-        c, nx, ny, d, mx, my = with_walls(standing, near, count, 0.0)
+        static = two_walls(setup.arena.field, x, y)
+        many, count = walls_along(setup.traffic, x, y, times[i], within, held, candidates, many, near)
+        c, nx, ny, d, mx, my = with_walls(static, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
-            near_by = max(float(gap), TUNING.drift_gap * reach)
-            push = reach / (near_by * (near_by + reach))
-            fall = -push * (1.0 / near_by + 1.0 / (near_by + reach))
+            gap_least = max(float(gap), TUNING.drift_gap * offset32)
+            push = offset32 / (gap_least * (gap_least + offset32))
+            fall = -push * (1.0 / gap_least + 1.0 / (gap_least + offset32))
             slopes[i, 0] += push * wx
             slopes[i, 1] += push * wy
             bends[i, 0, 0] += fall * wx * wx
             bends[i, 0, 1] += fall * wx * wy
             bends[i, 1, 0] += fall * wx * wy
             bends[i, 1, 1] += fall * wy * wy
+    return slopes, bends
 
 
-def beyond_linear(gates: Array, B: Array, gains: Array, off: Array) -> Array:
-    """Return the control (2,) that gates (GATES, GATE) add at `off` (2,) [m] from a guide of gains (2, 2)."""
-    modes, less, weighed = without(gates[None], B, np.zeros((1, 2)), gains[None])
+def beyond_linear(half_spaces: Array, B: Array, gains: Array, off: Array) -> Array:
+    """Return the control (2,) that half-spaces (GATES, GATE) add at `off` (2,) [m] from a guide of gains (2, 2)."""
+    modes, less, weighed = without(half_spaces[None], B, np.zeros((1, 2)), gains[None])
     slope = np.array(gate_slope(weighed.reshape(1, 1, -1), 0, 0, 0, off[0], off[1]))
     extra: Array = modes[0] + (less[0] - gains) @ off + B.T @ slope
     return extra
 
 
-def without(gates: Array, B: Array, modes: Array, gains: Array) -> tuple[Array, Array, Array]:
-    """Take the part of gates (k, GATES, GATE) to first order off modes (k, 2) and gains (k, 2, 2); weigh the gates.
-
-    A gate counts for no more than there is to take off. B (2, 2) is the noise [m/sqrt(s)].
-    """
-    modes, gains, gates = modes.copy(), gains.copy(), gates.copy()
-    _take_off(gates, B, modes, gains)
-    return modes, gains, gates
-
-
 @kernel
-def _take_off(gates, B, modes, gains):  # type: ignore[no-untyped-def]
-    for i in range(gates.shape[0]):
+def without(half_spaces, B, modes, gains):  # type: ignore[no-untyped-def]
+    """Take the first order of half-spaces (k, GATES, GATE) off modes (k, 2) and gains (k, 2, 2); weigh half-spaces.
+
+    One counts for no more than there is to take off. B (2, 2) is the noise [m/sqrt(s)].
+    """
+    left, rest, weighed = modes.copy(), gains.copy(), half_spaces.copy()
+    for i in range(weighed.shape[0]):
         for g in range(GATES):
-            nx, ny, z, per = gates[i, g, 0], gates[i, g, 1], gates[i, g, 2], gates[i, g, 3]
+            nx, ny, z, per = weighed[i, g, 0], weighed[i, g, 1], weighed[i, g, 2], weighed[i, g, 3]
             if per == 0.0:
                 continue
             h = mills(z)
             ax, ay = B[0, 0] * nx + B[1, 0] * ny, B[0, 1] * nx + B[1, 1] * ny
             stiff = per * per * h * (z + h)
-            square, across = ax * ax + ay * ay, ax * gains[i, 0, 0] + ay * gains[i, 1, 0]
-            known = -across * nx - (ax * gains[i, 0, 1] + ay * gains[i, 1, 1]) * ny
+            square, across = ax * ax + ay * ay, ax * rest[i, 0, 0] + ay * rest[i, 1, 0]
+            known = -across * nx - (ax * rest[i, 0, 1] + ay * rest[i, 1, 1]) * ny
             weight = min(max(known / (square * stiff), 0.0), 1.0)
-            gates[i, g, 4] = weight
-            modes[i, 0] -= weight * per * h * ax
-            modes[i, 1] -= weight * per * h * ay
-            gains[i, 0, 0] += weight * stiff * ax * nx
-            gains[i, 0, 1] += weight * stiff * ax * ny
-            gains[i, 1, 0] += weight * stiff * ay * nx
-            gains[i, 1, 1] += weight * stiff * ay * ny
+            weighed[i, g, 4] = weight
+            left[i, 0] -= weight * per * h * ax
+            left[i, 1] -= weight * per * h * ay
+            rest[i, 0, 0] += weight * stiff * ax * nx
+            rest[i, 0, 1] += weight * stiff * ax * ny
+            rest[i, 1, 0] += weight * stiff * ay * nx
+            rest[i, 1, 1] += weight * stiff * ay * ny
+    return left, rest, weighed

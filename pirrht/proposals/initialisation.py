@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.proposals.guide import Course, DDPGuide, Task, empty_course, remaining
+from pirrht.proposals.guide import Course, DDPGuide, Task, empty_course
 from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import Setup
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 
@@ -26,15 +26,11 @@ class Initialisation:
     setup: Setup
     width: int  # modes of a step
     halts: bool  # whether the system has no homing
-    optimise: Any  # kernel (`any_ddp`)
+    optimise: Any  # kernel (`ddp`)
     tracking: Task  # under which aims are held to
     window: int | None  # last steps that are improved when more of a reference is tracked; None: all
     asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
     tuning: ProposalTuning
-
-    def empty(self, T: int) -> Course:
-        """Return a course of T steps from zeros."""
-        return empty_course(T, self.dynamics.n, self.width)
 
     def continued(self, course: Course, times: Array, length: int) -> int:
         """Hold the last law of a system without homing for some steps more, into the goal; return its steps then."""
@@ -48,7 +44,8 @@ class Initialisation:
 
     def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """Start from the controls of a reference from x (n,)."""
-        d, course = self.dynamics, self.empty(len(times) - 1)
+        d = self.dynamics
+        course = empty_course(len(times) - 1, d.n, self.width)
         tape, state = trajectory.tape(times), x
         ends = int(np.searchsorted(times, trajectory.durations.sum()))
         if self.halts:
@@ -67,15 +64,12 @@ class Initialisation:
         Optimisation is local, and turning about has several local optima.
         """
         (course, length), m = self.along(x, trajectory, times), self.dynamics.m
-        signs = (
-            product((-1.0, 0.0, 1.0), repeat=m)
-            if m <= self.tuning.perturbed_inputs
-            else np.vstack([np.eye(m), -np.eye(m)])
-        )
+        few = m <= self.tuning.perturbed_inputs
+        signs = product((-1.0, 0.0, 1.0), repeat=m) if few else np.vstack([np.eye(m), -np.eye(m)])
         ways = [np.asarray(way) for way in signs if np.any(way)]
         steps = int(np.searchsorted(times, self.tuning.perturbed_time))
         for strength, way in product(self.tuning.perturbed_strengths, ways):
-            other = self.empty(len(times) - 1)
+            other = empty_course(len(times) - 1, self.dynamics.n, self.width)
             other.control[:] = course.control
             other.control[:steps, :m] += strength * self.asked * way
             yield other, max(length, min(steps, len(other.control)))
@@ -90,7 +84,7 @@ class Initialisation:
         ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
         corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])
         passed = np.cumsum([0.0, *trajectory.durations[:-1], trajectory.durations[-1] + times[-1]])
-        course = self.empty(len(times) - 1)
+        course = empty_course(len(times) - 1, self.dynamics.n, self.width)
         ramp = self.tuning.ramp * trajectory.slack if trajectory.slack else 0.0
         along = self.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
         short = 1.0 - min(max(along / pace, 0.0), 1.0)  # of its pace at the start
@@ -110,7 +104,11 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        states, at, length = remaining(last, times, elapsed)
+        then = times + elapsed
+        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
+        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
         modes = last.modes[at].copy()
         modes[:, self.dynamics.m :] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
-        return self.empty(len(at))._replace(states=states, control=modes, gains=last.gains[at]), length
+        course = empty_course(len(at), self.dynamics.n, self.width)
+        return course._replace(states=states, control=modes, gains=last.gains[at]), min(length, len(at))

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
+from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.tuning import ProposalTuning
+from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import Setup
 
 
@@ -29,7 +31,7 @@ class Noise(NamedTuple):
         return math.sqrt(3.0 * self._most / self.duration**3)
 
     @property
-    def pace(self) -> float:
+    def position(self) -> float:
         """Noise b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]."""
         return math.sqrt(self.at_once if self.at_once else self._most / self.duration)
 
@@ -46,8 +48,8 @@ class Noise(NamedTuple):
         return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
 
 
-def noise_of(problem: Problem, setup: Setup, expand: Any, width: int, tuning: ProposalTuning) -> Noise:
-    """Measure the noise of a problem by the derivatives of its steps (`step_map`), with `width` modes.
+def noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning) -> Noise:
+    """Measure the noise of a problem by the derivatives of its steps, with `width` modes.
 
     Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
     if no noise reaches the position.
@@ -63,7 +65,7 @@ def noise_of(problem: Problem, setup: Setup, expand: Any, width: int, tuning: Pr
             control = asked * np.eye(width)[k % d.m]
             B = d.B_c(x)[:2]
             at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
-        expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
+        forward_pass(kind_of(problem)).expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
         A, C = J[:-1, : d.n], J[:-1, d.n :]
         bend = max(bend, float(np.abs(S).max()))
         P = np.zeros((d.n, d.n))

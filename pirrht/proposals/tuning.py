@@ -41,11 +41,7 @@ class ProposalTuning(NamedTuple):
     few: int = 30  # samples around references of negligible weight
     hopeless: float = 60.0  # lambda by which their guides cost more than the cheapest,
     hopeless_share: float = 0.01  # and this share of the least cost: prices are off the value by about as much
-    time_scales: tuple[float, ...] = (
-        1.25,
-        1.5,
-        0.8,
-    )  # speeds of other starts among moving obstacles
+    time_scales: tuple[float, ...] = (1.25, 1.5, 0.8)  # speeds of other starts among moving obstacles
     alternative: float = 3.0  # lambda by which an alternative optimum of a class may cost more and still be sampled
     apart: float = 3.0  # nats from which on samples around a guide hardly reach another one
     # Initial courses.
@@ -90,7 +86,7 @@ class ProposalTuning(NamedTuple):
     drift_least: float = 1e-3  # drift that counts
     newton: int = 4  # rounds of Newton's method for the reach of a wall
     # Wall drift.
-    reach: float = 2.0  # of a wall without a tube, in decay lengths 1/k
+    wall_offset: float = 2.0  # of a wall without a tube, in decay lengths 1/k
     drift_near: float = 10.0  # reaches beyond which moving obstacles add no drift
     least_gap: float = 1e-4  # least distance of a wall [m]
     constant_below: float = 0.2  # distance of a wall, in a step's noise, below which drift stays constant

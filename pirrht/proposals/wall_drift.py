@@ -1,13 +1,25 @@
-"""Scales of noise and cost at a state, and the wall drift there.
+"""Wall drift, the part of a control due to the nearest walls, and the bias that walls cause in a mean control.
 
 In free space psi falls like exp(-k r), k^2 = 2 q / (lambda b^2). Near a wall it vanishes like the distance c, as
-c / (c + reach): optimal paths drift away from it, the push. On a way the reach is that of the class's psi; for other
-leads, and for a control that is held, it is constant.
+c / (c + offset): optimal paths drift away from it. In a tube the offset is that of the class's psi, elsewhere constant.
+
+Where noise acts on the position and q is constant, the optimal control is a martingale along the optimal paths of a
+point: u* = lambda R^-1 G' grad log psi, and grad psi solves the equation that psi solves. So the mean control over any
+time is u* now, under any proposal; but for walls, at which grad psi does not vanish as psi does. A flat one at a
+distance c from which the point goes away at a speed s (seen from it, if it moves) has psi ~ sinh(g c), g = s / b^2, and
+within t the slope of log psi falls short by
+
+    g [erfc((c - s t) / (b sqrt(2 t))) / (exp(2 g c) - 1) + erfc((c + s t) / (b sqrt(2 t))) / (1 - exp(-2 g c))],
+
+1/c erfc(c / (b sqrt(2 t))) along it: g E[exp(-k tau); tau <= t] / sinh(g c), tau being when passive paths meet it. For
+s = 0 that is Bessel's process in three dimensions, whose drift 1/c is a strict local martingale. The speed s far from
+the wall follows from the mean itself.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,13 +34,16 @@ from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
 
+MOMENTS, SHARES = np.polynomial.legendre.leggauss(TUNING.moments)
+MOMENTS, SHARES = 0.5 * (MOMENTS + 1.0), 0.5 * SHARES  # on a time from 0 to 1
+
 
 class Scales(NamedTuple):
     """Lengths and noise of a problem at a state."""
 
     noise: float  # mean variance per second of the noises [m^2/s or rad^2/s]
-    decay: float  # k of psi = exp(-k r) in free space, for ways of points [1/m]
-    reach: float  # of walls without a way (`wall_slope`) [m]
+    decay: float  # k of psi = exp(-k r) in free space, for points [1/m]
+    wall_offset: float  # of walls without a tube (`wall_slope`) [m]
 
     @classmethod
     def of(cls, problem: Problem, x: Array) -> Scales:
@@ -36,20 +51,20 @@ class Scales(NamedTuple):
         B = problem.dynamics.B_c(x)
         noise = float(np.trace(B @ B.T)) / problem.dynamics.m
         decay = float(np.sqrt(2.0 * problem.least_rate / (problem.temperature * noise)))
-        return cls(noise=noise, decay=decay, reach=TUNING.reach / decay)
+        return cls(noise=noise, decay=decay, wall_offset=TUNING.wall_offset / decay)
 
 
 def window(noise: float, near: float, times: Array, longest: float, least: float = TUNING.averaged) -> int:
     """Return the number of leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one.
 
-    Less the lead, the optimal control changes about as fast as `noise` (`Scales`) carries a path to the nearest wall or
-    goal, `near` [m]. The average is over `least` to `longest` [s].
+    Less the proposal, the optimal control changes about as fast as `noise` (`Scales`) carries a path to the nearest
+    wall or goal, `near` [m]. The average is over `least` to `longest` [s].
     """
     span = min(max(TUNING.averaged_share * near**2 / noise, least), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
-def trust(noise: float, near: float) -> float:
+def linear_law_weight(noise: float, near: float) -> float:
     """Return the valid share of a linear law among moving obstacles, `near` [m] to walls and goal.
 
     It is 1 where the shortest `window` suffices, and 0 where noise (`Scales`) carries paths to a wall within that.
@@ -63,15 +78,54 @@ def under_way(noise: float, off: Array, times: Array) -> int:
     return int(np.argmax(early)) if early.any() else len(times)
 
 
-def squeezed(noise: float, room: Array, times: Array) -> float:
-    """Return how much walls ahead matter, from 0 to 1, by the clearance `room` (k,) [m] at some times (k,) [s]."""
-    least = float(np.min(room / np.sqrt(noise * times)))
+def squeezed(noise: float, clearances: Array, times: Array) -> float:
+    """Return the weight of walls ahead, from 0 to 1, by clearances (k,) [m] at some times (k,) [s]."""
+    least = float(np.min(clearances / np.sqrt(noise * times)))
     return min(max((TUNING.loose - least) / (TUNING.loose - TUNING.tight), 0.0), 1.0)
+
+
+def shortfall(c: float, s: float, variance: float, span: float) -> float:
+    """Return the loss of slope of log psi at a flat wall in the mean over a time span [s], [1/m].
+
+    Args:
+        c: distance from the wall [m].
+        s: speed away from it, as seen from it [m/s]; towards it counts as along it.
+        variance: of the noise, b^2 [m^2/s].
+    """
+    g, total = max(s, 0.0) / variance, 0.0
+    if g * c > TUNING.out_of_reach:
+        return 0.0
+    for moment, share in zip(MOMENTS, SHARES, strict=True):
+        t = span * moment
+        spread = math.sqrt(2.0 * variance * t)
+        if g * c < TUNING.along:
+            total += share * math.erfc(c / spread) / c
+        else:
+            near, far = math.erfc((c - s * t) / spread), math.erfc((c + s * t) / spread)
+            total += share * g * (near / math.expm1(2.0 * g * c) - far / math.expm1(-2.0 * g * c))
+    return float(total)
+
+
+def speed_of(mean: float, c: float, variance: float, span: float) -> float:
+    """Solve for the speed s of `shortfall` by the slope's mean [1/m], as seen from the wall; 0 at least."""
+
+    def off(s: float) -> float:
+        g = s / variance
+        now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
+        return now - shortfall(c, s, variance, span) - mean
+
+    low, high = 0.0, max(mean, 0.0) * variance
+    if off(low) >= 0.0:
+        return 0.0
+    for _ in range(TUNING.bisections):  # the mean is no less than s / variance
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if off(middle) >= 0.0 else (middle, high)
+    return 0.5 * (low + high)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class WallDrift:
-    """Wall drift, the part of the control due to the nearest walls, as a function of the state.
+    """Wall drift as a function of the state.
 
     It changes fast with the position, so it is evaluated at the state itself; the rest of the control, which samples
     estimate, changes slowly and is averaged over the leading steps.
@@ -79,10 +133,10 @@ class WallDrift:
 
     problem: Problem
     field: Field
-    reach: float  # `ProposalTables.wall_offset` [m]; 0: no drift
+    offset: float  # `ProposalTables.wall_offset` [m]; 0: no drift
     step: float  # first of the rollouts [s]
     traffic: MovingObstacleArrays  # moving obstacles
-    beyond: float = 0.0  # `ProposalTables.set_back` [m]
+    behind: float = 0.0  # `ProposalTables.set_back` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
@@ -94,32 +148,28 @@ class WallDrift:
 
     def __call__(self, x: Array, s: float = 0.0, closest: float | None = None) -> Array:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
-        if self.reach <= 0.0:
+        if self.offset <= 0.0:
             return np.zeros(self.problem.dynamics.m)
         gain, least = self._at(x)
-        least = least if closest is None else closest
         if self.traffic.J == 0:
-            slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.beyond, self.reach)
+            least = least if closest is None else closest
+            slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.behind, self.offset)
         else:
-            slope = wall_slope(*self._found(x, s, least), self.reach)
+            slope = wall_slope(*self.walls(x, s, closest), self.offset)
         return np.asarray(gain @ np.array(slope))
 
     def gain(self, x: Array) -> Array:
         """Return lambda R^-1 G' at x (n,), (m, rows), the control per slope of log psi."""
         return self._at(x)[0]
 
-    def walls(self, x: Array, s: float = 0.0) -> tuple[Any, ...]:
-        """Return the two nearest walls (`two_walls`) at x (n,), s [s] after the plan, at least `_at` [m] away."""
-        return self._found(x, s, self._at(x)[1])
-
-    def _found(self, x: Array, s: float, closest: float) -> tuple[Any, ...]:
-        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.beyond)
+    def walls(self, x: Array, s: float = 0.0, closest: float | None = None) -> tuple[Any, ...]:
+        """Return the two nearest walls (`two_walls`) at x (n,), s [s] after the plan, at least `closest` [m] away."""
+        closest = self._at(x)[1] if closest is None else closest
+        found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.behind)
         if self.traffic.J == 0:
             return found
-        among: tuple[Any, ...] = walls_among(
-            self.traffic, found, x[0], x[1], self.time + s, TUNING.drift_near * self.reach, closest
-        )
-        return among
+        within, time = TUNING.drift_near * self.offset, self.time + s
+        return tuple(walls_among(self.traffic, found, x[0], x[1], time, within, closest))
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """Return lambda R^-1 G' = G^-1 BB' at x (n,), and the distance of walls below which drift stays constant."""
@@ -134,15 +184,82 @@ class WallDrift:
 
 
 @kernel
-def _walls_at(field, x, y, closest, slack, beyond):  # type: ignore[no-untyped-def]
-    """Return `two_walls` at (x, y), the nearest `slack` and both `beyond` farther, none nearer than `closest` [m]."""
+def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-def]
+    """Return `two_walls` at (x, y), the nearest `slack` and both `behind` farther, none nearer than `closest` [m]."""
     c, nx, ny, d, mx, my = two_walls(field, x, y)
-    c, d, least = np.float32(c + slack + beyond), np.float32(d + beyond), np.float32(closest)
+    c, d, least = np.float32(c + slack + behind), np.float32(d + behind), np.float32(closest)
     return max(c, least), nx, ny, max(d, least), mx, my
 
 
 @kernel
-def _slope_at(field, x, y, closest, slack, beyond, reach):  # type: ignore[no-untyped-def]
-    """Return `wall_slope` of `_walls_at` for a reach [m], 2 numbers [1/m]."""
-    c, nx, ny, d, mx, my = _walls_at(field, x, y, closest, slack, beyond)
-    return wall_slope(c, nx, ny, d, mx, my, reach)
+def _slope_at(field, x, y, closest, slack, behind, offset):  # type: ignore[no-untyped-def]
+    """Return `wall_slope` of `_walls_at` for an offset [m], 2 numbers [1/m]."""
+    c, nx, ny, d, mx, my = _walls_at(field, x, y, closest, slack, behind)
+    return wall_slope(c, nx, ny, d, mx, my, offset)
+
+
+class FlatWalls(NamedTuple):
+    """Walls that bias the mean of the whole control of a point, and the system there."""
+
+    walls: tuple[tuple[float, Array, float], ...]  # distance [m], direction (2,) away and receding speed [m/s] of each
+    gain: Array  # lambda R^-1 G', (m, 2)
+    moved: Array  # G, (2, m)
+    noise: Array  # BB', (2, 2) [m^2/s]
+    span: float  # over which the mean is taken [s]
+
+    @classmethod
+    def of(cls, drift: WallDrift, x: Array, span: float) -> FlatWalls:
+        """Evaluate the two walls that are nearest to x (2,) at the moment of a plan."""
+        d, now, then = drift.problem.dynamics, drift.walls(x), drift.walls(x, TUNING.wall_step)
+        B, walls = d.B_c(x), []
+        for k in (0, 3):
+            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
+            if math.isfinite(c) and c > 0.0 and away.any():
+                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
+                speeds = ((float(then[j]) - c) / TUNING.wall_step for j in alike)
+                walls.append((c, away, min(speeds, key=abs, default=0.0)))
+        return cls(tuple(walls), drift.gain(x), d.G_c(x), B @ B.T, span)
+
+    def missing(self, mean: Array) -> Array:
+        """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
+        slope, velocity = np.zeros(2), self.moved @ mean
+        for c, away, receding in self.walls:
+            variance = float(away @ self.noise @ away)
+            if shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
+                speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
+                slope += away * shortfall(c, speed, variance, self.span)
+        return np.asarray(self.gain @ slope)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NearWalls:
+    """Wall drift at a state, and its effect on the mean control over leading steps.
+
+    A proposal counts by its value at the start, and the mean is that of the rest. For a point whose optimal control is
+    a martingale (`rollouts.general.kind`) it counts in part, and the mean is corrected by the bias of walls.
+    """
+
+    push: Array  # wall drift, (m,); the mean is without it
+    clipped: Array  # drift left out where a wall is very near, (m,)
+    counted: float = 1.0  # share of the proposal that counts by its value at the start, and of the drift
+    flat: FlatWalls | None = None
+
+    @classmethod
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None, counted: float = 1.0) -> NearWalls:
+        """Evaluate the wall drift at x (n,) at the moment of a plan."""
+        here = drift(x)
+        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, counted=counted, flat=flat)
+
+    def corrected_control(self, mean: Array, proposed: Array) -> tuple[Array, Array]:
+        """Return the control without wall drift, and its error, (m,) each.
+
+        The error is the mean's rest on top of the proposal's mean `proposed` (m,) where the drift is large against the
+        rest of the control, nothing in the open; and a share of the bias of walls.
+        """
+        hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
+        share = hard / (hard + rest) if hard > 0.0 else 0.0
+        unresolved = self.counted * (np.abs(share * (mean - proposed)) + np.abs(self.clipped))
+        if self.flat is None:
+            return mean, unresolved
+        missing = (1.0 - self.counted) * self.flat.missing(mean)
+        return mean + missing - (1.0 - self.counted) * self.push, TUNING.unsure * np.abs(missing) + unresolved

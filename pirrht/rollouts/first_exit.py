@@ -11,12 +11,10 @@ import math
 
 import numpy as np
 
-from pirrht.bridge import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, survival
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
-from pirrht.jit.float32 import ONE
 from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.streams import normals, uniform
+from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.outcome import Outcome
 from pirrht.rollouts.tuning import TUNING
 

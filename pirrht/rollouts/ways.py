@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.jit.addresses import load_float32
-from pirrht.jit.float32 import HALF, ONE, ZERO
-from pirrht.jit.jit import inlined, kernel, part
+from pirrht.jit.jit import inlined, kernel, load_float32, part
+from pirrht.jit.streams import HALF, ONE, ZERO
 from pirrht.rollouts.tuning import TUNING
 
 

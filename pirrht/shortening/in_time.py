@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.certify import FREE
+from pirrht.geometry.arcs import FREE
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import kernel
 from pirrht.shortening.timed_relaxation import relax

@@ -9,7 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import FREE
+from pirrht.geometry.arcs import FREE
 from pirrht.geometry.cubics import (
     Cubic,
     certify_cubic,
@@ -22,8 +22,7 @@ from pirrht.geometry.cubics import (
 )
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
-from pirrht.steering.motion import Motion, MotionKernels
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.steering.tuning import TUNING
 from pirrht.topology.crossings import crossed
 

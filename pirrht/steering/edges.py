@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE
+from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE
 from pirrht.jit.jit import kernel
-from pirrht.steering.arcs import ARCS
-from pirrht.steering.motion import Motion, MotionKernels, Motions, Surroundings, copied
+from pirrht.steering.motion import ARCS, Motion, MotionKernels, Motions, Surroundings, copied
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns, summed
 

@@ -22,9 +22,9 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.legs import LEGS, Legs
+from pirrht.steering.motion import Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tracked import Tracked
-from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.tuning import TUNING
 from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive

@@ -9,12 +9,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import entry_of_piece
-from pirrht.geometry.certify import BLOCKED, FREE, certify_segment
+from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
-from pirrht.steering.motion import Motion, MotionKernels
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.topology.crossings import crossed
 from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
 

@@ -1,8 +1,13 @@
-"""Define motions between two states: the interface that the tree queries of an edge."""
+"""Define motions between two states, which the tree queries of an edge, and trajectories, the controls that drive them.
+
+Arcs and straight pieces at one speed are the motions of planar curves."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -10,14 +15,82 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
 from pirrht.geometry.field import Field
-from pirrht.jit.jit import inlined
+from pirrht.jit.jit import inlined, kernel, part
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.steering.trajectory import Trajectory
-from pirrht.topology.crossings import Cuts
+from pirrht.problem import Problem
+from pirrht.topology.crossings import Cuts, pairs_of_curve
 from pirrht.topology.homology import Homology
 from pirrht.topology.moving_crossings import BaseCache
 from pirrht.topology.tracks import MarkerTrajectories
+
+SPACING = 0.05  # distance of points on drawn arcs [m]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """A deterministic path with the controls that drive it, piecewise constant in time."""
+
+    controls: Array  # (l, m) control of each piece
+    durations: Array  # (l,) [s]
+    path: Any  # consecutive motions (`Motions`): along arcs, `Curves`
+    cost: float  # steering cost [cost]
+    length: float  # [m]
+    slack: float | None = None  # where controls are not known but only the path: time to get under way at most [s]
+
+    def __repr__(self) -> str:
+        seconds = float(self.durations.sum())
+        return f"Trajectory({self.length:.3g} m, {seconds:.3g} s, cost {self.cost:.4g})"
+
+    @cached_property
+    def points(self) -> Array:
+        """The path as a polyline (k, 2), for pictures [m]; points on arcs are SPACING apart."""
+        lines = self.path.points(SPACING)
+        return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
+
+    def faster(self, times: float) -> Trajectory:
+        """Drive the path so many times as fast, for a system that controls move."""
+        return replace(self, controls=times * self.controls, durations=self.durations / times)
+
+    def tape(self, times: Array) -> Array:
+        """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
+        out = np.zeros((len(times) - 1, self.controls.shape[1]))
+        _resample(np.ascontiguousarray(self.controls), self.durations, times, out)  # compiled for one layout
+        return out
+
+
+def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
+    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points.
+
+    Where the controls are not known it is the steering's cost, and the most that getting under way may cost.
+    """
+    if trajectory.slack is not None:
+        return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack
+    R = problem.control_cost(x)
+    effort = 0.5 * np.einsum("lm,mk,lk->l", trajectory.controls, R, trajectory.controls)
+    rate = problem.rate(x)
+    if callable(problem.q):
+        tail = x[2:]
+        rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
+    return float(np.sum((rate + effort) * trajectory.durations))
+
+
+@kernel
+def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
+    steps, m = out.shape
+    now, i = 0.0, 0
+    for p in range(durations.shape[0]):
+        end = now + durations[p]
+        while i < steps:
+            overlap = min(end, times[i + 1]) - max(now, times[i])
+            if overlap > 0.0:
+                for j in range(m):
+                    out[i, j] += controls[p, j] * overlap / (times[i + 1] - times[i])
+            if times[i + 1] > end:
+                break
+            i += 1
+        now = end
 
 
 class Surroundings(NamedTuple):
@@ -101,3 +174,95 @@ class Motion(NamedTuple):
 def copied(motions: Any) -> Any:
     """Copy motions, so that kernels may cut them."""
     return type(motions)(*(np.array(part, dtype=float, order="C") for part in motions))
+
+
+@part
+def _entry(curves, i, around):  # type: ignore[no-untyped-def]
+    start, length, whole = curves.start[i], curves.length[i], 0.0
+    for p in range(length.shape[0]):
+        whole += length[p]
+    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.goal_radius + whole):
+        return np.inf
+    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.goal_radius)
+
+
+@part
+def _cut(curves, i, s):  # type: ignore[no-untyped-def]
+    length, whole, left = curves.length[i], 0.0, 0.0
+    for p in range(length.shape[0]):
+        whole += length[p]
+    truncate(length, s, length)
+    for p in range(length.shape[0]):
+        left += length[p]
+    curves.cost[i] *= left / max(whole, 1e-300)  # a curve of no length costs nothing
+
+
+@part
+def _certify(curves, i, around, prepared):  # type: ignore[no-untyped-def]
+    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i])
+
+
+@part
+def _sure(curves, i, around):  # type: ignore[no-untyped-def]
+    return surely_free(around.field, curves.start[i], curves.curvature[i], curves.length[i])
+
+
+@part
+def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
+    return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
+
+
+@part
+def _most(curves):  # type: ignore[no-untyped-def]
+    return curves.length.shape[1]
+
+
+@kernel
+def _between(curves, i, share, out):  # type: ignore[no-untyped-def]
+    """Write a position, or a pose of a system of three states whose third is the heading."""
+    n, length, left = out.shape[0], curves.length[i], 0.0
+    x, y, theta = curves.start[i, 0], curves.start[i, 1], curves.start[i, 2]
+    if n > 3 or (n == 3 and abs(math.sin(0.5 * (curves.tails[i, 2] - theta))) > 1e-6):  # the third is no heading
+        return False
+    for p in range(length.shape[0]):
+        left += share * length[p]
+    for p in range(length.shape[0]):
+        x, y, theta = along(x, y, theta, curves.curvature[i, p], min(left, length[p]))
+        left = max(0.0, left - length[p])
+    out[0], out[1] = x, y
+    if n == 3:
+        out[2] = theta - TWO_PI * math.floor((theta + math.pi) / TWO_PI)
+    return True
+
+
+def _free(curves: Curves, i: int, space: FreeSpace) -> bool:
+    """Ask FCL: one swept capsule where a curve is straight, bisection where it turns."""
+    collision, length, pose = space.collision, curves.length[i], tuple(curves.start[i].tolist())
+    for kappa, total in zip(curves.curvature[i].tolist(), length.tolist(), strict=True):
+        if total <= 0 and not np.all(length <= 0):
+            continue
+        end = along(*pose, kappa, total)
+        if kappa == 0:
+            free = bool(collision.segments_free(np.array([pose[:2]]), np.array([end[:2]]))[0])
+        else:
+            free = collision.bisect_free(lambda s, at=(*pose, kappa): np.array(along(*at, s)[:2]), total)  # type: ignore[misc]
+        if not free:
+            return False
+        pose = end
+    return True
+
+
+def _trajectory(steering: Any, path: Curves) -> Trajectory:
+    """Make piecewise constant controls along a path whose rows are consecutive curves."""
+    turned = path.curvature * path.length
+    heading = path.start[:, 2:] + np.cumsum(turned, axis=1) - turned
+    length, keep = path.length.ravel(), path.length.ravel() > 0
+    total = float(length.sum())
+    return Trajectory(
+        controls=steering.controls(heading.ravel()[keep], path.curvature.ravel()[keep]),
+        durations=length[keep] / steering.speed, path=path, cost=total * steering.cost_per_meter, length=total,
+    )  # fmt: skip
+
+
+ARCS = Motion(MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between), _free, _trajectory)

@@ -15,9 +15,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
-from pirrht.steering.arcs import ARCS
-from pirrht.steering.motion import Motion, Motions, Surroundings
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import ARCS, Motion, Motions, Surroundings, Trajectory
 
 
 class Compiled(NamedTuple):

@@ -16,8 +16,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.problem import Problem
+from pirrht.steering.motion import Trajectory
 from pirrht.steering.straight_line import Lines
-from pirrht.steering.trajectory import Trajectory
 from pirrht.steering.tuning import TUNING
 
 

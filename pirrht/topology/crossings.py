@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
-from pirrht.jit.addresses import load_float64, load_int32, load_int64
-from pirrht.jit.jit import borrowing, inlined, kernel
+from pirrht.jit.jit import borrowing, inlined, kernel, load_float64, load_int32, load_int64
 from pirrht.topology.tuning import TUNING
 
 

@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined, kernel, part
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.moving.spans import span_at
 from pirrht.moving.tuning import BOX
 from pirrht.topology.crossings import Cuts, crossed

@@ -19,8 +19,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.moving.spans import boxes_of
 from pirrht.moving.tuning import BOX
 from pirrht.topology.obstacles import components

@@ -14,7 +14,7 @@ from benchmarks.first_plan import first_plan
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.methods import TUNING
+from pirrht.control.settings import TUNING
 from pirrht.exact.desirability import Desirability
 from sim.scenario import Scenario
 

@@ -159,7 +159,7 @@ def batches_at(controller: Controller, x: Array) -> dict[str, Batch]:
     out = {"guided": guided, "tapes": replace(guided, proposals=tuple(held))}
     led = sorted(
         (one for one in guided.proposals if isinstance(one.lead, LinearFeedback)),
-        key=lambda one: one.lead.guide.priced,  # type: ignore[attr-defined]
+        key=lambda one: one.lead.guide.penalised,  # type: ignore[attr-defined]
     )
     if not led:
         return out | {"crossed": out["tapes"]}

@@ -27,7 +27,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
-from pirrht.steering.trajectory import running_cost
+from pirrht.steering.motion import running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
 
 WIDE = 200.0  # radius of the goal's disc [m]

@@ -16,7 +16,7 @@ from benchmarks.peers import HINT, missing
 from benchmarks.timing import row
 from numba import njit
 
-from pirrht.geometry.certify import FREE, certify_segment
+from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.field import Grid, clearance
 from sim.scenario import Scenario, prepare
 

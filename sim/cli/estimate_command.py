@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.references import Reference

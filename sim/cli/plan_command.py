@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.files import path_text
 from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree

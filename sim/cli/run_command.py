@@ -8,7 +8,7 @@ import time
 from contextlib import closing, nullcontext
 from typing import Any
 
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.estimation.estimate import OTHER
 from pirrht.files import path_text
 from pirrht.outcome import Outcome

@@ -24,8 +24,7 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
-from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology
+from pirrht.topology.homology import Driven, Homology
 from sim.drive.clock import Timing
 from sim.drive.plant import Advance
 

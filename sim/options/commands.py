@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentTypeError
 from pathlib import Path
 
-from pirrht.control.methods import METHODS
+from pirrht.control.settings import METHODS
 from sim.options.record import Bounds, Option
 from sim.options.settings import DRIVE, DRIVES, SINGLE
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pirrht.control.methods import BETWEEN, METHODS
+from pirrht.control.settings import BETWEEN, METHODS
 from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
 from sim.options.record import Bounds, Option
 

@@ -282,7 +282,7 @@ class _Ledger:
 
 def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> Built:
     """Plan a scenario that was loaded loose, before anything is changed."""
-    from pirrht.control.methods import TREELESS
+    from pirrht.control.settings import TREELESS
 
     tree = None if scenario.settings.method in TREELESS else scenario.grown_tree(progress)
     return Built(world=World.of(scenario), tree=tree, driver=scenario.driver(tree))

@@ -9,10 +9,9 @@ from math import inf
 from typing import Any
 
 from pirrht.arrays import Array
-from pirrht.control.methods import TREELESS
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy
-from pirrht.control.run_state import RunState
+from pirrht.control.policy import Policy, RunState
+from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from pirrht.control.methods import METHODS
+from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
 from sim.report.statistics import Interval
 from sim.report.summary import ALL, Point, Report, Watch, unwatched

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.control.methods import METHODS
+from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.report.comparisons import (
     BASE,

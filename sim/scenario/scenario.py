@@ -9,10 +9,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.methods import TREELESS
 from pirrht.control.mppi import Mppi
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity, Predictor
+from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pirrht.control.methods import METHODS
+from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError, printable
 from sim.mjcf import scene_names
 from sim.options import table as options

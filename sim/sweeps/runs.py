@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.control.methods import TREELESS
+from pirrht.control.settings import TREELESS
 from pirrht.errors import PirrhtError
 from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree

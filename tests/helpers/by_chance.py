@@ -17,7 +17,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.topology.signature import class_id
 
 DRAWN = 40_000
@@ -62,7 +62,7 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
             outcome, _ = sweep_exit(setup.arena, ax, ay, bx, by)
             begin, end = path[k, 2], path[k + 1, 2]
-            if outcome == COLLISION or touches(setup.traffic, ax, ay, bx, by, 0.0, begin, end - begin, held, listed):
+            if outcome == COLLISION or touches(setup.traffic, (ax, ay, bx, by, 0.0, begin, end - begin), held, listed):
                 cost[s] = math.inf
                 break
 
@@ -73,8 +73,8 @@ def trajectory_of(path: Array, cost: float) -> Trajectory:
     steps = steps[steps[:, 2] > 0.0]
     places = np.vstack([path[:1], path[0] + np.cumsum(steps, axis=0)])
     return Trajectory(
-        controls=steps[:, :2] / steps[:, 2:], durations=steps[:, 2], path=Track(places, steps[:, 2]), cost=cost,
-        length=float(np.hypot(*steps[:, :2].T).sum()),
+        controls=steps[:, :2] / steps[:, 2:], durations=steps[:, 2], cost=cost,
+        path=Track(places[:-1], places[1:], steps[:, 2]), length=float(np.hypot(*steps[:, :2].T).sum()),
     )  # fmt: skip
 
 
@@ -110,8 +110,8 @@ def guided(
         key, winding = next(iter(keys.items()))
         tape = Tape(times, known[winding].tape(times))
         return Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=samples, key=key),), time=t), [], []
-    least = min(guide.priced for _, guide in kept)
-    kept = [(key, guide) for key, guide in kept if guide.priced < least + ASIDE * integral.temperature]
+    least = min(guide.penalised for _, guide in kept)
+    kept = [(key, guide) for key, guide in kept if guide.penalised < least + ASIDE * integral.temperature]
     counts = guidance.counts([guide for _, guide in kept], samples)
     counts = [max(1, round(count * samples / sum(counts))) for count in counts]
     names = [class_id(keys[key]) for key, _ in kept]

@@ -51,7 +51,7 @@ def test_another_classs_guide_leads_most_samples_of_the_third_kind():
     batches = mass.batches_at(controller, np.array(START))
     led, *held = batches["crossed"].proposals
     guided = [one for one in batches["guided"].proposals if one.lead.follows]
-    cheapest = min(guided, key=lambda one: one.lead.guide.priced)
+    cheapest = min(guided, key=lambda one: one.lead.guide.penalised)
     assert len(guided) > 1
     assert led.lead.follows
     assert led.name != cheapest.name

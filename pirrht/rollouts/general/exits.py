@@ -6,9 +6,8 @@ import math
 from functools import cache
 from typing import Any
 
-from pirrht.bridge import FAR
 from pirrht.jit.jit import part
-from pirrht.jit.streams import normals
+from pirrht.jit.streams import FAR, normals
 from pirrht.moving.broad_phase import list_around, list_everybody
 from pirrht.moving.distances import moving_clearance
 from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_path

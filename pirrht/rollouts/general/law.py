@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.jit import vectors
-from pirrht.jit.addresses import load_float64
-from pirrht.jit.jit import inlined, jitable, part
+from pirrht.jit.jit import inlined, jitable, load_float64, part
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.tuning import TUNING

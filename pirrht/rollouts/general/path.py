@@ -26,8 +26,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit import vectors
-from pirrht.jit.addresses import load_float64
-from pirrht.jit.jit import borrowing, part
+from pirrht.jit.jit import borrowing, load_float64, part
 from pirrht.jit.streams import antithetic, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.moving.broad_phase import begin_list

@@ -10,9 +10,8 @@ import numpy as np
 
 from pirrht.geometry.field import two_walls
 from pirrht.jit import vectors
-from pirrht.jit.float32 import ONE, ZERO
 from pirrht.jit.jit import part
-from pirrht.jit.streams import fill_normals, normals
+from pirrht.jit.streams import ONE, ZERO, fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving

@@ -7,13 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.bridge import FAR
 from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
 from pirrht.geometry.world import World
-from pirrht.jit.addresses import load_float32
-from pirrht.jit.float32 import HALF, ONE, TWO, ZERO, exponential
-from pirrht.jit.jit import inlined
-from pirrht.jit.streams import GOLDEN, bits_of, logarithm
+from pirrht.jit.jit import inlined, load_float32
+from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, bits_of, exponential, logarithm
 from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, wall_slope
 

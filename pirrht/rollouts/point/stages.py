@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit.addresses import load_float64, load_int64
-from pirrht.jit.float32 import HALF, ONE, ZERO
-from pirrht.jit.jit import inlined
-from pirrht.jit.streams import GOLDEN, halves, normals_of
+from pirrht.jit.jit import inlined, load_float64, load_int64
+from pirrht.jit.streams import GOLDEN, HALF, ONE, ZERO, halves, normals_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, NUMBERS, PLACE, numbers_at, slope_of
 from pirrht.topology.crossings import key_of_step, turn_at_cut

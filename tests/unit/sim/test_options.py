@@ -14,8 +14,8 @@ from mjcf_samples import FLOOR, SITES, mjcf
 from repository import ROOT
 
 import pirrht
-from pirrht.control.methods import ControlSettings
 from pirrht.control.mppi import Mppi
+from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim import settings
 from sim.cli import docs, main, parser

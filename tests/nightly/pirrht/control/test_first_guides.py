@@ -82,10 +82,10 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         first, *others = guidance.optima(query, reference.trajectory, thorough=True)
         assert first.valid
         for rival in others:
-            assert rival.priced < first.priced + TUNING.alternative * controller.problem.temperature
+            assert rival.penalised < first.penalised + TUNING.alternative * controller.problem.temperature
         if usual is not None and usual.valid:
-            assert first.priced <= usual.priced
-            cheaper += first.priced < 0.95 * usual.priced
+            assert first.penalised <= usual.penalised
+            cheaper += first.penalised < 0.95 * usual.penalised
     assert cheaper > 0 or robot == "car"  # whose homing, which reverses, sees to these
 
 

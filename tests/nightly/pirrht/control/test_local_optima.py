@@ -33,4 +33,4 @@ def test_both_optima_are_sampled_where_noise_makes_them_alike(seed: int):
     assert plan.estimate is not None
     [(own, other)] = [optima for optima in controller.run.memory.optima.values() if len(optima) > 1]
     assert own.log_ratio_to(other) > 3.0
-    assert own.priced == pytest.approx(other.priced, abs=3.0 * problem.temperature)
+    assert own.penalised == pytest.approx(other.penalised, abs=3.0 * problem.temperature)

@@ -18,8 +18,8 @@ from pirrht.errors import SceneError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.blocks import build_blocks
-from pirrht.geometry.certify import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance, interpolate, nearest_label, with_slope
 from pirrht.geometry.flat import CURVED

@@ -25,7 +25,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.unicycle import Unicycle
@@ -42,7 +42,7 @@ def test_a_straight_way_is_met_where_fcl_says():
         b = a + rng.uniform(-0.3, 0.3, 2)
         if crowd.clearance(a, t) < 2e-3:
             continue
-        found = touches(traffic, a[0], a[1], b[0], b[1], 0.0, t, dt, held, listed)
+        found = touches(traffic, (a[0], a[1], b[0], b[1], 0.0, t, dt), held, listed)
         right = crowd.meets(a, t, b, t + dt)
         met += right
         if found != right:  # by a hair, or where a body is gone that has been there

@@ -20,8 +20,8 @@ from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
+from pirrht.steering.motion import Trajectory
 from pirrht.steering.straight_line import StraightLine
-from pirrht.steering.trajectory import Trajectory
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 

@@ -15,12 +15,15 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
+from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, empty_course
+from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER
-from pirrht.steering.trajectory import Trajectory
+from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
 STEP = 0.1
@@ -92,7 +95,8 @@ def test_a_backward_pass_knows_what_a_small_step_gains():
     trial = empty_course(len(times) - 1, 4, guidance.width)
     trial.states[0] = guide.states[0]
     task = guidance.tasks[10.0]
-    forward, backward = guidance.passes.forward, guidance.passes.backward
+    kind = kind_of(integral.problem)
+    forward, backward = forward_pass(kind).forward, backward_pass(kind)
     steps, _, before = forward(integral.setup, task, times, course, guide.length, 0.0, 4, trial)
     course.states[:], course.control[:] = trial.states, trial.control
     expected = backward(integral.setup, task, times, course, steps, 4, 0.0)

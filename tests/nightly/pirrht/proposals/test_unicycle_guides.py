@@ -9,7 +9,7 @@ from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting,
 
 from pirrht.estimation.assembly import path_integral
 from pirrht.proposals.guide import DDPGuide
-from pirrht.steering.trajectory import running_cost
+from pirrht.steering.motion import running_cost
 
 
 def test_feedback_holds_noisy_paths_together():
@@ -65,5 +65,5 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
             last = integral.guidance.improve(x, times, key, reference.trajectory, last, 0.0)
             assert last is not None
             assert last.valid
-        assert abs(last.priced - cold.priced) < 3.0 * scenario.problem.temperature
+        assert abs(last.penalised - cold.penalised) < 3.0 * scenario.problem.temperature
     assert made > 0

@@ -12,7 +12,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.planner.references import Reference
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.steering.trajectory import running_cost
+from pirrht.steering.motion import running_cost
 
 OPEN = np.array([0.0, 0.0, 2.6])
 

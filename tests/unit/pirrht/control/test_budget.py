@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.control.budget import TimeBudget
-from pirrht.control.methods import TUNING
+from pirrht.control.settings import TUNING, TimeBudget
 
 WHOLE, FEW = 0.1, TUNING.few_vertices
 FIT = TUNING.before_samples * WHOLE  # time in which two plans must have got ready to sample [s]

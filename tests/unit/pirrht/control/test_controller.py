@@ -11,8 +11,8 @@ from pirrht.control.plan import Plan
 from pirrht.errors import NoReference, OptionError
 from pirrht.planner.tree import HomologyTree
 from pirrht.proposals.proposal import Tape
+from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
-from pirrht.steering.trajectory import running_cost
 from sim.scenario import Scenario, prepare
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall

@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pirrht.control.methods import TUNING
 from pirrht.control.mixture import pooled
+from pirrht.control.settings import TUNING
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import trust, window
+from pirrht.proposals.wall_drift import linear_law_weight, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenario import prepare
@@ -171,7 +171,7 @@ def test_what_is_carried_along_stays_as_it_is_when_another_plan_trusts_its_guide
 
 
 def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less_the_nearer_they_are():
-    shares = [trust(0.04, near) for near in (0.0, 0.01, 0.03, 0.2, np.inf)]
+    shares = [linear_law_weight(0.04, near) for near in (0.0, 0.01, 0.03, 0.2, np.inf)]
     assert shares[0] == 0.0
     assert shares[-2:] == [1.0, 1.0]
     assert shares == sorted(shares)
@@ -179,4 +179,6 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
     shortest = window(0.04, 0.0, times, 0.4, PROPOSALS.averaged_moving)
     assert shortest < window(0.04, 0.0, times, 0.4)
     for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
-        assert (trust(0.04, near) >= 1.0) or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest
+        assert (linear_law_weight(0.04, near) >= 1.0) or window(
+            0.04, near, times, 0.4, PROPOSALS.averaged_moving
+        ) == shortest

@@ -9,8 +9,8 @@ import pytest
 from batches import batch_of
 
 from pirrht.control.best_class import alone, best_class, class_values
-from pirrht.control.methods import METHODS, SAMPLING
 from pirrht.control.plan import Plan
+from pirrht.control.settings import METHODS, SAMPLING
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem

@@ -11,8 +11,8 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
-from pirrht.steering.trajectory import running_cost
 from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario
 

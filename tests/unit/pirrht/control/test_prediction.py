@@ -12,11 +12,11 @@ import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
-from pirrht.control.budget import TimeBudget
 from pirrht.control.controller import Controller
 from pirrht.control.mppi import Mppi
 from pirrht.control.prediction import ConstantVelocity, favourite_path, straight_on
 from pirrht.control.proposals import ProposalBuilder
+from pirrht.control.settings import TimeBudget
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
@@ -28,7 +28,7 @@ from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.driven import Driven
+from pirrht.topology.homology import Driven
 
 START = np.array([1.0, 2.5])
 

@@ -24,8 +24,7 @@ from pirrht import (
 )
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.topology.driven import Driven
-from pirrht.topology.homology import Homology
+from pirrht.topology.homology import Driven, Homology
 from pirrht.topology.signature import class_id
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]

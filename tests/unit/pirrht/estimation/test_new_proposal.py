@@ -14,7 +14,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.rollouts.tables import LawRows, ProposalTables
 from pirrht.steering.double_integrator import MassSteering
-from pirrht.steering.trajectory import running_cost
+from pirrht.steering.motion import running_cost
 
 B, SEED, STATE = 0.3, 5, (0.5, 0.3)  # noise, seed of the samples, position and velocity on the line
 

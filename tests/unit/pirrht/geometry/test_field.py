@@ -8,7 +8,7 @@ from tilted import RADIUS, cluttered
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
+from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
 from pirrht.geometry.field import REACH, clearance, interpolate
 from pirrht.geometry.scene import Goal, Kind, Scene
 

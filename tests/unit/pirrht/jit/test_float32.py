@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.jit.float32 import exponential
 from pirrht.jit.jit import kernel
+from pirrht.jit.streams import exponential
 
 
 @kernel

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from pirrht.geometry.certify import BLOCKED, FREE, UNSURE, certify_point
+from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.planner.tree import HomologyTree
 from sim.cli import main
 from sim.drive import episode

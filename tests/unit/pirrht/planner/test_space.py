@@ -14,12 +14,11 @@ import pytest
 
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
-from pirrht.geometry.certify import BLOCKED, FREE
+from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
 from pirrht.planner.tree import HomologyTree
-from pirrht.steering.motion import Motion, MotionKernels
+from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.steering.steering import Steering
-from pirrht.steering.trajectory import Trajectory
 from pirrht.topology.signature import Signature
 
 SIDE, RADIUS = 4.0, 0.4

@@ -16,8 +16,8 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.near_walls import NearWalls, NearWallsOfMeans, shortfall, speed_of
 from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.proposals.wall_drift import FlatWalls, NearWalls, shortfall, speed_of
 from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2
@@ -81,48 +81,42 @@ def test_far_from_walls_and_in_no_time_nothing_is_missing():
     assert shortfall(0.01, -3.0, B**2, 0.02) == shortfall(0.01, 0.0, B**2, 0.02)
 
 
-def beside(
+def next_to(
     *walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0), counted: float = 0.0
-) -> NearWallsOfMeans:
-    seen = tuple((c, np.array(away), receding) for c, away, receding in walls)
+) -> NearWalls:
+    known = tuple((c, np.array(away), receding) for c, away, receding in walls)
     eye = np.eye(2)
-    return NearWallsOfMeans(
-        push=np.array(push),
-        held_back=np.zeros(2),
-        walls=seen,
-        gain=B**2 * eye,
-        moved=eye,
-        noise=B**2 * eye,
-        span=0.02,
-        counted=counted,
-    )
+    flat = FlatWalls(walls=known, gain=B**2 * eye, moved=eye, noise=B**2 * eye, span=0.02)
+    return NearWalls(push=np.array(push), clipped=np.zeros(2), counted=counted, flat=flat)
 
 
 def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_wall():
     mean, led = np.array([0.3, -0.2]), np.zeros(2)  # no faster than along the wall
-    free, unsure = beside((0.02, (0.0, 1.0), 0.0), push=(0.1, 0.4)).told(mean, led)
+    free, unsure = next_to((0.02, (0.0, 1.0), 0.0), push=(0.1, 0.4)).corrected_control(mean, led)
     missing = B**2 * shortfall(0.02, 0.0, B**2, 0.02)
     assert free + np.array([0.1, 0.4]) == pytest.approx(mean + np.array([0.0, missing]))
     assert unsure == pytest.approx([0.0, 0.3 * missing])
-    both, _ = beside((0.02, (0.0, 1.0), 0.0), (0.02, (0.0, -1.0), 0.2)).told(np.zeros(2), led)
+    both, _ = next_to((0.02, (0.0, 1.0), 0.0), (0.02, (0.0, -1.0), 0.2)).corrected_control(np.zeros(2), led)
     assert both[1] == pytest.approx(0.0)  # slower than along either, as if along both
-    nothing, sure = beside().told(mean, led)
+    nothing, sure = next_to().corrected_control(mean, led)
     assert np.array_equal(nothing, mean)
     assert np.array_equal(sure, np.zeros(2))
 
 
 def test_beside_what_samples_follow_the_mean_stands_as_it_is():
     mean = np.array([1.0, 0.0])
-    free, unsure = NearWalls(push=np.array([0.0, 3.0]), held_back=np.array([0.0, 0.7])).told(mean, np.array([0.6, 0.0]))
+    free, unsure = NearWalls(push=np.array([0.0, 3.0]), clipped=np.array([0.0, 0.7])).corrected_control(
+        mean, np.array([0.6, 0.0])
+    )
     assert free is mean
     assert unsure == pytest.approx([0.75 * 0.4, 0.7])
 
 
 def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
     mean, wall, push = np.array([0.3, -0.2]), (0.02, (0.0, 1.0), 0.0), (0.0, 0.4)
-    none, _ = beside(wall, push=push).told(mean, mean)
-    whole, _ = beside(wall, push=push, counted=1.0).told(mean, mean)
-    half, _ = beside(wall, push=push, counted=0.5).told(mean, mean)
+    none, _ = next_to(wall, push=push).corrected_control(mean, mean)
+    whole, _ = next_to(wall, push=push, counted=1.0).corrected_control(mean, mean)
+    half, _ = next_to(wall, push=push, counted=0.5).corrected_control(mean, mean)
     assert np.array_equal(whole, mean)
     assert half == pytest.approx(0.5 * (none + whole))
 
@@ -142,6 +136,6 @@ def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     times = integral.steps(6.0)
     batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))
     found = integral.estimate(integral.rollout(batch, 1))
-    assert found.walls.held_back[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
+    assert found.walls.clipped[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
     off = Desirability.of(problem, space).control(x) - found.control
     assert 1.0 < off[1] < 1.2 * found.control_error[1]

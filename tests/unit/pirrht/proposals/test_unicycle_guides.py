@@ -24,7 +24,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
-from pirrht.steering.trajectory import Trajectory, running_cost
+from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario, prepare
 
@@ -131,7 +131,7 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
 
     control = guide.tape[:, 0]
     best = cost(control)
-    assert best == pytest.approx(guide.priced, abs=2e-3)  # the field errs by up to a millimetre
+    assert best == pytest.approx(guide.penalised, abs=2e-3)  # the field errs by up to a millimetre
     t = np.linspace(0.0, 1.0, len(control))
     for _ in range(10):
         bump = sum(rng.normal() * np.sin(k * np.pi * t) for k in range(1, 6))
@@ -208,7 +208,7 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     assert warm is not None
     assert fresh is not None
     assert warm.valid
-    assert warm.priced == pytest.approx(fresh.priced, abs=1e-4)
+    assert warm.penalised == pytest.approx(fresh.penalised, abs=1e-4)
     assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
     assert last.rest(100.0, problem.scene.goal.center) is None
 
@@ -259,6 +259,17 @@ def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_co
 def test_hopeless_classes_get_few_samples():
     integral, _, guides = setting()
     assert integral.guidance is not None
-    cheap, dear = guides[0], replace(guides[0], priced=2.0 * guides[0].priced)
+    cheap, dear = guides[0], replace(guides[0], penalised=2.0 * guides[0].penalised)
     assert integral.guidance.counts([cheap, dear, None], 300) == [300, TUNING.few, TUNING.few]
     assert integral.guidance.counts([None, None], 300) == [300, 300]
+
+
+def test_a_reference_gives_a_guide_if_it_enters_the_goal_within_the_horizon():
+    """Its controls enter the goal by the goal's radius before they end."""
+    integral, times, guides = setting()
+    trajectory, winding = case(True, 0.03, 4.5)[2][0]
+    assert integral.guidance is not None
+    key, x = integral.space.homology.key(winding), guides[0].states[0]
+    entered = guides[0].length + 1
+    assert integral.guidance.improve(x, times[: entered + 2], key, trajectory) is not None
+    assert integral.guidance.improve(x, times[: entered // 2], key, trajectory) is None

@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.shortening.polyline import taut_polyline
+from pirrht.shortening.shorten import taut_polyline
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.straight_line import StraightLine
 

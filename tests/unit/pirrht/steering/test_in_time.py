@@ -12,7 +12,7 @@ from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.certify import BLOCKED, FREE
+from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Scene, Workspace
 from pirrht.moving.certify import certify_leg

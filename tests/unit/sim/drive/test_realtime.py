@@ -16,7 +16,7 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.driven import Driven
+from pirrht.topology.homology import Driven
 from sim.cli import main
 from sim.drive import realtime
 from sim.drive.episode import Frame, Tally

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pirrht.control.methods import METHODS
+from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.options.settings import SEED
 from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
