@@ -79,7 +79,7 @@ class KernelSpec(NamedTuple):
     def is_martingale(self) -> bool:
         """Tell whether a gated point has neither drift nor varying B, G or q.
 
-        Then its optimal control is a martingale along its optimal paths (`proposals.near_walls`).
+        Then its optimal control is a martingale along its optimal paths (`proposals.wall_drift`).
         """
         varies = self.drifting or self.varying or self.state_dependent_gain or self.varying_rate
         return self.gated and not varies

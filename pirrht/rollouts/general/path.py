@@ -13,7 +13,7 @@ noise moves a mass early or late; with them the row that is due. Beyond the last
 
 The control now is the mean of what paths apply on top of the fast-changing part of their proposal control, which is
 taken at the start. Among moving obstacles that is only a share of a point's linear law (`counted`), since close to
-walls the law changes faster than the optimal control, and mostly nothing of a steady one (`proposals.near_walls`).
+walls the law changes faster than the optimal control, and mostly nothing of a steady one (`proposals.wall_drift`).
 Every step queries the moving obstacles near it; it ends when the motion of one changes that is near a noisy position.
 """
 
