@@ -16,7 +16,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
-from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
 from pirrht.proposals.desirability_tube import tube_of
@@ -154,7 +153,7 @@ class ProposalFactory:
     def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
             problem=self.problem, field=self.space.field, offset=offset, step=step, behind=self.set_back, slack=slack,
-            traffic=self.world.setup.traffic, time=time,
+            moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
     def scales(self, x: Array) -> Scales:
@@ -163,13 +162,12 @@ class ProposalFactory:
 
     def _clearance(self, x: Array, time: float) -> float:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
-        setup = self.world.setup
-        near = float(clearance(setup.arena.field, x[0], x[1]))
-        return min(near, float(moving_clearance(setup.traffic, x[0], x[1], time))) if self.world.moving else near
+        world = self.world.setup.world
+        return world.clearance(x[0], x[1], time) if self.world.moving else float(clearance(world.field, x[0], x[1]))
 
     def _from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
-        (gx, gy), radius = self.world.setup.arena.goal, self.world.setup.arena.radius
+        (gx, gy), radius = self.world.setup.world.goal, self.world.setup.world.radius
         return np.asarray(np.hypot(x[..., 0] - gx, x[..., 1] - gy) - radius)
 
     def _set_back(self, x: Array) -> tuple[float, World]:
@@ -179,7 +177,7 @@ class ProposalFactory:
         deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's
         rim.
         """
-        arena = self.world.setup.arena
+        arena = self.world.setup.world
         if self.sampling.exit == "bridge" or not self.climbs:
             return 0.0, arena
         distance = 0.5826 * math.sqrt(self.scales(x).noise * self.sampling.dt)
@@ -254,7 +252,7 @@ class ProposalFactory:
     def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
         setup, d, spread = self.world.setup, self.problem.dynamics, 0.0
-        traffic, field = setup.traffic, setup.arena.field
+        traffic, field = setup.world.moving, setup.world.field
         if d.noisy_position:
             B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
             spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))

@@ -34,7 +34,7 @@ from pirrht.rollouts.tables import Chosen, Origin, Paths, Setup, Snapshot
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
     from pirrht.freespace import FreeSpace
-    from pirrht.moving.obstacles import MovingObstacleArrays
+    from pirrht.geometry.world import Moving
     from pirrht.topology.homology import Homology
 
 
@@ -118,9 +118,10 @@ class PathIntegral:
         """Check for moving obstacles."""
         return self.proposals.world.moving
 
-    def set_prediction(self, traffic: MovingObstacleArrays, homology: Homology) -> None:
+    def set_prediction(self, moving: Moving, homology: Homology) -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
-        self.proposals.world.snapshot = Snapshot(self.setup._replace(traffic=traffic), homology)
+        world = self.setup.world._replace(moving=moving)
+        self.proposals.world.snapshot = Snapshot(self.setup._replace(world=world), homology)
 
     def warm_up(self) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.exact.bodies import Bodies, clearance_and_slope, clearance_from
 from pirrht.exact.grid import TUNING, Frame, polynomial, to_rim
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.bodies import Bodies, clearance_and_slope, clearance_from
 
 GOAL, WALL, LEFT, RIGHT, LOW, HIGH = range(6)  # kinds of boundaries
 

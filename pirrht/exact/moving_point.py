@@ -21,6 +21,7 @@ from scipy.special import kve
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact import point
+from pirrht.exact.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.exact.boundaries import Step, Surroundings, step_of, to_border
 from pirrht.exact.gaussian_step import log_psi_before, meet_boundaries, smooth, taps_along
 from pirrht.exact.grid import (
@@ -38,7 +39,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
-from pirrht.moving.bodies import bodies_of, clearance_from, frames_of, poses_at
 from pirrht.problem import Problem
 
 SAME = 1e-6  # times that differ by less are one [s]

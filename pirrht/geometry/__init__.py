@@ -9,7 +9,7 @@ solids        obstacles from plain numbers; rectangles: few that cover a set of 
 survey        sampling of a field: dense, on one grid in a small world; blocks, fine where needed in a large one
 flat          cells in which distances are linear, so that coarse blocks are exact
 narrow_passages  places where free space narrows before it widens again; passages: their widths and axes
-motion        motions of obstacles, as plain values of a scene
+motion        motions of obstacles, as plain values of a scene; spans: boxes around them within spans of time
 arcs          curves of arcs and straight pieces, the angle of a chord (absmin of section IV-A), and certificates that
               points, segments and curves are free (`ObstacleFree` of Algorithms 2 and 3)
 fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls

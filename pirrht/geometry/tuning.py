@@ -52,6 +52,9 @@ class GeometryTuning(NamedTuple):
     walk_steps: int = 60  # of the longest walk to one side
     walk_wider: float = 1.0  # a walk ends with so much more clearance than in the middle [robot radii]
     wide: float = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
+    # Boxes around moving obstacles
+    span: float = 0.5  # boxes bound an obstacle for so long [s]: shorter ones are tighter and more
+    moment: float = 1e-9  # least time by which a walk from span to span advances [s]: rounding
     # Start and goal
     turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
     exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin

@@ -31,6 +31,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment
 from pirrht.geometry.field import Field, clearance, two_walls
 from pirrht.geometry.scene import Goal
+from pirrht.jit.jit import inlined
 
 
 class Moving(Protocol):
@@ -85,3 +86,24 @@ class World(NamedTuple):
     def leaves(self, ax: float, ay: float, bx: float, by: float, s: float = 0.0, t: float = 0.0) -> bool:
         """Return whether a straight step is not certified to stay in the free space."""
         return self.certify(ax, ay, bx, by, s, t) != FREE
+
+
+@inlined
+def with_wall(walls, e, ex, ey, widest):  # type: ignore[no-untyped-def]
+    """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
+    c, nx, ny, d, mx, my = walls
+    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
+    if e < c:
+        return e, ex, ey, c, nx, ny
+    if e < d:
+        return c, nx, ny, e, ex, ey
+    return c, nx, ny, d, mx, my
+
+
+@inlined
+def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
+    """Return the two nearest of two static walls and `count` rows of `near` (J, 5); none nearer than `widest`."""
+    c, nx, ny, d, mx, my = walls
+    for k in range(count):
+        c, nx, ny, d, mx, my = with_wall((c, nx, ny, d, mx, my), near[k, 0], near[k, 1], near[k, 2], widest)
+    return c, nx, ny, d, mx, my

@@ -96,13 +96,14 @@ def _mark(moving, bounds, cells, cutoff, vacant, body):  # type: ignore[no-untyp
             while t <= bounds[s + 1]:
                 ox, oy, _, vx, vy, _, until = piece_of(moving, j, t)
                 past = min(until, bounds[s + 1]) - t
-                _mark_way(ox, oy, past * vx, past * vy, far, cells, (s, j, moving.J), seen, vacant, body)
+                _mark_way((ox, oy, past * vx, past * vy), far, cells, (s, j, moving.J), seen, vacant, body)
                 t = max(until, t + 1e-9)
 
 
 @kernel
-def _mark_way(ox, oy, dx, dy, far, cells, whose, seen, vacant, body):  # type: ignore[no-untyped-def]
-    """Note one body (stretch, number, of so many) on a path from (ox, oy) by (dx, dy) [m], unless `seen` has."""
+def _mark_way(way, far, cells, whose, seen, vacant, body):  # type: ignore[no-untyped-def]
+    """Note one body (stretch, number, of so many) on a way from (ox, oy) by (dx, dy) [m], unless `seen` has."""
+    ox, oy, dx, dy = way
     (left, low), per, shape = cells
     s, j, J = whose
     square, stamp = dx * dx + dy * dy, s * J + j

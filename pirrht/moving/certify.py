@@ -10,16 +10,17 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
+from pirrht.geometry.spans import BOX, comes_by, keeps_off
+from pirrht.geometry.tuning import TUNING as SPANS
 from pirrht.jit.jit import inlined, kernel, load_int64
 from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
-from pirrht.moving.spans import MOMENT, comes_by, keeps_off
-from pirrht.moving.tuning import BOX, PARTS, TUNING
+from pirrht.moving.tuning import PARTS, TUNING
 
 
 @kernel
 def certify_leg(moving, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for the straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-    return certify_some(moving, None, moving.J, ax, ay, s, bx, by, t)
+    return certify_some(moving, None, moving.J, (ax, ay, s, bx, by, t))
 
 
 @kernel
@@ -35,8 +36,9 @@ def list_passed(moving, frame, begin, end, candidates):  # type: ignore[no-untyp
 
 
 @kernel
-def certify_some(moving, candidates, count, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """Certify a straight step as `certify_leg` does, by the first `count` obstacles of a list, or of all."""
+def certify_some(moving, candidates, count, leg):  # type: ignore[no-untyped-def]
+    """Certify a straight step (ax, ay, s, bx, by, t) by the first `count` obstacles of a list, or of all."""
+    ax, ay, s, bx, by, t = leg
     verdict = FREE
     for k in range(count):
         one = certify_past(moving, k if candidates is None else candidates[k], ax, ay, s, bx, by, t)
@@ -68,15 +70,15 @@ def certify_past(moving, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-de
     per = 1.0 / (t - s) if t > s else 0.0
     ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
     boxes, count, own, period = _boxes_of(moving, j, s)
-    if keeps_off(boxes, count, own, period, ax, ay, ux, uy, t - s, disc_of(moving, j) + LEAST_STEP):
+    if keeps_off(boxes, count, own, period, (ax, ay, ux, uy), t - s, disc_of(moving, j) + LEAST_STEP):
         return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(moving, j, now)
-        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + MOMENT), t)
+        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + SPANS.moment), t)
         begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, disc_of(moving, j) + LEAST_STEP)
         if begin <= leaves:
             speed = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(moving, j)
-            one = _marched(moving, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, begin, leaves, speed)
+            one = _marched(moving, j, (ox, oy, yaw, vx, vy, turn), (x, y, ux, uy), begin, leaves, speed)
             if one == BLOCKED:
                 return BLOCKED
             if one == UNSURE:
@@ -102,16 +104,17 @@ def within(x, y, vx, vy, duration, radius):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _marched(moving, j, ox, oy, yaw, vx, vy, turn, x, y, ux, uy, now, end, speed):  # type: ignore[no-untyped-def]
+def _marched(moving, j, pose, way, now, end, speed):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a piece of the motion of obstacle j and one of a step.
 
     Args:
         moving, j: the body's.
-        ox, oy, yaw, vx, vy, turn: its pose at time 0 [m, m, rad] and the rates of it [1/s].
-        x, y, ux, uy: the way at time 0 [m] and its velocity [m/s].
+        pose: of the obstacle at time 0 [m, m, rad], and its rates [1/s], (6,).
+        way: place at time 0 [m] and velocity [m/s], (4,).
         now, end: the times [s].
         speed: by which clearances change at most [m/s].
     """
+    (ox, oy, yaw, vx, vy, turn), (x, y, ux, uy) = pose, way
     error, least, verdict = 0.0, TUNING.certain, FREE
     if inexact(moving, j):
         error, least = moving.pitch, LEAST_STEP

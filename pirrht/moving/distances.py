@@ -89,7 +89,7 @@ def _in_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _clearance_of(moving, k, u, v):  # type: ignore[no-untyped-def]
+def clearance_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
     """Return the clearance of the robot at (u, v) [m] in an obstacle's frame from its solid k [m]; -radius inside."""
     form = load_int64(moving.form, TABLE * k)
     if form < 0:
@@ -119,7 +119,7 @@ def _in_table(moving, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _slope_of(moving, k, u, v):  # type: ignore[no-untyped-def]
+def offset_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
     """Return the vector (x, y) to (u, v) [m] from solid k's nearest point [m], and the gradient of the distance.
 
     Both are as seen from above, in the frame of its obstacle, and zero inside.
@@ -160,7 +160,7 @@ def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-
     dx, dy = x - ox, y - oy
     u, v, best = c * dx + s * dy, c * dy - s * dx, moving.cutoff
     for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
-        best = min(best, _clearance_of(moving, k, u, v))
+        best = min(best, clearance_of_solid(moving, k, u, v))
     return best
 
 
@@ -179,12 +179,12 @@ def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     dx, dy = x - ox, y - oy
     u, v, best, which = c * dx + s * dy, c * dy - s * dx, moving.cutoff, -1
     for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
-        d = _clearance_of(moving, k, u, v)
+        d = clearance_of_solid(moving, k, u, v)
         if d < best:
             best, which = d, k
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0
-    ex, ey, gx, gy = _slope_of(moving, which, u, v)
+    ex, ey, gx, gy = offset_of_solid(moving, which, u, v)
     size = math.sqrt(gx * gx + gy * gy)
     if size > 0.0:
         gx, gy = gx / size, gy / size

@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from pirrht.geometry.world import with_wall
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.moving.broad_phase_cache import listing, surely
@@ -20,14 +21,13 @@ from pirrht.moving.distances import (
     clearance_facing,
     clearance_of_body,
     disc_of,
-    moving_walls,
     of_body,
     outside_of,
     piece_of,
     wall_facing,
     walls_of_some,
 )
-from pirrht.moving.tuning import NEAR_WIDTH, TUNING, WALL
+from pirrht.moving.tuning import NEAR_WIDTH, TUNING
 
 NEVER = 2.0  # share of a step at which nothing is met
 D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, WALL_KNOWN = range(NEAR_WIDTH)
@@ -86,54 +86,24 @@ def _know(moving, j, x, y, near):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _with_wall(c, nx, ny, d, mx, my, e, ex, ey, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
-    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
-    if e < c:
-        return e, ex, ey, c, nx, ny
-    if e < d:
-        return c, nx, ny, e, ex, ey
-    return c, nx, ny, d, mx, my
-
-
-@inlined
 def with_moving(walls, near, candidates, count, widest):  # type: ignore[no-untyped-def]
     """Return the two nearest walls (`two_walls`), static or moving, in single precision; none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
         j = candidates[k]
         if near[j, WALL_KNOWN] == 1.0:
-            c, nx, ny, d, mx, my = _with_wall(
-                c, nx, ny, d, mx, my, near[j, D], near[j, NX], near[j, NY], np.float64(widest)
-            )
+            two = c, nx, ny, d, mx, my
+            c, nx, ny, d, mx, my = with_wall(two, near[j, D], near[j, NX], near[j, NY], np.float64(widest))
     return c, nx, ny, d, mx, my
 
 
 @inlined
-def walls_among(moving, walls, x, y, t, within, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest to (x, y) [m] of two static walls (`two_walls`) and moving obstacles at t [s].
-
-    Those farther than `within` are not asked, and none counts as nearer than `widest` [m].
-    """
-    near = np.empty((moving.J, WALL))
-    return with_walls(walls, near, moving_walls(moving, x, y, t, within, near), widest)
-
-
-@inlined
-def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
-    c, nx, ny, d, mx, my = walls
-    for k in range(count):
-        c, nx, ny, d, mx, my = _with_wall(c, nx, ny, d, mx, my, near[k, 0], near[k, 1], near[k, 2], widest)
-    return c, nx, ny, d, mx, my
-
-
-@inlined
-def walls_along(moving, x, y, t, within, held, candidates, count, near):  # type: ignore[no-untyped-def]
+def walls_along(moving, x, y, t, within, lists, count, near):  # type: ignore[no-untyped-def]
     """Write `moving_walls` at one place and time after another; return the numbers of candidates and of walls.
 
-    `held`, `candidates` and `count` are what the last call has left.
+    `lists` (`held_of`, candidates) and `count` are what the last call has left.
     """
+    held, candidates = lists
     if surely(held, moving.speed, x, y, t) < within:
         count = listing(moving, x, y, t, within + TUNING.skin, held, candidates)
     return count, walls_of_some(moving, candidates, count, x, y, t, within, near)
@@ -161,13 +131,15 @@ def facing_among(near, candidates, count, cov):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def met_on_bridge(moving, candidates, count, near, x, y, mx, my, t, dt, cov, line, weighed, state):  # type: ignore[no-untyped-def]
-    """Find which candidate a noisy step from (x, y) to (mx, my) [m], from t on for dt [s], meets and when.
+def met_on_bridge(moving, candidates, count, near, way, dt, cov, rule, state):  # type: ignore[no-untyped-def]
+    """Find which candidate a noisy step (x, y, mx, my) [m] that takes dt [s] meets and when.
 
-    Args: as of `bridge_exit`; `near` is that of `look_around` at the beginning of the step.
+    Args: as of `bridge_exit`; `near` is that of `look_around` at the beginning of the step; `rule`: whether noise acts
+        along a line, and whether survival is weighed.
     Returns: next state of the random sequence, share of the step until then or NEVER, number of the body, and log
         probability that none is met, where that is weighed [nats].
     """
+    (x, y, mx, my), (line, weighed) = way, rule
     least = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
     alive, worst, which, from_, to, spread = 1.0, 2.0, np.int64(0), 0.0, 0.0, 0.0
@@ -192,7 +164,7 @@ def met_on_bridge(moving, candidates, count, near, x, y, mx, my, t, dt, cov, lin
             cos, sin = math.cos(yaw), math.sin(yaw)
         d = clearance_facing(moving, j, px, py, cos, sin, mx, my)
         if c > 0.0 and d > 0.0 and c + d <= length_seen:
-            d = _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length_seen)
+            d = _behind_body(moving, j, near, way, dt, c, d, length_seen)
         variance = _towards(near, j, cov)
         survives = survival(c, d, variance) if c > 0.0 else 0.0
         alive *= survives
@@ -210,9 +182,9 @@ def met_on_bridge(moving, candidates, count, near, x, y, mx, my, t, dt, cov, lin
 
 
 @inlined
-def _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length):  # type: ignore[no-untyped-def]
+def _behind_body(moving, j, near, way, dt, c, d, length):  # type: ignore[no-untyped-def]
     """Return clearance d of a step's end; negative if its chord meets the obstacle, as if it ended inside of that."""
-    share = c / length
+    (x, y, mx, my), share = way, c / length
     while share < 1.0 - d / length:
         then = share * dt
         e = clearance_of_body(
@@ -226,13 +198,14 @@ def _behind_body(moving, j, near, x, y, mx, my, dt, c, d, length):  # type: igno
 
 
 @inlined
-def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # type: ignore[no-untyped-def]
+def at_moving_wall(near, j, moved, drift, dt, share, deviation, state):  # type: ignore[no-untyped-def]
     """Displace an isotropic bridge to where it first meets body j, at its distance then; across it is drawn.
 
-    Args, after j: (dx, dy) [m] at the end of the step, drift (fx, fy) [m/s], step [s], share of it until then, standard
-        deviation of the whole step [m], and state of the random sequence; returns the next one, and displacement [m].
+    Args, after j: displacement at the end of the step (2) [m], drift (2) [m/s], step [s], share of it until then,
+        standard deviation of the whole step [m], and state of the random sequence; returns the next one, and
+        displacement [m].
     """
-    nx, ny = -near[j, NX], -near[j, NY]
+    (dx, dy), (fx, fy), nx, ny = moved, drift, -near[j, NX], -near[j, NY]
     gap = max(near[j, D], 0.0) + share * dt * ((near[j, WX] - fx) * nx + (near[j, WY] - fy) * ny)
     state, z, _ = normals(state)
     along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
@@ -240,12 +213,13 @@ def at_moving_wall(near, j, dx, dy, fx, fy, dt, share, deviation, state):  # typ
 
 
 @inlined
-def met_on_path(moving, candidates, count, x, y, mx, my, turn, t, dt, stop):  # type: ignore[no-untyped-def]
-    """Return the share of a step from (x, y) to (mx, my) [m] at which a candidate is met, or NEVER.
+def met_on_path(moving, candidates, count, step, t, dt, stop):  # type: ignore[no-untyped-def]
+    """Return the share of a step (x, y, mx, my, turn) [m, rad] at which a candidate is met, or NEVER.
 
     It has no position noise, begins at t and takes dt [s]; a share `stop` is judged. A turning step [rad] is an arc.
     Clearances certify parts of the step, since path and bodies come nearer no faster than by their speeds.
     """
+    x, y, mx, my, turn = step
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
     bow, rate, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0
     while True:

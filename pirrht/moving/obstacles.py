@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
+from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import Mover
-from pirrht.geometry.scene import Scene
-from pirrht.moving.bodies import gathered
+from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.scene import Footprint, Scene, Workspace
+from pirrht.geometry.shapes import Solids
+from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.moving.certify import certify_leg
 from pirrht.moving.collision import jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
-from pirrht.moving.spans import boxes_of
-from pirrht.moving.tuning import BODY, BOX, PARTS, ROW, TUNING, WALL
+from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING, WALL
 
 MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
 
@@ -49,15 +52,16 @@ class MovingObstacleArrays(ObstacleNumbers):
     @classmethod
     def of(cls, scene: Scene) -> MovingObstacleArrays:
         """Gather the moving obstacles of a scene; J may be 0."""
-        movers, footprint = scene.movers, scene.footprint
-        cutoff = max(TUNING.cutoff_radii * footprint.radius, TUNING.min_cutoff)
-        bodies = gathered([(), *(mover.solids for mover in movers)], footprint, cutoff)
-        solids = bodies.solids
-        shapes = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
-        form = np.column_stack([solids.form, bodies.first, bodies.shape])
+        cutoff = max(TUNING.cutoff_radii * scene.footprint.radius, TUNING.min_cutoff)
+        return cls.around(scene.footprint, scene.movers, cutoff)
+
+    @classmethod
+    def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> MovingObstacleArrays:
+        """Gather obstacles around a robot, distances from whose solids are right up to a cutoff [m]."""
         motions = _motions(movers, footprint.radius)
-        arrays = *motions, shapes, form, bodies.corner, bodies.table
-        return cls._holding(arrays, (bodies.pitch, bodies.height, bodies.radius, _fastest(motions[0]), cutoff))
+        shapes, pitch = _shapes([solid for mover in movers for solid in mover.solids], footprint, cutoff)
+        numbers = pitch, float(footprint.height), float(footprint.radius), _fastest(motions[0]), cutoff
+        return cls._holding((*motions, *shapes), numbers)
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
         """Return these obstacles on other motions."""
@@ -109,6 +113,45 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
         row, solid, box = row + many[0], solid + many[1], box + many[2]
         rows.append(_with_rates(motion.rows))
     return body, parts, np.vstack([np.zeros((0, ROW)), *rows]), np.vstack([np.zeros((0, BOX)), *boxes])
+
+
+def _shapes(
+    obstacles: list[Obstacle], footprint: Footprint, cutoff: float
+) -> tuple[tuple[Array | IntArray, ...], float]:
+    """Return the last of the arrays, of solids in the frames of their obstacles, and the spacing of lattices [m].
+
+    Boxes, cylinders, spheres and capsules have closed forms; others have FCL's distances on a lattice around each. For
+    a robot that is small against these solids the lattices are coarser than it would need, and the excess of
+    interpolation is taken off.
+    """
+    solids = Solids.of(obstacles)
+    K, tables, fine = len(obstacles), np.flatnonzero(solids.form < 0), TUNING.table_pitch * footprint.radius
+    margin = cutoff + footprint.radius + 2.0 * fine
+    area = float(np.prod(solids.high[tables] - solids.low[tables] + 2.0 * margin, axis=1).sum())
+    pitch = max(fine, math.sqrt(area / TUNING.table_points))
+    first, shape, corner = np.zeros(K, dtype=np.int64), np.zeros((K, 2), dtype=np.int64), np.zeros((K, 2))
+    parts: list[Array] = [np.zeros(0)]
+    plane = np.full(2, 1e3)  # beyond any solid [m]
+    for k in tables:
+        corner[k] = solids.low[k] - cutoff - footprint.radius - pitch
+        shape[k] = np.ceil((solids.high[k] + cutoff + footprint.radius - corner[k]) / pitch).astype(int) + 2
+        first[k] = sum(map(len, parts))
+        alone = Collision(Workspace(-plane, plane, (obstacles[k],)), footprint)
+        index = np.stack(np.meshgrid(*map(np.arange, shape[k]), indexing="ij"), axis=-1).reshape(-1, 2)
+        distance = alone.distance(corner[k] + pitch * index)
+        parts.append(distance if pitch == fine else np.maximum(distance - _excess(distance, pitch), 0.0))
+    numbers = np.hstack([solids.size, solids.position, solids.rotation.reshape(-1, 9)])
+    return (numbers, np.column_stack([solids.form, first, shape]), corner, np.concatenate(parts)), pitch
+
+
+def _excess(distance: Array, pitch: float) -> Array:
+    """Bound how much too high bilinear interpolation next to a point may be, from the distance there [m].
+
+    A distance changes by no more than the way to the corners of a cell, and its second derivative is at most 1 over it.
+    """
+    nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
+    excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
+    return excess
 
 
 def _fastest(body: Array) -> float:

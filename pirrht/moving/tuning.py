@@ -12,8 +12,6 @@ class MovingTuning(NamedTuple):
     table_points: int = 1_000_000  # of all tables, which get coarser beyond: 8 bytes and some microseconds of FCL each
     cutoff_radii: float = 8.0  # clearances are reported up to so many robot radii: walls farther away do not matter
     min_cutoff: float = 1.0  # or up to this, if that is more [m]
-    span: float = 0.5  # boxes bound an obstacle for so long [s]: shorter ones are tighter and more
-    moment: float = 1e-9  # least time by which a walk from span to span advances [s]: rounding
     stride: float = 5e-3  # of a march on where nothing is certain [m]: most such steps soon end inside beyond doubt
     certain: float = 1e-5  # so close a march may come where distances are closed forms [m]
     hair: float = 1e-6  # a path that is free but for less than this is not [m]: halvings of a swept piece
@@ -35,7 +33,6 @@ class RowWidths(NamedTuple):
     solid: int = 15  # MuJoCo's sizes, place in the obstacle's frame, and axes there as columns, row by row
     table: int = 4  # form or -1, where its lattice begins in the table, and how many points that has along x and y
     wall: int = 5  # clearance [m], direction (x, y) away from it, velocity (x, y) there [m/s]
-    box: int = 4  # least x and y, greatest x and y [m]
     near: int = (
         17  # a wall, pose [m], [rad] and its rates, from when and until when these hold [s], cosine and sine of a
     )
@@ -46,4 +43,4 @@ class RowWidths(NamedTuple):
 
 
 TUNING = MovingTuning()
-BODY, PARTS, ROW, SOLID, TABLE, WALL, BOX, NEAR_WIDTH, CACHED_LIST, CACHED_BODY, CELL_STATE = RowWidths()
+BODY, PARTS, ROW, SOLID, TABLE, WALL, NEAR_WIDTH, CACHED_LIST, CACHED_BODY, CELL_STATE = RowWidths()

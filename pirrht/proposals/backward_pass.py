@@ -195,10 +195,10 @@ def backward_pass(kind: KernelSpec) -> Any:
     def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
         """Expand `arrival` at x (n,), to v (n,) and W (n, n), by central differences if it has no kink."""
         if noisy_position and not by_inputs:
-            ax, ay = x[0] - setup.arena.goal[0], x[1] - setup.arena.goal[1]
+            ax, ay = x[0] - setup.world.goal[0], x[1] - setup.world.goal[1]
             away = math.sqrt(ax * ax + ay * ay)
             v[:], W[:, :] = 0.0, 0.0
-            if away > setup.arena.radius:
+            if away > setup.world.radius:
                 v[0], v[1], bent = task.far * ax / away, task.far * ay / away, task.far / (away * away * away)
                 W[0, 0], W[1, 1], W[0, 1] = bent * ay * ay, bent * ax * ax, -bent * ax * ay
                 W[1, 0] = W[0, 1]

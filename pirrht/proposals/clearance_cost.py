@@ -85,7 +85,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
         """Allocate room for the walls at one place."""
-        return np.empty((STATIC + (setup.traffic.J if moving else 0), 3))
+        return np.empty((STATIC + (setup.world.moving.J if moving else 0), 3))
 
     @borrowing
     def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
@@ -93,9 +93,9 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
         x, y, dx, dy, bx, by, begin, dt = step
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
-        count = static_walls(setup.arena.field, task.margin, at, to, walls)
+        count = static_walls(setup.world.field, task.margin, at, to, walls)
         if moving:
-            count = moving_walls(setup.traffic, task.margin, at, to, begin + t * dt, walls, count)
+            count = moving_walls(setup.world.moving, task.margin, at, to, begin + t * dt, walls, count)
         return count, w
 
     @borrowing
@@ -154,4 +154,4 @@ def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
     count = listing(traffic, x, y, t, length, held, candidates)
     if t + dt > held[4]:
         count = listing(traffic, x, y, t, math.inf, held, candidates)
-    return met_on_path(traffic, candidates, count, x, y, mx, my, turn, t, dt, 1.0) <= 1.0
+    return met_on_path(traffic, candidates, count, (x, y, mx, my, turn), t, dt, 1.0) <= 1.0

@@ -40,7 +40,7 @@ def optimiser(kind: KernelSpec) -> Any:
         """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, candidates = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+            held, candidates = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
         for i in range(length):
             x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
             dt = times[i + 1] - times[i]
@@ -48,9 +48,9 @@ def optimiser(kind: KernelSpec) -> Any:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
-            outcome, _ = sweep_exit(setup.arena, x, y, to_x, to_y, turn)
+            outcome, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
             if outcome == COLLISION or (
-                moving and touches(setup.traffic, (x, y, to_x, to_y, turn, times[i], dt), held, candidates)
+                moving and touches(setup.world.moving, (x, y, to_x, to_y, turn, times[i], dt), held, candidates)
             ):
                 return False
         return True
@@ -64,7 +64,7 @@ def optimiser(kind: KernelSpec) -> Any:
         for i in range(length):
             key += key_of_segment(setup.cuts, states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1])
         if moving:
-            key += key_of_path(setup.marks, setup.arena.goal, states, length)
+            key += key_of_path(setup.marks, setup.world.goal, states, length)
         return key == own, key == own and _is_free(setup, states, length, times, bows)
 
     @kernel
@@ -73,7 +73,7 @@ def optimiser(kind: KernelSpec) -> Any:
         longest = 0.0
         for i in range(length):
             way = math.sqrt((states[i + 1, 0] - states[i, 0]) ** 2 + (states[i + 1, 1] - states[i, 1]) ** 2)
-            longest = max(longest, way + (setup.traffic.speed * (times[i + 1] - times[i]) if moving else 0.0))
+            longest = max(longest, way + (setup.world.moving.speed * (times[i + 1] - times[i]) if moving else 0.0))
         return max(1, min(TUNING.points, math.ceil(TUNING.points_margin * longest / task.spacing)))
 
     @kernel

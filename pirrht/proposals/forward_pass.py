@@ -207,22 +207,22 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     @borrowing
     def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
         """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
-        gx, gy = setup.arena.goal[0] - x[0], setup.arena.goal[1] - x[1]
+        gx, gy = setup.world.goal[0] - x[0], setup.world.goal[1] - x[1]
         if noisy_position:
-            gap = math.sqrt(gx * gx + gy * gy) - setup.arena.radius
+            gap = math.sqrt(gx * gx + gy * gy) - setup.world.radius
             # A kink at the rim would be a wall to a guide whose last step ends on it.
             return task.far * (gap if by_inputs else max(gap, 0.0))
         rate = velocity(setup, x, f)
         speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
-        along, square = (gx * f[0] + gy * f[1]) / speed, setup.arena.radius**2
+        along, square = (gx * f[0] + gy * f[1]) / speed, setup.world.radius**2
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed
 
     @borrowing
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
         """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
-        length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.arena.goal
-        radius = setup.arena.radius
+        length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.world.goal
+        radius = setup.world.radius
         if math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius >= length:
             return False
         return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
@@ -237,7 +237,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
             if not stranded:
-                homing_of(x, setup.parameters, B[0], setup.arena.goal, setup.arena.radius, setup.least_rate, u[:m])
+                homing_of(x, setup.parameters, B[0], setup.world.goal, setup.world.radius, setup.least_rate, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]

@@ -19,7 +19,6 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
-from pirrht.moving.distances import moving_clearance
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
 from pirrht.proposals.guide import Course, DDPGuide, Task, WallsAhead, empty_course
@@ -71,7 +70,7 @@ class DDPGuidance:
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
         tracking, window = self.tasks[tuning.cold[0][0]]._replace(hold=hold), None
-        if setup.traffic.J > 0:
+        if setup.world.moving.J > 0:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
         self.starts = Initialisation(
@@ -158,7 +157,7 @@ class DDPGuidance:
     def _is_late(self, query: Query, reference: Trajectory) -> bool:
         """Check that controls of a reference enter the goal only after the horizon: optimisation could not start."""
         seconds = float(reference.durations.sum())
-        rim = query.setup.arena.radius * seconds / max(reference.length, 1e-9)
+        rim = query.setup.world.radius * seconds / max(reference.length, 1e-9)
         return reference.slack is None and seconds - rim > query.times[-1]
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
@@ -204,7 +203,7 @@ class DDPGuidance:
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
         yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
-        if query.setup.traffic.J > 0:
+        if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
             yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, reference, query.times))
@@ -217,7 +216,7 @@ class DDPGuidance:
     def query(self, x: Array, times: Array, key: int, time: float) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
         setup, clock = self.setup, times
-        if setup.traffic.J > 0:
+        if setup.world.moving.J > 0:
             clock = np.ascontiguousarray(times + time)
             setup = setup._replace(marks=self.world.homology.rays(x, clock))
         return Query(setup, clock, x, times, key)
@@ -225,10 +224,9 @@ class DDPGuidance:
     def _clearance(self, query: Query) -> float:
         """Return the clearance of the robot's centre, [m]."""
         (x, y), setup = query.x[:2], query.setup
-        free = float(clearance(setup.arena.field, x, y))
-        if setup.traffic.J > 0:
-            free = min(free, float(moving_clearance(setup.traffic, x, y, float(query.clock[0]))))
-        return free
+        if setup.world.moving.J == 0:
+            return float(clearance(setup.world.field, x, y))
+        return setup.world.clearance(x, y, float(query.clock[0]))
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or few for a class of negligible weight.

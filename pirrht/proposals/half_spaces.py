@@ -15,10 +15,11 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import two_walls
+from pirrht.geometry.world import with_walls
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase_cache import held_of
-from pirrht.moving.exits import walls_along, with_walls
+from pirrht.moving.exits import walls_along
 from pirrht.moving.tuning import WALL
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
@@ -39,14 +40,14 @@ def constraints_of(setup: object, places: Array, times: Array, noise: float, wit
 @kernel
 def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
     """Fill `out` (k, W, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
-    J, many = setup.traffic.J, 0
+    J, many = setup.world.moving.J, 0
     held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(places.shape[0]):
         x, y = places[i]
         out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = two_walls(
-            setup.arena.field, x, y
+            setup.world.field, x, y
         )
-        many, count = walls_along(setup.traffic, x, y, times[i], within, held, candidates, many, near)
+        many, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), many, near)
         for k in range(min(count, TUNING.walls - 2)):
             copy_row(near[k, :3], out[i, 2 + k])
 
@@ -89,14 +90,14 @@ def drifts_of(setup, places, times, offset):  # type: ignore[no-untyped-def]
 
     Second come its derivatives (k, 2, 2) [1/m^2].
     """
-    k, J, many = places.shape[0], setup.traffic.J, 0
+    k, J, many = places.shape[0], setup.world.moving.J, 0
     offset32: Any = np.float32(offset)
     slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_range * offset32
     held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
     for i in range(k):
         x, y = places[i]
-        static = two_walls(setup.arena.field, x, y)
-        many, count = walls_along(setup.traffic, x, y, times[i], within, held, candidates, many, near)
+        static = two_walls(setup.world.field, x, y)
+        many, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), many, near)
         c, nx, ny, d, mx, my = with_walls(static, near, count, 0.0)
         for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
             gap_least = max(float(gap), TUNING.drift_gap * offset32)

@@ -79,7 +79,7 @@ class Initialisation:
 
         It sets off gently, since the system may have to turn about or to accelerate.
         """
-        arena, start = self.setup.arena, trajectory.path.start
+        arena, start = self.setup.world, trajectory.path.start
         pace = trajectory.length / float(trajectory.durations.sum())
         ahead = np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])  # on through the goal, without a halt
         corners = np.vstack([start[:, :2], start[-1, :2] + ahead * pace * (trajectory.durations[-1] + times[-1])])

@@ -27,9 +27,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import Field, two_walls
+from pirrht.geometry.world import Moving, with_walls
 from pirrht.jit.jit import kernel
-from pirrht.moving.exits import walls_among
-from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import wall_slope
@@ -135,7 +134,7 @@ class WallDrift:
     field: Field
     offset: float  # `ProposalTables.wall_offset` [m]; 0: no drift
     step: float  # first of the rollouts [s]
-    traffic: MovingObstacleArrays  # moving obstacles
+    moving: Moving  # moving obstacles
     behind: float = 0.0  # `ProposalTables.set_back` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]
@@ -151,7 +150,7 @@ class WallDrift:
         if self.offset <= 0.0:
             return np.zeros(self.problem.dynamics.m)
         gain, least = self._at(x)
-        if self.traffic.J == 0:
+        if self.moving.J == 0:
             least = least if closest is None else closest
             slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.behind, self.offset)
         else:
@@ -166,10 +165,11 @@ class WallDrift:
         """Return the two nearest walls (`two_walls`) at x (n,), s [s] after the plan, at least `closest` [m] away."""
         closest = self._at(x)[1] if closest is None else closest
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.behind)
-        if self.traffic.J == 0:
+        if self.moving.J == 0:
             return found
         within, time = TUNING.drift_near * self.offset, self.time + s
-        return tuple(walls_among(self.traffic, found, x[0], x[1], time, within, closest))
+        rows = self.moving.walls(x[0], x[1], time, within)
+        return tuple(with_walls(found, rows, len(rows), closest))
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """Return lambda R^-1 G' = G^-1 BB' at x (n,), and the distance of walls below which drift stays constant."""
@@ -178,7 +178,7 @@ class WallDrift:
         d = self.problem.dynamics
         B = d.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
-        nearest = TUNING.constant_below if self.traffic.J == 0 else TUNING.constant_below_moving
+        nearest = TUNING.constant_below if self.moving.J == 0 else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
         return d.climbing_gain(x), closest
 

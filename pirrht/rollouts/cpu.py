@@ -171,10 +171,10 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     x = np.zeros(d.n)
     constant, told = d.constant, d.constant or d.input_form
     return Setup(
-        arena=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
+        world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
         inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        least_rate=problem.least_rate / problem.temperature, traffic=space.moving, marks=NO_RAYS,
+        least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
     )  # fmt: skip

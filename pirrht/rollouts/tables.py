@@ -16,7 +16,6 @@ from pirrht.rollouts.tuning import TUNING
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
     from pirrht.moving.broad_phase import Nearby
-    from pirrht.moving.obstacles import MovingObstacleArrays
     from pirrht.rollouts.ways import DesirabilityTubes
     from pirrht.topology.crossings import Cuts
     from pirrht.topology.homology import Homology
@@ -33,7 +32,7 @@ def law_width(n: int, modes: int) -> int:
 class Setup(NamedTuple):
     """Scene and problem as rollouts need them."""
 
-    arena: World  # static obstacles
+    world: World  # what is free at (x, t); moving obstacles are predicted on the clock of plans
     cuts: Cuts
     parameters: Array  # (k,) p of the dynamics
     gain: Array  # (m, m) B_c^-1 G_c, if constant; in input form s^-1
@@ -42,7 +41,6 @@ class Setup(NamedTuple):
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
     least_rate: float  # least q / lambda [1/s]
-    traffic: MovingObstacleArrays  # J moving obstacles, predicted on the clock of plans; unread if J = 0
     marks: RayTable  # of the steps of a guide among moving obstacles
 
 
@@ -72,7 +70,7 @@ class PredictedWorld:
     @property
     def moving(self) -> bool:
         """Check for moving obstacles, J > 0."""
-        return self.setup.traffic.J > 0
+        return bool(self.setup.world.moving.J > 0)
 
 
 class ProposalTables(NamedTuple):

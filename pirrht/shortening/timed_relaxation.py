@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.moving.distances import FASTEST, of_body, outside_of, piece_of, pose_of, wall_of_body
+from pirrht.moving.distances import FASTEST, of_body, outside_of, pose_of, walls_of_some
 from pirrht.moving.tuning import WALL
 from pirrht.shortening.tuning import IN_TIME as TUNING
 
@@ -62,15 +62,7 @@ def _around(around, knots, near):  # type: ignore[no-untyped-def]
 @inlined
 def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
     """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
-    count, field, traffic = 0, around.field, around.traffic
-    for j in near:
-        ox, oy, yaw, vx, vy, turn, _ = piece_of(traffic, j, t)
-        if outside_of(traffic, j, ox, oy, x, y) < margin:
-            c, nx, ny, ex, ey = wall_of_body(traffic, j, ox, oy, yaw, x, y)
-            if c < margin:
-                walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
-                walls[count, 3], walls[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
-                count += 1
+    field, count = around.field, walls_of_some(around.traffic, near, near.shape[0], x, y, t, margin, walls)
     c = clearance(field, x, y)
     if c < margin:
         h = 0.5 * field.spacing

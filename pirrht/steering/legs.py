@@ -111,11 +111,11 @@ def _near_all(motions, around):  # type: ignore[no-untyped-def]
 
 @inlined
 def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
-    (listed, count), (ax, ay, s, bx, by, t) = prepared, _ends(motions, i)
-    static = certify_segment(around.field, ax, ay, bx, by)
+    (listed, count), leg = prepared, _ends(motions, i)
+    static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
     if static == BLOCKED:
         return BLOCKED
-    return min(static, certify_some(around.traffic, listed, count, ax, ay, s, bx, by, t))
+    return min(static, certify_some(around.traffic, listed, count, leg))
 
 
 @inlined

@@ -17,8 +17,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
 from pirrht.geometry.field import Field
+from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
-from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.topology.crossings import Cuts, pairs_of_curve
 from pirrht.topology.homology import Homology
@@ -103,7 +103,7 @@ class Surroundings(NamedTuple):
     goal_x: float  # goal point [m]
     goal_y: float
     goal_radius: float  # radius of the goal's disc [m]
-    traffic: MovingObstacleArrays
+    traffic: Moving  # J obstacles
     tracks: MarkerTrajectories  # of J moving markers
     speed: float  # of bases [m/s]
     bases: BaseCache  # kept ones

@@ -16,7 +16,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, jitable, kernel
-from pirrht.moving.distances import disc_of, moving_clearance, piece_of
+from pirrht.moving.distances import disc_of, piece_of
 from pirrht.steering.tuning import TUNING
 
 
@@ -153,7 +153,7 @@ def offered(numbers: tuple[float, ...], passages: Passages, space: FreeSpace, or
         places, late = middle + along * radius * ahead, along * radius / (speed * numbers[3])
         for (x, y), away in zip(places.tolist(), np.hypot(*(middle - start).T).tolist(), strict=True):
             t = useful.begin + away / (speed * numbers[3]) + late
-            if _is_of_use(useful, x, y, t) and moving_clearance(space.moving, x, y, t) > 0.0:
+            if _is_of_use(useful, x, y, t) and space.moving.clearance(x, y, t) > 0.0:
                 found.append((_cost(useful, x, y, t), x, y, t))
     found.sort()
     return np.array([row[1:] for row in found[: TUNING.passage_states]]).reshape(-1, 3)

@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
+from pirrht.geometry.spans import BOX, span_at
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
-from pirrht.moving.spans import span_at
-from pirrht.moving.tuning import BOX
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     MarkerTrajectories,

@@ -19,9 +19,8 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.motion import SHAPES, Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
+from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
-from pirrht.moving.spans import boxes_of
-from pirrht.moving.tuning import BOX
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
 

@@ -75,7 +75,9 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     batch, among = plan_batch(scenario)
     alone, nothing = copy(among), MovingObstacleArrays.of(replace(scenario.loaded.scene, movers=()))
     alone.proposals = copy(among.proposals)
-    alone.proposals.world = PredictedWorld(Snapshot(among.setup._replace(traffic=nothing), among.homology))
+    alone.proposals.world = PredictedWorld(
+        Snapshot(among.setup._replace(world=among.setup.world._replace(moving=nothing)), among.homology)
+    )
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),

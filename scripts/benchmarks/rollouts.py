@@ -137,7 +137,7 @@ def _note(figures: dict[str, Any]) -> str:
 def _limit(setting: Setting) -> Result:
     """Time per step of what no rollout can do without, on as many threads as ours."""
     integral, samples = setting.kernels[OURS], NUMBERS[-1]
-    threads, arena, cuts = integral.threads, integral.setup.arena, integral.setup.cuts
+    threads, arena, cuts = integral.threads, integral.setup.world, integral.setup.cuts
     work: dict[str, Callable[[int], int]] = {
         "two normals": lambda _: limit.normals(samples, threads),
         "two normals and the arithmetic": lambda _: limit.steps(arena, cuts, setting.H, samples, threads),

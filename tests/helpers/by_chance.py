@@ -27,12 +27,12 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = held_of(setup.traffic.J), np.empty(setup.traffic.J, np.int64)
+    held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
     best = math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]
         path[0, 0], path[0, 1], path[0, 2] = x[0], x[1], t
-        path[3, 0], path[3, 1] = setup.arena.goal
+        path[3, 0], path[3, 1] = setup.world.goal
         draws, some = uniform(draws)
         draws, u = uniform(draws)
         draws, v = uniform(draws)
@@ -60,9 +60,9 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
         cost[s] = total
         for k in range(3):
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
-            outcome, _ = sweep_exit(setup.arena, ax, ay, bx, by)
-            begin, end = path[k, 2], path[k + 1, 2]
-            if outcome == COLLISION or touches(setup.traffic, (ax, ay, bx, by, 0.0, begin, end - begin), held, listed):
+            outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
+            step = ax, ay, bx, by, 0.0, path[k, 2], path[k + 1, 2] - path[k, 2]
+            if outcome == COLLISION or touches(setup.world.moving, step, held, listed):
                 cost[s] = math.inf
                 break
 

@@ -33,7 +33,7 @@ def obstacles_for(kind: KernelSpec) -> Any:
 
     @part
     def obstacles_of(setup, tables, scratch, step, move, close):  # type: ignore[no-untyped-def]
-        x, moved, held, listed, moving = scratch.x, scratch.moved, scratch.held, scratch.candidates, setup.traffic
+        x, moved, held, listed, moving = scratch.x, scratch.moved, scratch.held, scratch.candidates, setup.world.moving
         (dt, now, i), (_, _, turn, (xx, _, yy)) = step, move
         length = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2)
         if not noisy_position:
@@ -63,7 +63,7 @@ def ended_for(kind: KernelSpec) -> Any:
         x, moved, f, y, B, deviation = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B, math.sqrt(variance)
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
         if moving and wall >= 0:
-            state, dx, dy = at_moving_wall(scratch.near, wall, dx, dy, f[0], f[1], dt, share, deviation, state)
+            state, dx, dy = at_moving_wall(scratch.near, wall, (dx, dy), (f[0], f[1]), dt, share, deviation, state)
         else:
             state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, deviation, state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
@@ -122,14 +122,14 @@ def exits(kind: KernelSpec) -> Any:
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
-        (dt, now, _), (before, room, close), weighed = step, clear, tables.weighed
-        arena, x, y, mx, my = setup.arena, scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
+        (dt, _, _), (before, room, close), weighed = step, clear, tables.weighed
+        arena, x, y, mx, my = setup.world, scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
         cov, after, wall, until = (rates[0] * dt, rates[1] * dt, rates[2] * dt), distances(arena, mx, my), -1, dt
         state, exit, share, missed = bridge_exit(arena, (x, y, mx, my), before, after, cov, weighed, state, along_line)
         if moving and close > 0:
             state, hit, body, alive = met_on_bridge(
-                setup.traffic, scratch.candidates, close, scratch.near, x, y, mx, my, now, dt, cov, along_line, weighed,
-                state,
+                setup.world.moving, scratch.candidates, close, scratch.near, (x, y, mx, my), dt, cov,
+                (along_line, weighed), state,
             )  # fmt: skip
             if hit <= 1.0 and (exit == INSIDE or hit < share):
                 exit, share, wall = COLLISION, hit, body
@@ -146,9 +146,9 @@ def exits(kind: KernelSpec) -> Any:
         x, y, mx, my = scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
         exit, share = GOAL, ahead
         if not arrived:
-            exit, share, room = sweep_onward(setup.arena, x, y, mx, my, turn, room)
+            exit, share, room = sweep_onward(setup.world, x, y, mx, my, turn, room)
         if moving and close > 0:
-            hit = met_on_path(setup.traffic, scratch.candidates, close, x, y, mx, my, turn, now, dt, share)
+            hit = met_on_path(setup.world.moving, scratch.candidates, close, (x, y, mx, my, turn), now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
         return exit, share, (before, room, close)
@@ -158,10 +158,10 @@ def exits(kind: KernelSpec) -> Any:
         (dt, now, _), (before, room, close), until = step, clear, 0.0 if move[0] else step[0]
         if not setup.bridge:
             mx, my = scratch.moved[0], scratch.moved[1]
-            exit, share = endpoint_exit(setup.arena, mx, my)
-            if moving and moving_clearance(setup.traffic, mx, my, now + dt) <= 0.0:
+            exit, share = endpoint_exit(setup.world, mx, my)
+            if moving and moving_clearance(setup.world.moving, mx, my, now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, share, until, 0.0, (distances(setup.arena, mx, my), room, close)
+            return state, exit, share, until, 0.0, (distances(setup.world, mx, my), room, close)
         if moving:
             clear = before, room, obstacles_of(setup, tables, scratch, step, move, close)
         if noisy_position:

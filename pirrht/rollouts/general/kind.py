@@ -155,7 +155,7 @@ def scratch_for(kind: KernelSpec) -> Any:
     @kernel
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
         H = tables.control.shape[0]
-        J = setup.traffic.J if moving else 0
+        J = setup.world.moving.J if moving else 0
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
             np.empty((rows, m)), np.empty((H, m)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),

@@ -185,7 +185,7 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
         """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
-        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.arena
+        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.world
         s = row_of(tables, scratch, g, at)
         if s < tables.law_length[g]:
             along_row(tables, scratch, g, s)
@@ -245,7 +245,7 @@ def aims(kind: KernelSpec) -> Any:
             if lost[g]:
                 continue
             if noisy_position and tables.ways.count[g] > 0:
-                along_tube(tables, scratch, g, setup.arena.goal, walls)
+                along_tube(tables, scratch, g, setup.world.goal, walls)
             elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)
             else:

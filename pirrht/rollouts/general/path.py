@@ -181,7 +181,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if moving:
             begin_list(scratch.held)
             look_anew(scratch.near)
-            open_sides(tables.marks, setup.arena.goal, x[0], x[1], scratch.side, scratch.spot)
+            open_sides(tables.marks, setup.world.goal, x[0], x[1], scratch.side, scratch.spot)
 
     @part
     def clear_step(keep, i):  # type: ignore[no-untyped-def]
@@ -206,7 +206,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, clear, left, now, i)
         if noisy_position and tables.wall_offset > 0.0:
-            walls = push_of(tables, scratch, setup.arena, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
+            walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
         return rates, dt, close, walls
 
     @part
@@ -214,7 +214,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         """Return the additive key of moving obstacles that are passed by a share of step i of the grid."""
         if not moving:
             return np.int64(0)
-        goal, moved = setup.arena.goal, scratch.moved
+        goal, moved = setup.world.goal, scratch.moved
         return key_among(tables.marks, goal, i, min(share, 1.0), moved[0], moved[1], scratch.side, scratch.spot)
 
     @part
@@ -237,7 +237,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = np.int64(tables.marks.opening if moving else 0)
         owed, last = 0.0, 0  # share of a step of the grid for which half of the proposal is missing in `led_by`
-        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.arena, x[0], x[1]), 0.0, 0)
+        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0, 0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE

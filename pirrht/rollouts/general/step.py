@@ -43,7 +43,7 @@ def length_for(kind: KernelSpec) -> Any:
 
     @part
     def fitted(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
-        (before, _, close), moved, gone, until_change = clear, setup.traffic, np.inf, np.inf
+        (before, _, close), moved, gone, until_change = clear, setup.world.moving, np.inf, np.inf
         if moving:  # as far as noise carries a path that is not to be split, or walls push
             x, held, listed = scratch.x, scratch.held, scratch.candidates
             within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.wall_offset)
@@ -53,7 +53,7 @@ def length_for(kind: KernelSpec) -> Any:
                 gone, until_change = look_around(moved, listed, close, x[0], x[1], now, within, scratch.near)
         dt = left
         if tables.least < left:
-            narrow, scale = narrowest(tables, scratch, setup.arena, rates, before, left, (close, gone))
+            narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, (close, gone))
             dt = fitting(narrow, left, tables.least, scale)
             if moving:
                 dt = min(dt, max(until_change - now, TUNING.least_change))
@@ -211,7 +211,7 @@ def motion(kind: KernelSpec) -> Any:
     @part
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
-        x, f, arena = scratch.x, scratch.f, setup.arena
+        x, f, arena = scratch.x, scratch.f, setup.world
         within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
         if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
             return False, 1.0

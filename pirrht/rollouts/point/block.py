@@ -43,7 +43,7 @@ RUN: Any = Run
 @kernel
 def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     """Judge the step of a lane that may have ended on its way: outcome and share of the step."""
-    arena, B = setup.arena, setup.diffusion
+    arena, B = setup.world, setup.diffusion
     x, y, nx, ny = np.float64(f[X + k]), np.float64(f[Y + k]), np.float64(f[NX + k]), np.float64(f[NY + k])
     before = np.float64(f[C0 + k]), np.float64(f[E0 + k]), np.float64(f[G0 + k])
     after = np.float64(f[C1 + k]), np.float64(f[E1 + k]), np.float64(f[G1 + k])
@@ -204,9 +204,9 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         tables.drift.shape[1],
         stop - start,
         setup.diffusion,
-        single(setup.arena),
+        single(setup.world),
     )
-    variance, rim = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1], TUNING.rim * setup.arena.radius
+    variance, rim = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1], TUNING.rim * setup.world.radius
     begin(tables, origin, run, scratch)
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds

@@ -15,12 +15,12 @@ from thoroughly import first, thorough
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
+from pirrht.exact.bodies import bodies_of, frames_of, poses_at
 from pirrht.exact.boundaries import Surroundings, step_of
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.gaussian_step import meet_boundaries, smooth, taps_along
 from pirrht.exact.grid import frame_at
 from pirrht.geometry.motion import Mover
-from pirrht.moving.bodies import bodies_of, frames_of, poses_at
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
     "crossing": (8.578, 8.752, 9.000),

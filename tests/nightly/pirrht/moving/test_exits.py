@@ -52,7 +52,7 @@ def test_a_straight_way_is_met_where_fcl_says():
             continue
         if right:
             count = listing(traffic, a[0], a[1], t, math.inf, held, listed)
-            share = met_on_path(traffic, listed, count, a[0], a[1], b[0], b[1], 0.0, t, dt, 1.0)
+            share = met_on_path(traffic, listed, count, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
             assert share < NEVER
             entered = crowd.clearance(a + share * (b - a), t + share * dt)
             assert entered == pytest.approx(0.0, abs=0.02) or abs(math.remainder(share * dt + t, RESTART)) < 1e-5

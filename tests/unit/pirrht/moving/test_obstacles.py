@@ -13,7 +13,7 @@ from thoroughly import first
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Scene, Workspace
-from pirrht.moving import bodies
+from pirrht.moving import obstacles
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.distances import moving_clearance, moving_walls, pose_of
 from pirrht.moving.obstacles import MovingObstacleArrays
@@ -109,7 +109,7 @@ def test_where_nothing_moves_all_is_free():
 
 @pytest.mark.parametrize("radius", [0.001, 0.002])
 def test_for_a_small_robot_tables_stay_small_and_never_report_more_clearance_than_there_is(monkeypatch, radius):
-    monkeypatch.setattr(bodies, "TUNING", TUNING._replace(table_points=20_000))
+    monkeypatch.setattr(obstacles, "TUNING", TUNING._replace(table_points=20_000))
     egg = replace(block("egg", 0.0, 0.0, (0.3, 0.1)), kind=Kind.ELLIPSOID)
     way = [(0.0, 1.5, 1.5, 0.3), (1.0, 2.0, 1.2, 1.0)]
     movers = [moved("box", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3)))), moved("egg", way[:1], egg)]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.geometry.motion import Motion
-from pirrht.moving.spans import SPAN, boxes_of, comes_by, keeps_off
+from pirrht.geometry.spans import SPAN, boxes_of, comes_by, keeps_off
 
 TIMES = 400  # moments of a way that are looked at
 
@@ -40,7 +40,7 @@ def test_what_surely_keeps_off_is_never_within_the_radius(repeat):
     said = 0
     for seed in range(400):
         boxes, (at, count, own, period), duration, way, body, (start, velocity, radius) = case(seed, repeat=repeat)
-        if keeps_off(at, count, own, period, *start, *velocity, duration, radius):
+        if keeps_off(at, count, own, period, (*start, *velocity), duration, radius):
             said += 1
             assert np.min(np.hypot(*(way - body).T)) >= radius - 1e-6, seed
         assert boxes is not None
@@ -68,6 +68,6 @@ def test_before_it_begins_and_after_it_ends_a_body_is_where_it_stands():
     np.testing.assert_allclose(boxes[0], [1.0, 1.0, 1.0 + 3.0 * SPAN / 1.3, 1.0 + SPAN / 1.3])
     np.testing.assert_array_equal(boxes[-1], [4.0, 2.0, 4.0, 2.0])
     at = boxes.ctypes.data
-    assert keeps_off(at, 4, 50.0, 0.0, 4.0, 3.2, 0.0, 0.0, 100.0, 1.0)
-    assert not keeps_off(at, 4, 50.0, 0.0, 4.0, 2.8, 0.0, 0.0, 100.0, 1.0)
-    assert not keeps_off(at, 4, -3.0, 0.0, 1.0, 1.8, 0.0, 0.0, 1.0, 1.0)
+    assert keeps_off(at, 4, 50.0, 0.0, (4.0, 3.2, 0.0, 0.0), 100.0, 1.0)
+    assert not keeps_off(at, 4, 50.0, 0.0, (4.0, 2.8, 0.0, 0.0), 100.0, 1.0)
+    assert not keeps_off(at, 4, -3.0, 0.0, (1.0, 1.8, 0.0, 0.0), 1.0, 1.0)

@@ -7,11 +7,11 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel, load_float64
-from pirrht.moving.tuning import BOX, TUNING
 
+BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 SPAN = TUNING.span
-MOMENT = TUNING.moment
 
 
 def boxes_of(rows: Array, *, repeat: bool, span: float = SPAN) -> Array:
@@ -74,7 +74,7 @@ def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
         left = min(left, period - own)
     elif i == count - 1:
         left = math.inf
-    return i, max(left, MOMENT)
+    return i, max(left, TUNING.moment)
 
 
 @kernel
@@ -100,7 +100,7 @@ def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignor
 
 
 @kernel
-def keeps_off(boxes, count, own, period, x, y, ux, uy, duration, radius):  # type: ignore[no-untyped-def]
+def keeps_off(boxes, count, own, period, way, duration, radius):  # type: ignore[no-untyped-def]
     """Return whether boxes certify that a straight step stays farther than a radius [m] from an obstacle's origin.
 
     Args:
@@ -108,10 +108,11 @@ def keeps_off(boxes, count, own, period, x, y, ux, uy, duration, radius):  # typ
         count: their number.
         own: time on its clock when the way begins [s].
         period: after which the clock starts over [s]; 0: never.
-        x, y, ux, uy, duration: the way, [m], [m/s] and [s].
+        way: where it begins and its velocity, (x, y, ux, uy) [m, m/s].
+        duration: of the way [s].
         radius: of the disc that it stays out of [m].
     """
-    past = 0.0
+    (x, y, ux, uy), past = way, 0.0
     while True:
         i, left = span_at(own + past, period, count, SPAN)
         until = min(past + left, duration)
