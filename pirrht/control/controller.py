@@ -32,7 +32,7 @@ class Controller(Policy):
     """Receding-horizon path integral control with topology-guided sampling.
 
     Args:
-        method, polished, consistency, between: see `ControlSettings`.
+        method, shortened, consistency, between: see `ControlSettings`.
 
     Attributes:
         path_integral: sampler of the problem in its scene.
@@ -64,10 +64,10 @@ class Controller(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
-        method: str = "pi-rrht", polished: bool = True, consistency: float = 0.8, between: str = "classes",
+        method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
         homology: Homology | None = None, predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
-        self.settings = ControlSettings(method=method, polished=polished, consistency=consistency, between=between)
+        self.settings = ControlSettings(method=method, shortened=shortened, consistency=consistency, between=between)
         self.predict, self.rng = predict, rng
         self._enter(problem, space, tree, sampling, homology)
         self.begin(problem.dynamics.state_of(problem.scene.start))

@@ -79,7 +79,7 @@ def extract_references(
     memory.others = {}
     try:
         found = tree.references(
-            tree.at(x, run.now), polished=settings.polished, before=before, pressed=budget.short,
+            tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
             threads=threads, most=most,
         )  # fmt: skip
     except NoReference:

@@ -89,7 +89,7 @@ class ControlSettings:
     """
 
     method: str = "pi-rrht"
-    polished: bool = True  # shorten references inside their class
+    shortened: bool = True  # shorten references inside their class
     consistency: float = 0.8  # factor on the value of the class followed so far under "best-class"
     between: str = "classes"  # until the next plan follow the state by "classes", or "hold" the control (paper)
     tuning: ControlTuning = TUNING

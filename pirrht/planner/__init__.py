@@ -8,7 +8,6 @@ nodes        AppendNode: classes that a vertex keeps, under |1 - H_i| <= H_limit
 graph        records of vertices, edges and nodes in memory
 storage      all that changes while a tree grows
 file, checks   trees as files, which are examined before they are trusted
-left_out     short paths that H_limit excludes
 tuning       tuned numbers
 
 An edge is known only to its kind of motion (`steering.motion`), a class only to its `Signature`: nothing here depends

@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -33,7 +34,11 @@ from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
 
 FORMAT, UNSIGNED = 2, 1  # the second has no checksum: trees of 0.1 and 0.2
-UNREADABLE = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError)
+MOVING = "moving obstacles"  # key of what a tree depends on
+UNREADABLE = (
+    ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RuntimeError, MemoryError, SyntaxError,
+    TokenError,
+)  # NumPy reads headers as Python source  # fmt: skip
 
 
 def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
@@ -109,7 +114,7 @@ def load(
 def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     """Facts that a tree depends on besides its limits, as numbers (lengths [m]) and texts by name."""
     scene = space.scene
-    moving = {"bodies that move": f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
+    moving = {MOVING: f"{len(scene.movers)} bodies, {_motions(scene.movers)}"} if scene.movers else {}
     return {
         "workspace": [*scene.lower.tolist(), *scene.upper.tolist()],
         "goal": [*scene.goal.center.tolist(), scene.goal.radius],
@@ -168,6 +173,7 @@ def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[Bi
 def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
     belongs = about.get("belongs")
     known = belongs if isinstance(belongs, dict) else {}
+    known = {MOVING if key.startswith("bodies") else key: value for key, value in known.items()}  # of earlier versions
     for what, value in required.items():
         if known.get(what) != json.loads(json.dumps(value)):
             raise OptionError(

@@ -208,18 +208,18 @@ class HomologyTree:
     # -- Algorithm 5: ExtractReference -----------------------------------------------------------------------------
 
     def references(
-        self, x: Array, *, polished: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None,
-        pressed: Callable[[], bool] = lambda: False, threads: int = 1, most: int | None = None,
+        self, x: Array, *, shortened: bool = True, before: Mapping[tuple[int, ...], Motions] | None = None,
+        over_budget: Callable[[], bool] = lambda: False, threads: int = 1, most: int | None = None,
     ) -> list[Reference]:  # fmt: skip
         """Best path of every allowed class from x (n,), least [cost] first; the tree is not changed (Algorithm 5).
 
         Args:
             x: a state of the system, of which vertices may have but a part (`Steering.vertex_of`).
-            polished: shorten paths inside their class.
+            shortened: shorten paths inside their class.
             before: shortened paths by winding, from a state not far from x: where that is faster shortening goes on
                 from them, unless the tree's own path is cheaper even before it is shortened. Of other classes in space
                 and time only the cheapest few are then shortened at once.
-            pressed: whether time is short; then paths of such other classes stay as the tree has them.
+            over_budget: whether time is short; then paths of such other classes stay as the tree has them.
             threads: among which work is shared out; the result does not depend on it.
             most: classes that are evaluated, those that seem cheapest before paths are shortened; None: all.
 
@@ -227,7 +227,7 @@ class HomologyTree:
             NoReference: no allowed class reaches the goal from x.
         """
         x = self.steering.vertex_of(x)
-        query = references.ReferenceQuery(self, polished, before or {}, pressed, threads, most)
+        query = references.ReferenceQuery(self, shortened, before or {}, over_budget, threads, most)
         return query.extract(x)
 
     def at(self, x: Array, time: float) -> Array:
@@ -237,7 +237,7 @@ class HomologyTree:
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
         """Length [m] of the tree's own best path of every allowed class from x (n,), by winding; empty if none."""
         try:
-            return {found.winding: found.length for found in self.references(x, polished=False)}
+            return {found.winding: found.length for found in self.references(x, shortened=False)}
         except NoReference:
             return {}
 

@@ -25,15 +25,7 @@ class PlannerTuning(NamedTuple):
     optima_excess: float = 0.2  # most excess of their cost over the cheapest, before shortening, as a share
     new_classes: int = 1  # new classes in space and time shortened at once, while earlier paths of others are known
     stations: int = 16  # times at which two paths of a class are compared
-    left_out_factor: float = 1.25  # paths of so many times the shortest length matter, if H_limit leaves them out
-    lattices: tuple[int, int, int] = (
-        4000,
-        16_000,
-        64_000,
-    )  # points on which they are measured: few are quick
-    neighbours: float = 2.3  # lattice points so many spacings apart are joined: in the open at most 3 % too long
     file_bytes: int = 2 << 30  # most bytes of all arrays of a file together: some million vertices
-    deflate_ratio: int = 1032  # a byte of deflate stands for at most so many
     cost_rounding: float = 1e-9  # rounding of costs in a file, of 1 and of themselves
 
 

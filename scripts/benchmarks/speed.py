@@ -47,7 +47,7 @@ def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]
 
 
 def speed(scene: str, seconds: float) -> dict[str, float]:
-    """Seconds of planning (free space, tree, polished references) and of a drive's control steps."""
+    """Seconds of planning (free space, tree, shortened references) and of a drive's control steps."""
     warm = prepare(scene)
     warm.grown_tree().references(warm.start)
     planning = []

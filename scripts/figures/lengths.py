@@ -28,7 +28,7 @@ class Lengths:
     scenario: Scenario
     tree: HomologyTree
     convergence: Convergence
-    references: Sequence[Reference]  # polished, the shortest of all classes first
+    references: Sequence[Reference]  # shortened, the shortest of all classes first
 
     def history(self, reference: Reference) -> Array:
         """Lengths of a class' best path at each note, NaN before it is found [m]."""

@@ -37,7 +37,7 @@ def grow(
     every: int = 10,
     progress: Callable[[int], None] | None = None,
 ) -> Convergence:
-    """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not polished.
+    """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not shortened.
 
     Args:
         every: vertices between two notes; the tree is the same whatever their number.

@@ -19,7 +19,6 @@ from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
 from pirrht.planner import file as tree_file
-from pirrht.planner.left_out import left_out
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drive import episode, realtime
@@ -27,6 +26,7 @@ from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
 from sim.drive.plant import Analytic, Plant
 from sim.mjcf.covered import covered
+from sim.scenario.required_limit import required_limit
 from sim.scenario.task import Task
 
 WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
@@ -79,7 +79,7 @@ class Scenario(Task):
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
         first = tree = self._grown_within(s.limit, progress)
         while self.widens and tree.limit < WIDER[-1]:
-            least = max((path.limit for path in left_out(tree, x)), default=0.0)
+            least = required_limit(tree, x)
             if not least and _reaches(tree, x):
                 return tree
             wider = (limit for limit in WIDER if limit > tree.limit)
@@ -102,7 +102,7 @@ class Scenario(Task):
             SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
-            return tree.references(tree.at(self.start, 0.0), polished=self.settings.polish)
+            return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
             why = covered(self.loaded.scene)
             if why is None and waits and self.moving:
@@ -170,7 +170,7 @@ class Scenario(Task):
             tree,
             self._at_once() if s.method in ("single", "passive") else self.sampling,
             method=s.method,
-            polished=s.polish,
+            shortened=s.polish,
             consistency=s.consistency,
             between=s.between,
             homology=self.homology,

@@ -26,12 +26,12 @@ def test_lengths_never_rise_and_approach_the_exact_ones_of_the_slit(watched):
     exact = {"0,0": 4.2, "-1,0": 4.33873, "0,1": 4.33873}
     last = dict(zip(convergence.ids, convergence.lengths[-1], strict=True))
     for name, length in exact.items():
-        assert length <= last[name] < 1.05 * length  # not polished
+        assert length <= last[name] < 1.05 * length  # not shortened
 
 
 def test_the_last_note_is_what_the_tree_itself_says(watched, slit):
     tree, convergence = watched
-    raw = {r.id: r.length for r in tree.references(slit.start, polished=False)}
+    raw = {r.id: r.length for r in tree.references(slit.start, shortened=False)}
     last = dict(zip(convergence.ids, convergence.lengths[-1], strict=True))
     for name, length in raw.items():
         assert last[name] <= length * (1 + 1e-12)

@@ -20,7 +20,7 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     car = Dubins(rho=0.4)
     tree = grown(space, Foreign(car), 250)
     x = space.scene.start[:3]
-    rough, fine = tree.references(x, polished=False), by_class(tree.references(x))
+    rough, fine = tree.references(x, shortened=False), by_class(tree.references(x))
     special = grown(space, car, 250).references(x)
     assert len(rough) >= 2
     for before in rough:
@@ -38,7 +38,7 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
 def test_a_chain_around_a_corner_is_hardly_longer_than_the_taut_line():
     space = FreeSpace.of(scattered(4))
     tree = grown(space, StraightLine(), 200)
-    for rough in tree.references(space.scene.start[:2], polished=False):
+    for rough in tree.references(space.scene.start[:2], shortened=False):
         chained = cheapest_chain(rough.path, StraightLine(), tree.checker)
         taut = by_class(tree.references(space.scene.start[:2]))[rough.winding]
         assert float(chained.cost.sum()) <= float(rough.path.cost.sum())

@@ -127,7 +127,7 @@ def test_a_tree_of_masses_finds_the_classes_of_points_and_pulls_their_paths_taut
     tree = HomologyTree(space, MassSteering.of(problem), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(600)
     x = np.array([*space.scene.start[:2], 0.0, 0.0])
-    rough = {reference.winding: reference for reference in tree.references(x, polished=False)}
+    rough = {reference.winding: reference for reference in tree.references(x, shortened=False)}
     for reference in tree.references(x):
         points = reference.trajectory.points
         assert space.collision.clearance(points).min() > -1e-3

@@ -80,7 +80,7 @@ def test_asking_leaves_the_tree_unchanged(slit: Scenario):
     states, draws, where = tree.states.copy(), tree.draws, tree.rng.bit_generator.state
     for x in ([1.0, 2.5], [2.0, 4.0], [5.0, 1.0]):
         tree.references(np.array(x))
-        tree.references(np.array(x), polished=False)
+        tree.references(np.array(x), shortened=False)
     for old, new in zip(before, tree.graph, strict=True):
         np.testing.assert_array_equal(old, new)
     np.testing.assert_array_equal(tree.states, states)
@@ -102,8 +102,8 @@ def test_growing_more_never_raises_the_best_cost_of_a_class(slit: Scenario):
 
 
 def test_references_get_better_with_more_vertices(slit: Scenario, slit_tree: HomologyTree):
-    small = by_class(tree_in(slit.space, limit=0.6, vertices=150).references(slit.start, polished=False))
-    large = by_class(slit_tree.references(slit.start, polished=False))
+    small = by_class(tree_in(slit.space, limit=0.6, vertices=150).references(slit.start, shortened=False))
+    large = by_class(slit_tree.references(slit.start, shortened=False))
     assert small.keys() <= large.keys()
     assert sum(large[name].cost for name in small) < sum(one.cost for one in small.values())
 
@@ -210,11 +210,11 @@ def dense(points: Array) -> Array:
     return np.vstack(pieces)
 
 
-def check_polished(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
+def check_shortened(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     """Check every reference of a state; how much the longest shortening saves."""
     saved = 0.0
     steering = tree.steering
-    for reference in tree.references(x, polished=False):
+    for reference in tree.references(x, shortened=False):
         short = shorten(reference.path, steering, tree.checker)
         assert short.length.sum() <= reference.path.length.sum() + 1e-9
         points = np.vstack(short.points(0.02))
@@ -232,7 +232,7 @@ def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
     space = posts()
     tree = HomologyTree(space, Dubins(rho=0.3), limit=0.9, rng=np.random.default_rng(1))
     tree.grow(300)
-    assert check_polished(space, tree, np.array([0.5, 2.1, 0.3])) > 0.02
+    assert check_shortened(space, tree, np.array([0.5, 2.1, 0.3])) > 0.02
 
 
 def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):

@@ -231,7 +231,7 @@ def test_closed_paths_count_how_often_they_go_through_the_ring() -> None:
 
 
 def test_a_tree_in_space_finds_the_classes_on_both_sides_of_a_ring(tree: HomologyTree) -> None:
-    references = tree.references(START, polished=False)
+    references = tree.references(START, shortened=False)
     assert references[0].id == "0"
     assert {one.winding for one in references} == {(0,), (1,), (-1,)}
     ring = Ring()
@@ -251,4 +251,4 @@ def test_a_limit_below_one_passage_leaves_the_ring_alone() -> None:
     with pytest.raises(NoReference):  # from behind the ring, the straight line leads through it
         one.references(BEHIND)
     one.grow(300)
-    assert [reference.winding for reference in one.references(START, polished=False)] == [(0,)]
+    assert [reference.winding for reference in one.references(START, shortened=False)] == [(0,)]

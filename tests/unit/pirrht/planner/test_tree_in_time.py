@@ -51,11 +51,11 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("polished", [True, False])
-def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_after(name, polished):
+@pytest.mark.parametrize("shortened", [True, False])
+def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_after(name, shortened):
     space = FreeSpace.of(SCENES[name]())
     tree = grown(space, 3)
-    homology, references = tree.homology, tree.references(START, polished=polished)
+    homology, references = tree.homology, tree.references(START, shortened=shortened)
     for one in references:
         knots = one.path.knots
         assert knots[0] == pytest.approx(START)
@@ -77,7 +77,7 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
 @pytest.mark.parametrize("name", SCENES)
 def test_shortening_stays_in_the_class_and_never_costs_more(name):
     tree = grown(FreeSpace.of(SCENES[name]()), 1)
-    plain = {one.winding: one.cost for one in tree.references(START, polished=False)}
+    plain = {one.winding: one.cost for one in tree.references(START, shortened=False)}
     short = {one.winding: one.cost for one in tree.references(START)}
     assert plain.keys() == short.keys()
     assert all(short[winding] <= plain[winding] * (1.0 + 1e-12) for winding in plain)
@@ -173,7 +173,7 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     assert [one.cost for one in again.references(START)] == [one.cost for one in tree.references(START)]
     kept.seek(0)
     later = space.with_movers([replace(mover, motion=mover.motion.after(0.1)) for mover in space.scene.movers])
-    with pytest.raises(OptionError, match="bodies that move"):
+    with pytest.raises(OptionError, match="moving obstacles"):
         load(kept, later, InTime())
 
 
@@ -190,14 +190,14 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
     assert found[0] == found[1]
 
 
-@pytest.mark.parametrize("polished", [False, True])
-def test_the_cheapest_classes_alone_are_found_as_among_all(polished):
+@pytest.mark.parametrize("shortened", [False, True])
+def test_the_cheapest_classes_alone_are_found_as_among_all(shortened):
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
-    every = {one.winding: one for one in tree.references(START, polished=polished)}
-    raw = [one.winding for one in tree.references(START, polished=False)]  # cheapest first
+    every = {one.winding: one for one in tree.references(START, shortened=shortened)}
+    raw = [one.winding for one in tree.references(START, shortened=False)]  # cheapest first
     assert len(raw) > 2
     for most in range(1, len(raw) + 1):
-        found = tree.references(START, polished=polished, most=most)
+        found = tree.references(START, shortened=shortened, most=most)
         assert {one.winding for one in found} == set(raw[:most])
         for one in found:
             assert one.path.knots.tolist() == every[one.winding].path.knots.tolist()
@@ -205,7 +205,7 @@ def test_the_cheapest_classes_alone_are_found_as_among_all(polished):
 
 def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_makes_of_it():
     tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
-    raw = tree.references(START, polished=False)
+    raw = tree.references(START, shortened=False)
     short = {one.winding: one for one in tree.references(START)}
     last = raw[-1].winding
     cheaper = [one.winding for one in raw if one.cost < short[last].cost]
@@ -227,9 +227,9 @@ def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
     first = {one.winding: one for one in tree.references(START)}
     place = START + np.array([0.1, 0.0, 0.1])
     known = {winding: one.path for winding, one in list(first.items())[:1]}
-    raw = {one.winding: one.cost for one in tree.references(place, polished=False)}
+    raw = {one.winding: one.cost for one in tree.references(place, shortened=False)}
     slow = {one.winding: one.cost for one in tree.references(place, before=known)}
-    fast = {one.winding: one.cost for one in tree.references(place, before=known, pressed=lambda: True)}
+    fast = {one.winding: one.cost for one in tree.references(place, before=known, over_budget=lambda: True)}
     old = next(iter(known))
     assert fast[old] == slow[old] <= raw[old]
     assert all(fast[winding] == raw[winding] for winding in raw if winding != old)

@@ -45,7 +45,7 @@ def scene(*, post: bool, goal: float = 4.5, radius: float = 0.4) -> Scene:
 def case(
     post: bool, b: float, goal: float
 ) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
-    """Problem, free space and the polished references at the start."""
+    """Problem, free space and the shortened references at the start."""
     problem = Problem(dynamics=Unicycle(b=b), scene=scene(post=post, goal=goal), R=np.eye(1), phi=1000.0)
     space = FreeSpace.of(problem.scene)
     tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))

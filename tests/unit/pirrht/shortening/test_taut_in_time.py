@@ -23,7 +23,7 @@ STEERING = InTime()
 
 
 def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
-    """Knots of the polished path."""
+    """Knots of the shortened path."""
     path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
     return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
 

@@ -248,7 +248,7 @@ def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> No
     car, goal, homology = grown.steering, grown.space.scene.goal, grown.space.homology
     assert isinstance(car, Dubins)
     saved = []
-    for raw in grown.references(grown.space.scene.start, polished=False):
+    for raw in grown.references(grown.space.scene.start, shortened=False):
         path = shorten(raw.path, car, grown.checker)
         assert path.length.sum() <= raw.path.length.sum()
         saved.append(1.0 - path.length.sum() / raw.path.length.sum())

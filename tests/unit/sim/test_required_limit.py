@@ -1,18 +1,17 @@
-"""Short ways that H_limit leaves out are found, with the limit that allows them."""
+"""Short paths that H_limit excludes are found, with the limit that allows them."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from discs import block
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.planner.left_out import left_out
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
+from sim.scenario.required_limit import required_limit
 
 BEHIND = np.array([1.3, 1.5])  # in the pocket of a hook that is open to the left
 
@@ -44,21 +43,13 @@ def grown(space: FreeSpace, limit: float) -> HomologyTree:
     return tree
 
 
-def test_the_limit_that_is_reported_allows_the_way_and_a_little_less_does_not():
+def test_the_limit_that_is_reported_allows_the_path_and_a_little_less_does_not():
     space = hook()
-    ways = left_out(grown(space, 0.3), BEHIND)
-    assert ways
-    assert [way.length for way in ways] == sorted(way.length for way in ways)
-    shortest = ways[0]
-    assert 0.3 < shortest.limit < 1.0
-    found = grown(space, shortest.limit + 0.1).references(BEHIND)
-    assert min(one.length for one in found) == pytest.approx(shortest.length, rel=0.15)
-    assert all(one.length > 1.1 * shortest.length for one in references(grown(space, shortest.limit - 0.1)))
+    least = required_limit(grown(space, 0.3), BEHIND)
+    assert 0.3 < least < 1.0
+    shortest = min(grown(space, least + 0.1).lengths(BEHIND).values())
+    assert all(length > 1.1 * shortest for length in grown(space, least - 0.1).lengths(BEHIND).values())
 
 
-def references(tree: HomologyTree) -> list:
-    return [] if not tree.lengths(BEHIND) else tree.references(BEHIND)
-
-
-def test_nothing_is_left_out_by_a_wide_limit():
-    assert left_out(grown(hook(), 1.5), BEHIND) == []
+def test_a_wide_limit_allows_all():
+    assert required_limit(grown(hook(), 1.5), BEHIND) == 0.0
