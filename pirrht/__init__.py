@@ -35,7 +35,7 @@ _HOME = {
     "Homology": "topology.homology",
     "HomologyTree": "planner.tree",
     "Kind": "geometry.scene",
-    "Mppi": "control.mppi",
+    "Mppi": "control.baselines",
     "NoReference": "errors",
     "NoSurvivingSample": "errors",
     "NotLinearlySolvable": "errors",

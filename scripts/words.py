@@ -46,7 +46,7 @@ NAMES = {
     "Push": "WallDrift",
     "told said held_back": "one_line, corrected_control, clipped",
     "trust steady": "linear-law weight, is_martingale",
-    "nearby listed among": "broad_phase, broad_phase_cache, moving_exits",
+    "nearby listed among": "broad_phase, moving_exits",
     "lasting missed": "log_survival, survival probability",
     "beyond": "terminal_cost",
     "reach room pace": "wall_offset, radius, clearance, speed, step size",

@@ -16,7 +16,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.prediction import Prediction, Predictor
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError
-from pirrht.estimation.allocation import Allocation
+from pirrht.estimation.estimate import Allocation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.best_class import follow_best
+from pirrht.control.baselines import follow_best
 from pirrht.control.mixture import controls_followed, pooled
 from pirrht.control.plan import Plan
 from pirrht.control.policy import RunState, from_start
@@ -17,7 +17,7 @@ from pirrht.control.settings import ControlSettings, TimeBudget
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import mapped
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.controls import LinearFeedback
@@ -114,20 +114,24 @@ class ProposalBuilder:
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
-        except the cheapest, which is improved as long as there is time.
+        except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
         """
         memory, short, classes = run.memory, budget.short, from_start(run, references)
         anew = not memory.optima and not short()
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            if not last and late:
+            hopeless = k > 0 and one.trajectory.slack is not None and one.cost > bound
+            if hopeless or (not last and late):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
             return guidance.optima(query, one.trajectory, last, run.since_plan, thorough=thorough, short=short)
 
-        found = mapped(improved, range(len(references)), self.integral.threads)
+        found = [] if memory.optima else [improved(0)]
+        known = [some[0].penalised for some in [*memory.optima.values(), *found] if some and some[0].valid]
+        bound = guidance.hopeless(min(known, default=np.inf))  # of tracked paths, which cost less than what tracks them
+        found += mapped(improved, range(len(found), len(references)), self.integral.threads)
         memory.optima = {one: some for one, some in zip(classes, found, strict=True) if some and some[0].valid}
         return [some[0] if some else None for some in found]
 

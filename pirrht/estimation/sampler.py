@@ -25,7 +25,7 @@ from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.estimation.weights import log_weights, normalised
-from pirrht.jit.threads import over_ranges
+from pirrht.jit.jit import over_ranges
 from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import Backend

@@ -1,9 +1,8 @@
 """Kernels: numeric functions as machine code; nothing here knows the method.
 
-jit           kernel, inlined, part, borrowing, jitable; calls and array elements by address
+jit           kernel, inlined, part, borrowing, jitable; calls and elements by address; threads
 vectors       copies, small linear systems, sums of short rows in vector instructions
 streams       normal and uniform numbers and crossings of bridges by (seed, sample, draw); single precision
-threads       independent kernel calls on several threads
 names         a name for all that a kernel computes
 cache         kernels on disk by their names
 linking       parts stay LLVM IR, entries link them; uses numba's private interface

@@ -5,14 +5,22 @@ Kernels that call one of several functions by address compile once, not once for
 Numba counts references whenever an array is taken out of a tuple, atomically and far more often than its optimiser can
 undo in a long function: 460 counts in the rollout loop made it five times slower. A kernel therefore takes arrays,
 which keeps them alive, and hands addresses of their elements to the functions that it calls in its loops.
+
+Compiled code runs without the interpreter lock, so that independent calls of it run on several threads.
 """
 
 from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import suppress
 from functools import cache
+from itertools import count
+from threading import Barrier, Thread
+from time import sleep
 from typing import Any, TypeVar
 
 import numba
@@ -48,6 +56,9 @@ _C: dict[str, Any] = {
     "f32": ctypes.c_float, "f64": ctypes.c_double,
     "i8": ctypes.c_int8, "i16": ctypes.c_int16, "i32": ctypes.c_int32, "i64": ctypes.c_int64,
 }  # fmt: skip
+A = TypeVar("A")
+B = TypeVar("B")
+RETRY = 1e-3  # time between checks of the work that other threads have begun [s]
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
@@ -177,3 +188,68 @@ load_int32, store_int32 = _loader(types.int32, "i32"), _storer(types.int32, "i32
 load_int64, store_int64 = _loader(types.int64, "i64"), _storer(types.int64, "i64")
 load_float64, store_float64 = _loader(types.float64, "f64"), _storer(types.float64, "f64")
 load_float32 = _loader(types.float32, "f32")
+
+
+def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
+    """The results of a function for every item, in their order; the calling thread takes its share of them.
+
+    Waking a thread takes longer than a short call does, so that what has not begun when all is done is called off.
+    """
+    given = list(items)
+    if threads == 1 or len(given) < 2:
+        return [work(item) for item in given]
+    found: dict[int, B] = {}
+    inside: list[None] = []  # one of each thread that may be at work
+    turn, total = count(), len(given)  # a step of the first is atomic
+
+    def pull() -> None:
+        inside.append(None)
+        try:
+            while (i := next(turn)) < len(given):
+                found[i] = work(given[i])
+        finally:
+            inside.pop()
+
+    try:
+        helpers = [_pool(threads - 1, os.getpid()).submit(pull) for _ in range(min(threads, total) - 1)]
+        pull()
+        for helper in [helper for helper in helpers if not helper.cancel()]:
+            helper.result()
+    except BaseException:
+        _leave(given, inside)
+        raise
+    return [found[i] for i in range(total)]
+
+
+def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> None:
+    """Call a function (start, stop) for ranges that cover 0 to `count`, on several threads."""
+    if threads == 1:
+        work(0, count)
+        return
+    edges = [count * i // (2 * threads) for i in range(2 * threads + 1)]
+    mapped(lambda ends: work(*ends), zip(edges[:-1], edges[1:], strict=True), threads)
+
+
+def _leave(given: list[A], inside: Sequence[None]) -> None:
+    """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours.
+
+    It waits for threads that are inside, not for those that were sent: a signal may strike while they are sent.
+    """
+    while given or inside:
+        with suppress(BaseException):
+            given.clear()
+            sleep(RETRY)
+
+
+@cache
+def _pool(threads: int, process: int) -> ThreadPoolExecutor:
+    """A pool whose threads all wait for work.
+
+    Another thread begins them: a signal that strikes the main one while it does so would leave a thread that the pool
+    does not know, and that nobody ends when the process does.
+    """
+    pool, all_here = ThreadPoolExecutor(threads), Barrier(threads)
+    starter = Thread(target=lambda: wait([pool.submit(all_here.wait) for _ in range(threads)]))
+    starter.start()
+    starter.join()
+    return pool

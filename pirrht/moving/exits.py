@@ -14,7 +14,7 @@ import numpy as np
 from pirrht.geometry.world import with_wall
 from pirrht.jit.jit import inlined
 from pirrht.jit.streams import FAR, MIN_VARIANCE, SIDEWAYS, first_crossing, normals, survival, uniform
-from pirrht.moving.broad_phase_cache import listing, surely
+from pirrht.moving.broad_phase import listing, surely
 from pirrht.moving.distances import (
     FASTEST,
     JUMPING,

@@ -27,8 +27,8 @@ from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
 from pirrht.planner.checks import BROKEN, Arrays, check, checksum, read_arrays
+from pirrht.planner.expand import Storage
 from pirrht.planner.graph import Graph, Vertices
-from pirrht.planner.storage import Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
@@ -97,13 +97,8 @@ def load(
         belongs = about["belongs"]
         left_open = np.any(np.isnan(steering.roots(space.scene.goal.center)), axis=0)
         check(arrays, steering.homology(space), left_open, int(belongs["classes"]))
-        tree = HomologyTree(
-            space,
-            steering,
-            limit=float(belongs["limit"]),
-            classes=int(belongs["classes"]),
-            rng=_generator(about["rng"]),
-        )
+        limits = {"limit": float(belongs["limit"]), "classes": int(belongs["classes"])}
+        tree = HomologyTree(space, steering, **limits, rng=_generator(about["rng"]))  # type: ignore[arg-type]
         tree.draws = int(about["draws"])
     except (OSError, *UNREADABLE) as error:
         raise OptionError(f"{name} is a damaged tree ({_line(error)}); make it anew with `pirrht plan`") from None

@@ -18,8 +18,7 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.geometry.arcs import FREE
-from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, load_int64
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, load_int64, mapped
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.planner import graph as g
 from pirrht.planner.rewire import Best, best_classes

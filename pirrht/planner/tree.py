@@ -19,15 +19,13 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
-from pirrht.jit.jit import address_of
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import address_of, mapped
 from pirrht.planner import references
-from pirrht.planner.expand import PassageSampler, grow, insert, near_count, proposer
+from pirrht.planner.expand import PassageSampler, Storage, grow, insert, near_count, proposer
 from pirrht.planner.graph import STATUS, Graph
 from pirrht.planner.nodes import SearchRules
 from pirrht.planner.references import Reference
 from pirrht.planner.rewire import reaches
-from pirrht.planner.storage import Storage
 from pirrht.planner.tuning import TUNING, PlannerTuning
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
 from pirrht.steering.motion import Motions

@@ -15,7 +15,7 @@ import numpy as np
 
 from pirrht.geometry.field import border, with_slope
 from pirrht.jit.jit import borrowing, inlined, kernel
-from pirrht.moving.broad_phase_cache import listing
+from pirrht.moving.broad_phase import listing
 from pirrht.moving.distances import outside_of, piece_of, wall_of_body
 from pirrht.moving.exits import met_on_path
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
-from pirrht.moving.broad_phase_cache import held_of
+from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.forward_pass import forward_pass

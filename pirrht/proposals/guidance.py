@@ -202,11 +202,13 @@ class DDPGuidance:
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
+        course, length = self._begun(query, reference)
+        control = course.control.copy()  # improvement overwrites the course
+        yield (course, length), in_time(t.cold[1:] if noisy else t.cold, short)
         if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
-            yield from ((start, t.perturbed) for start in self.starts.perturbed(query.x, reference, query.times))
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(control, length, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""
@@ -234,10 +236,13 @@ class DDPGuidance:
         Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
         longer than any path of some weight.
         """
-        t, costs = self.tuning, [np.inf if guide is None else guide.penalised for guide in guides]
-        least = min(costs)
-        bound = least * (1.0 + t.hopeless_share) + t.hopeless * self.problem.temperature
-        return [samples if least == np.inf or one <= bound else min(t.few, samples) for one in costs]
+        penalised = [np.inf if guide is None else guide.penalised for guide in guides]
+        bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
+        return [samples if bound == np.inf or one <= bound else few for one in penalised]
+
+    def hopeless(self, least: float) -> float:
+        """Return the cost from which on a class weighs nothing next to one of the least cost."""
+        return least * (1.0 + self.tuning.hopeless_share) + self.tuning.hopeless * self.problem.temperature
 
     def _from(self, query: Query, start: tuple[Course, int], stages: Iterable[Stage]) -> DDPGuide | None:
         course, length = start

@@ -18,7 +18,7 @@ from pirrht.geometry.field import two_walls
 from pirrht.geometry.world import with_walls
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row
-from pirrht.moving.broad_phase_cache import held_of
+from pirrht.moving.broad_phase import held_of
 from pirrht.moving.exits import walls_along
 from pirrht.moving.tuning import WALL
 from pirrht.proposals.tuning import TUNING

@@ -58,19 +58,19 @@ class Initialisation:
             state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
         return course, min(ends, len(tape))
 
-    def perturbed(self, x: Array, trajectory: Trajectory, times: Array) -> Iterator[tuple[Course, int]]:
-        """Start from the controls with the first ones perturbed: to turn the other way, to brake, to reverse.
+    def perturbed(self, control: Array, length: int, times: Array) -> Iterator[tuple[Course, int]]:
+        """Start from controls (T, modes) of some steps, the first perturbed: to turn otherwise, to brake, to reverse.
 
         Optimisation is local, and turning about has several local optima.
         """
-        (course, length), m = self.along(x, trajectory, times), self.dynamics.m
+        m = self.dynamics.m
         few = m <= self.tuning.perturbed_inputs
         signs = product((-1.0, 0.0, 1.0), repeat=m) if few else np.vstack([np.eye(m), -np.eye(m)])
         ways = [np.asarray(way) for way in signs if np.any(way)]
         steps = int(np.searchsorted(times, self.tuning.perturbed_time))
         for strength, way in product(self.tuning.perturbed_strengths, ways):
             other = empty_course(len(times) - 1, self.dynamics.n, self.width)
-            other.control[:] = course.control
+            other.control[:] = control
             other.control[:steps, :m] += strength * self.asked * way
             yield other, max(length, min(steps, len(other.control)))
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
-from pirrht.jit.jit import as_jitable, kernel
-from pirrht.jit.threads import over_ranges
+from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home

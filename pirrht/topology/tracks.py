@@ -227,15 +227,6 @@ def places_at(tracks, times, out):  # type: ignore[no-untyped-def]
             out[j, i, 0], out[j, i, 1] = place_at(tracks, j, times[i])
 
 
-@kernel
-def add_turns(tracks, path, out):  # type: ignore[no-untyped-def]
-    """Add H of a path (k, 3) [m, m, s] to `out` (J,) [turns]."""
-    for j in range(out.shape[0]):
-        for k in range(path.shape[0] - 1):
-            a, b = path[k], path[k + 1]
-            out[j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
-
-
 NO_TRACKS = MarkerTrajectories.of([], [], np.zeros(2))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from pirrht.geometry.world import World
-from pirrht.jit.threads import mapped
+from pirrht.jit.jit import mapped
 from pirrht.rollouts.point.exits import judge, single, survey
 from pirrht.rollouts.point.stages import (
     DT,

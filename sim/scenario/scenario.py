@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
-from pirrht.control.mppi import Mppi
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity, Predictor
 from pirrht.control.settings import TREELESS

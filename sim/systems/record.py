@@ -37,7 +37,9 @@ class System:
     urge: Callable[[Settings], float] | None = None  # that rate as settings have it, in place of q
     states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
-    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.mppi`; None: straight
+    home: Callable[[Any], Any] | None = (
+        None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.baselines`; None: straight
+    )
     twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
@@ -130,7 +132,7 @@ class System:
         return self._asked("steering", problem) if self.steering is not None else self._tracked(problem)
 
     def way_home(self, problem: Any) -> Any:
-        """Return the cost of the path from states (k, n) to the goal, as `pirrht.control.mppi` takes it; None: a
+        """Return the cost of the path from states (k, n) to the goal, as `pirrht.control.baselines` takes it; None: a
         straight one.
 
         Raises:

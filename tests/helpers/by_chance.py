@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
-from pirrht.moving.broad_phase_cache import held_of
+from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance

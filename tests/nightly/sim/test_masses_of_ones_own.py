@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tug import Tug
 
-from pirrht.control.mppi import Mppi
+from pirrht.control.baselines import Mppi
 from pirrht.errors import OptionError
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator

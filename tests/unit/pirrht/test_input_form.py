@@ -10,7 +10,7 @@ from by_inputs import Driven, PushedMass, around_a_disc, driven
 
 from pirrht import Dynamics, NotLinearlySolvable, OptionError, Problem, SingleIntegrator
 from pirrht.arrays import Array
-from pirrht.control.mppi import straight_home
+from pirrht.control.baselines import straight_home
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
 

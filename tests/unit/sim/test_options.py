@@ -14,7 +14,7 @@ from mjcf_samples import FLOOR, SITES, mjcf
 from repository import ROOT
 
 import pirrht
-from pirrht.control.mppi import Mppi
+from pirrht.control.baselines import Mppi
 from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim import settings

@@ -8,7 +8,7 @@ from closed_forms import SEEDS, annulus, disc_entry, wave_number, within
 from scipy.special import k0
 from unit.pirrht.control.test_mppi import RADIUS, B
 
-from pirrht.control.mppi import Mppi
+from pirrht.control.baselines import Mppi
 from pirrht.estimation.sampling import Sampling
 from sim.drive import episode
 from sim.scenario import Scenario

@@ -15,7 +15,7 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.moving.broad_phase_cache import held_of, listing
+from pirrht.moving.broad_phase import held_of, listing
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import NEVER, met_on_path
 from pirrht.moving.obstacles import MovingObstacleArrays

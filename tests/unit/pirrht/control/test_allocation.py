@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.estimation.allocation import Allocation
+from pirrht.estimation.estimate import Allocation
 from pirrht.proposals.proposal import Proposal, Tape
 
 TIMES = np.arange(3.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from batches import batch_of
 
-from pirrht.control.best_class import alone, best_class, class_values
+from pirrht.control.baselines import alone, best_class, class_values
 from pirrht.control.plan import Plan
 from pirrht.control.settings import METHODS, SAMPLING
 from pirrht.estimation.estimate import Estimate

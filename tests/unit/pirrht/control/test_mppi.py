@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from closed_forms import annulus
 
-from pirrht.control.mppi import Mppi, shifted, straight_home
+from pirrht.control.baselines import Mppi, shifted, straight_home
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.tree import HomologyTree

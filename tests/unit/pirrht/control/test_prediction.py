@@ -12,8 +12,8 @@ import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
+from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
-from pirrht.control.mppi import Mppi
 from pirrht.control.prediction import ConstantVelocity, favourite_path, straight_on
 from pirrht.control.proposals import ProposalBuilder
 from pirrht.control.settings import TimeBudget

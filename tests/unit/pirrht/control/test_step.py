@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht.control.mppi import USUAL, Mppi
+from pirrht.control.baselines import USUAL, Mppi
 from pirrht.errors import OptionError
 from sim.scenario import Scenario
 

@@ -13,11 +13,10 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
+from pirrht.control.baselines import shifted
 from pirrht.control.controller import Controller
-from pirrht.control.mppi import shifted
-from pirrht.estimation.allocation import Allocation
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import Allocation, Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.estimation.tuning import TUNING

@@ -8,8 +8,8 @@ import time
 
 import pytest
 
-from pirrht.jit import threads
-from pirrht.jit.threads import _pool, mapped
+from pirrht.jit import jit
+from pirrht.jit.jit import _pool, mapped
 
 
 def test_results_come_in_the_order_of_the_items_whatever_the_number_of_threads():
@@ -70,7 +70,7 @@ def test_an_interruption_while_threads_are_sent_waits_for_those_that_are_at_work
                 working.acquire()
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(threads, "_pool", lambda count, process: Struck())
+    monkeypatch.setattr(jit, "_pool", lambda count, process: Struck())
     with pytest.raises(KeyboardInterrupt):
         mapped(work, range(1000), 2)
     then = len(over)

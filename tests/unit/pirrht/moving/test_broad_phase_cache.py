@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from moving import busy
 
-from pirrht.moving.broad_phase_cache import held_of, listing, surely
+from pirrht.moving.broad_phase import held_of, listing, surely
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.moving.tuning import CACHED_BODY, CACHED_LIST
