@@ -13,8 +13,6 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Obstacle, about_vertical
 
-SHAPES = 1024  # of bodies of which is remembered what does not depend on how they move
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:

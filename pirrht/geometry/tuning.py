@@ -52,7 +52,8 @@ class GeometryTuning(NamedTuple):
     walk_steps: int = 60  # of the longest walk to one side
     walk_wider: float = 1.0  # a walk ends with so much more clearance than in the middle [robot radii]
     wide: float = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
-    # Boxes around moving obstacles
+    # Moving obstacles
+    shapes: int = 1024  # of obstacles of which is remembered what does not depend on how they move: memory
     span: float = 0.5  # boxes bound an obstacle for so long [s]: shorter ones are tighter and more
     moment: float = 1e-9  # least time by which a walk from span to span advances [s]: rounding
     # Start and goal

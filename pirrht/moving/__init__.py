@@ -4,7 +4,7 @@ obstacles          J moving obstacles as arrays for kernels; collision: the same
 distances          poses, clearances and walls at a time, in kernels
 exits              meetings of a sampled step with a moving obstacle
 certify            certificates of straight steps in space and time
-broad_phase        obstacles that may be near a cell of space and time; broad_phase_cache: near one path
+broad_phase        obstacles that may be near a cell of space and time, or near one path
 tuning             numbers that trade accuracy for time or memory, and widths of arrays
 
 It imports geometry, bridges and compilation; the method takes it through `geometry.world`, but for some kernels.

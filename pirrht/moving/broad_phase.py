@@ -1,7 +1,8 @@
-"""List moving obstacles that may be near a path, by place and step of the grid, found once for all paths.
+"""List moving obstacles that may be near a path: by place and step of the grid for all paths, or anew for one path.
 
-Time is cut into stretches of whole steps and space into cells. A cell of a stretch has all obstacles within the cutoff
-of any of its places at any time of the stretch. Beyond that cutoff, or outside of the cells, all obstacles count.
+For all paths, time is cut into stretches of whole steps and space into cells. A cell of a stretch has all obstacles
+within the cutoff of any of its places at any time of the stretch. Beyond that cutoff, or outside of the cells, all
+obstacles count. For one path, a list is kept while none can have come nearer.
 """
 
 from __future__ import annotations

@@ -19,10 +19,11 @@ import numpy as np
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
-from pirrht.geometry.motion import SHAPES, Motion, Mover
+from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.moving.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
@@ -47,10 +48,8 @@ class Body:
         self._offset = motion.offset
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
-        self._travelled: list[float] = [
-            0.0,
-            *np.cumsum(travels(motion, radius_of(mover))).tolist(),
-        ]  # to each row [m]
+        travelled = np.cumsum(travels(motion, radius_of(mover)))  # to each row but the first [m]
+        self._travelled: list[float] = [0.0, *travelled.tolist()]
         self.speed = speed_bound(motion, radius_of(mover))
 
     def lap(self, time: float) -> tuple[int, float]:
@@ -207,7 +206,7 @@ def radius_of(mover: Mover) -> float:
     return _radius(mover.solids)
 
 
-@lru_cache(maxsize=SHAPES)  # obstacles keep their solids when their motions are predicted again
+@lru_cache(maxsize=GEOMETRY.shapes)  # obstacles keep their solids when their motions are predicted again
 def _radius(solids: tuple[Obstacle, ...]) -> float:
     every = Solids.of(solids)
     far = np.maximum(np.abs(every.low), np.abs(every.high))

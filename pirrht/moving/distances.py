@@ -66,8 +66,7 @@ def restart_of(moving, j, t):  # type: ignore[no-untyped-def]
 @inlined
 def pose_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return x, y [m] and yaw [rad] of obstacle j at t [s]."""
-    x, y, yaw, _, _, _, _ = piece_of(moving, j, t)
-    return x, y, yaw
+    return piece_of(moving, j, t)[:3]
 
 
 @inlined
@@ -209,29 +208,20 @@ def moving_walls(moving, x, y, t, within, out):  # type: ignore[no-untyped-def]
     A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
     body has there [m/s]; at a time at which that changes, that from then on.
     """
-    count = 0
-    for j in range(moving.J):
-        count = _add_wall(moving, j, x, y, t, within, out, count)
-    return count
+    return walls_of_some(moving, None, moving.J, x, y, t, within, out)
 
 
 @kernel
 def walls_of_some(moving, candidates, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write the nearer ones of `many` candidates (J,) as `moving_walls` does; return how many."""
+    """Write the nearer ones of the first `many` candidates, or of all, as `moving_walls` does; return how many."""
     count = 0
     for k in range(many):
-        count = _add_wall(moving, candidates[k], x, y, t, within, out, count)
-    return count
-
-
-@inlined
-def _add_wall(moving, j, x, y, t, within, out, count):  # type: ignore[no-untyped-def]
-    """Write obstacle j to a row of `out` if it is nearer than `within`; return the number of rows then."""
-    ox, oy, yaw, vx, vy, turn, _ = piece_of(moving, j, t)
-    if outside_of(moving, j, ox, oy, x, y) < within:
-        d, nx, ny, ex, ey = wall_of_body(moving, j, ox, oy, yaw, x, y)
-        if d < within:
-            out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
-            out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
-            count += 1
+        j = k if candidates is None else candidates[k]
+        ox, oy, yaw, vx, vy, turn, _ = piece_of(moving, j, t)
+        if outside_of(moving, j, ox, oy, x, y) < within:
+            d, nx, ny, ex, ey = wall_of_body(moving, j, ox, oy, yaw, x, y)
+            if d < within:
+                out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
+                out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
+                count += 1
     return count

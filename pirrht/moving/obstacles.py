@@ -20,8 +20,6 @@ from pirrht.moving.collision import jumps, radius_of, speed_bound
 from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
 from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING, WALL
 
-MOTIONS = 4  # of the arrays change with the motions: of bodies, parts, rows and boxes, the first
-
 
 class ObstacleNumbers(NamedTuple):
     """J moving obstacles, as numbers and addresses that kernels can take cheaply."""
@@ -65,7 +63,7 @@ class MovingObstacleArrays(ObstacleNumbers):
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
         """Return these obstacles on other motions."""
-        motions, shapes = _motions(movers, self.robot), self.arrays[MOTIONS:]
+        motions, shapes = _motions(movers, self.robot), self.arrays[4:]  # the first four are of motions
         numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.cutoff
         return self._holding((*motions, *shapes), numbers)
 
@@ -98,7 +96,7 @@ class MovingObstacleArrays(ObstacleNumbers):
 
 
 def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
-    """Return the first MOTIONS of the arrays, of obstacles about a robot of a radius [m]."""
+    """Return the first of the arrays, bodies, parts, rows and boxes, of obstacles about a robot of a radius [m]."""
     body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
     boxes = [boxes_of(mover.motion.rows, repeat=mover.motion.repeat) for mover in movers]
     row = solid = box = 0

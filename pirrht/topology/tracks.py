@@ -16,10 +16,11 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import SHAPES, Motion, Mover
+from pirrht.geometry.motion import Motion, Mover
 from pirrht.geometry.obstacle import Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.spans import BOX, boxes_of
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
@@ -250,7 +251,7 @@ def markers_of(mover: Mover, footprint: Footprint) -> Array:
     return _inside(mover.solids, footprint) + np.array(TUNING.marker_offset) * footprint.radius
 
 
-@lru_cache(maxsize=SHAPES)  # bodies keep their solids when their motion is predicted again
+@lru_cache(maxsize=GEOMETRY.shapes)  # bodies keep their solids when their motion is predicted again
 def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
     """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
     plane = np.full(2, TUNING.lone_plane)
