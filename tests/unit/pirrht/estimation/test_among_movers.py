@@ -166,7 +166,7 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         assert guide.walls_ahead is not None
         for i in (0, 3, 6):
             # The drift that `WallDrift` adds, b = 0.2.
-            pushed = guide.input_of(guide.states[i], 0.2 * guide.walls_ahead.drift[FINER * i])
+            pushed = guide.dynamics.input_of(guide.states[i], 0.2 * guide.walls_ahead.drift[FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 
