@@ -14,7 +14,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, state_of
 from pirrht.control.prediction import Predictor
 from pirrht.control.proposals import ProposalBuilder, plan_of
-from pirrht.control.settings import ControlSettings, TimeBudget
+from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
@@ -32,7 +32,7 @@ class Controller(Policy):
     """Receding-horizon path integral control with topology-guided sampling.
 
     Args:
-        method, shortened, consistency, between: see `ControlSettings`.
+        method, shortened, consistency, between, tuning: see `ControlSettings`.
 
     Attributes:
         path_integral: sampler of the problem in its scene.
@@ -65,9 +65,12 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
-        homology: Homology | None = None, predict: Predictor | None = None, rng: np.random.Generator,
+        homology: Homology | None = None, predict: Predictor | None = None, tuning: ControlTuning = TUNING,
+        rng: np.random.Generator,
     ) -> None:  # fmt: skip
-        self.settings = ControlSettings(method=method, shortened=shortened, consistency=consistency, between=between)
+        self.settings = ControlSettings(
+            method=method, shortened=shortened, consistency=consistency, between=between, tuning=tuning
+        )
         self.predict, self.rng = predict, rng
         self._enter(problem, space, tree, sampling, homology)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -98,14 +101,12 @@ class Controller(Policy):
             OptionError: x is no state of the system.
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
         """
-        run, x = self.run, state_of(self.problem, x)
+        run, settings, x = self.run, self.settings, state_of(self.problem, x)
         run.query(x)
-        self._update_prediction(x, TimeBudget(left, self.settings.tuning))
-        budget = TimeBudget(left, self.settings.tuning)
+        self._update_prediction(x, TimeBudget(left, settings.tuning))
+        budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
-            references = of_tree.extract_references(
-                self.tree, x, run, budget, self.settings, self.path_integral.threads
-            )
+            references = of_tree.extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
@@ -116,7 +117,7 @@ class Controller(Policy):
         estimate = self.proposals.estimate(batch, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
-        return plan_of(self.path_integral, batch, references, estimate, run, self.settings)
+        return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""

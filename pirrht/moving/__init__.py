@@ -7,5 +7,5 @@ certify            certificates of straight steps in space and time
 broad_phase        obstacles that may be near a cell of space and time, or near one path
 tuning             numbers that trade accuracy for time or memory, and widths of arrays
 
-It imports geometry, bridges and compilation; the method takes it through `geometry.world`, but for some kernels.
+It imports geometry and compilation; the method takes it through `geometry.world`, but for some kernels.
 """

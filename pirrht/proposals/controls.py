@@ -88,7 +88,7 @@ class LinearFeedback(ProposalControl):
     def pack(self, leads: ProposalTables, h: int) -> None:
         """Write `LawRows` of `ProposalTables.law` (H, T FINER, law_width), and the number of its rows."""
         guide = self.guide
-        leads.led[h] = guide.length * FINER
+        leads.law_length[h] = guide.length * FINER
         (T, modes), n = guide.modes.shape, guide.states.shape[1]
         row, law = np.arange(T * FINER), LawRows.of(leads, h, n, modes)
         i, share = row // FINER, (row % FINER / FINER)[:, None]

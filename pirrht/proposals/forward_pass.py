@@ -228,7 +228,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
             if not stranded:
-                homing_of(x, setup.parameters, B[0], setup.world.goal, setup.world.radius, setup.pace, u[:m])
+                homing_of(x, setup.parameters, B[0], setup.world.goal, setup.world.radius, setup.least_rate, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]

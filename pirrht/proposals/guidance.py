@@ -28,7 +28,6 @@ from pirrht.proposals.noise_scales import Noise, noise_of
 from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.motion import Trajectory
@@ -63,7 +62,7 @@ class DDPGuidance:
         self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
-        self.gated = is_gated(kind)
+        self.gated = kind.gated
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
         noise = noise_of(problem, setup, self.width, tuning)
@@ -92,7 +91,7 @@ class DDPGuidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return takes_law(kind_of(problem))
+        return kind_of(problem).takes_law
 
     def _task(self, warmth: float, noise: Noise) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls.
