@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 UNCHECKED: tuple[str, ...] = (
-    "pirrht/control", "pirrht/estimation", "pirrht/exact", "pirrht/rollouts", "pirrht/steering",
+    "pirrht/control", "pirrht/exact", "pirrht/steering",
 )  # packages in which some names are still to follow  # fmt: skip
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.

@@ -114,7 +114,7 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
-        beyond: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
+        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
         homology: tells classes of runs apart where obstacles move; None: that of the problem.
         predict: predicts moving obstacles; None: their motions are known.
         rng: source of one seed per plan.
@@ -125,7 +125,7 @@ class Mppi(Policy):
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
-        beyond: Callable[[Array], Array] | None = None, homology: Homology | None = None,
+        terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
         predict: Predictor | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
@@ -135,7 +135,7 @@ class Mppi(Policy):
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.rng, self.homology, self.predict = rng, homology or homology_of(problem, space), predict
         self.path_integral = path_integral(
-            problem, space, sampling, beyond=beyond or straight_home(problem), homology=self.homology
+            problem, space, sampling, terminal_cost=terminal_cost or straight_home(problem), homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -198,15 +198,15 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
         pace = float(np.hypot(*d.f(x)[:2]))
         if pace == 0.0:
             raise OptionError(
-                f"{type(d).__name__} has no speed at the start, so its path to the goal is unknown; give `beyond`"
+                f"{type(d).__name__} has no speed at the start, so its path home is unknown; give a `terminal_cost`"
             )
         per_meter = q / pace
 
-    def beyond(states: Array) -> Array:
+    def terminal_cost(states: Array) -> Array:
         away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius
         return np.asarray(per_meter * np.maximum(away, 0.0))
 
-    return beyond
+    return terminal_cost
 
 
 def shifted(times: Array, tape: Array, then: Array) -> Array:

@@ -42,7 +42,7 @@ class ClassLaw:
     lead: ProposalControl | None  # None: samples of no class have none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
-    trust: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.trust`
+    trust: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
 
     def control(self, x: Array, s: float) -> Array:
         """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
@@ -152,7 +152,7 @@ def pooled(
         leads: what samples around each class followed, by name; None where that does not depend on the state.
         push: wall drift near the samples.
     """
-    x, trust = estimate.rollouts.x0, estimate.rollouts.tables.trust
+    x, trust = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
     laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, trust, tuning)
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:

@@ -20,14 +20,14 @@ from pirrht.topology.homology import Homology
 
 
 def path_integral(
-    problem: Problem, space: FreeSpace, sampling: Sampling, *, beyond: Callable[[Array], Array] | None = None,
+    problem: Problem, space: FreeSpace, sampling: Sampling, *, terminal_cost: Callable[[Array], Array] | None = None,
     homology: Homology | None = None, backend: Backend | None = None,
 ) -> PathIntegral:  # fmt: skip
     """Assemble the estimator of a problem.
 
     Args:
-        beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
-            by then weighs nothing.
+        terminal_cost: costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived by
+            then weighs nothing.
         homology: of the problem's paths; None: where obstacles move, with bases at the best speed.
         backend: simulates paths; None: compiled kernels on this machine (`Cpu`).
     """
@@ -37,4 +37,5 @@ def path_integral(
     guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
     guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
     proposals = ProposalFactory(problem, space, sampling, world, guidance)
-    return PathIntegral(proposals, backend or Cpu.of(problem, threads), threads=threads, beyond=beyond)
+    simulates = Cpu.of(problem, threads, fitted=sampling.fitted) if backend is None else backend
+    return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)

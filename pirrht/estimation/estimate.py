@@ -173,7 +173,7 @@ def weigh(
     control = groups.control.sum(axis=0) / span
     errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].tables.mirrored)
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
-    free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.led))
+    free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))
     drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
     drawn_around = drawn_around.reshape(len(parts), -1).sum(axis=0)
     end = np.cumsum([part.size for part in parts])

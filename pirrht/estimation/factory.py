@@ -34,7 +34,6 @@ from pirrht.proposals.wall_drift import (
     window,
 )
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.general.kind import is_steady
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
 from pirrht.rollouts.ways import no_ways
 from pirrht.steering.motion import Trajectory
@@ -49,8 +48,8 @@ class ProposalFactory:
         pointlike: whether samples follow feedback and controls move positions.
         climbs: whether samples climb the desirability of their class instead of following control sequences.
         climbs_too: whether some samples climb next to others that follow guides: of a point among moving obstacles.
-        beyond: distance behind walls at which psi vanishes [m].
-        steady: whether the optimal control is a martingale (`is_steady`).
+        set_back: distance behind walls at which psi vanishes [m].
+        is_martingale: whether the optimal control is a martingale (`KernelSpec.is_martingale`).
     """
 
     def __init__(
@@ -64,8 +63,10 @@ class ProposalFactory:
         self.climbs = feedback and d.even and not world.moving
         self.climbs_too = world.moving and self.pointlike and d.even
         self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
-        self.beyond, self._soft = self._set_back(start)
-        self.steady = is_steady(kind_of(problem))
+        self.set_back, self._soft = self._set_back(start)
+        self.is_martingale = kind_of(problem).is_martingale
+        self._drifts = self.climbs or (guidance is not None and guidance.gated)
+        self._law_width = 0 if guidance is None else guidance.law_width
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @property
@@ -136,22 +137,22 @@ class ProposalFactory:
             time: when they start, on the clock of moving obstacles [s].
         """
         slack = 0.0
-        if tables.reach > 0.0:
+        if tables.wall_offset > 0.0:
             known = float(clearance(self.space.field, x[0], x[1]))
-            if known < tables.reach:
+            if known < tables.wall_offset:
                 slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
-        return self._push(tables.reach, float(tables.times[1]), slack, time)
+        return self._push(tables.wall_offset, float(tables.times[1]), slack, time)
 
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
         push = self.push(tables, x, time)
-        if not (self.steady and tables.reach > 0.0):
+        if not (self.is_martingale and tables.wall_offset > 0.0):
             return NearWalls.of(push, x)
         return NearWalls.of(push, x, FlatWalls.of(push, x, float(tables.times[tables.window])), tables.counted)
 
-    def _push(self, reach: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
+    def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
-            problem=self.problem, field=self.space.field, offset=reach, step=step, behind=self.beyond, slack=slack,
+            problem=self.problem, field=self.space.field, offset=offset, step=step, behind=self.set_back, slack=slack,
             moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
@@ -197,23 +198,22 @@ class ProposalFactory:
         (setup, homology), x, times, d = self.world.snapshot, batch.state, batch.times, self.problem.dynamics
         H, T, m = len(batch.proposals), len(times) - 1, d.m
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
-        scales, moving, guidance = self.scales(x), self.world.moving, self.guidance
+        scales, moving = self.scales(x), self.world.moving
         near = min(self._clearance(x, batch.time), float(self._from_goal(x))) if self.pointlike else np.inf
-        drifts = self.climbs or (guidance is not None and guidance.gated)
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), reach=scales.wall_offset if drifts else 0.0,
-            beyond=self.beyond, least=self._least_step(scales) if self.sampling.fitted else np.inf,
+            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if self._drifts else 0.0,
+            set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T * FINER, 0 if guidance is None else guidance.law_width)), led=np.zeros(H, np.int64),
-            marks=homology.rays(x, times + batch.time), nearby=NO_NEARBY,
-            trust=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
+            law=np.zeros((H, T * FINER, self._law_width)), law_length=np.zeros(H, np.int64),
+            marks=homology.rays(x, times + batch.time), obstacles=NO_NEARBY,
+            law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
         nearby = self._nearby(batch, tables) if moving else NO_NEARBY
-        tables = tables._replace(counted=self._counted(batch, tables, scales), nearby=nearby)
+        tables = tables._replace(counted=self._counted(batch, tables, scales), obstacles=nearby)
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)
@@ -228,7 +228,7 @@ class ProposalFactory:
         """
         shortest = PROPOSALS.averaged_moving if self.world.moving else PROPOSALS.averaged
         most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
-        if not self.steady:
+        if not self.is_martingale:
             return most
         times = batch.times[1 : most + 1]
         for _, guide in _guides(batch):
@@ -241,13 +241,13 @@ class ProposalFactory:
         For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
         """
         guides = _guides(batch)
-        if not self.steady or not guides:
-            return 0.0 if self.steady else tables.trust
+        if not self.is_martingale or not guides:
+            return 0.0 if self.is_martingale else tables.law_weight
         _, guide = max(guides, key=lambda one: one[0])
         times = float(tables.times[tables.window]) * (np.arange(1, self.tuning.moments + 1) / self.tuning.moments)
         places = zip(_places(guide, times), times, strict=True)
         clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
-        return tables.trust * squeezed(scales.noise, clear, times)
+        return tables.law_weight * squeezed(scales.noise, clear, times)
 
     def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
         """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
@@ -258,7 +258,7 @@ class ProposalFactory:
             spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))
         moves = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
         longest = max((float(np.hypot(*steps.T).max()) for steps in moves), default=0.0)
-        reach = max(spread + self.tuning.faster * longest, REACHES * tables.reach, traffic.robot)
+        reach = max(spread + self.tuning.faster * longest, REACHES * tables.wall_offset, traffic.robot)
         return Nearby.of(traffic, (field.left, field.low, field.right, field.high), tables.times + batch.time, reach)
 
     def _least_step(self, scales: Scales) -> float:

@@ -85,16 +85,16 @@ class PathIntegral:
         proposals: makes controls of samples, and tables that the backend reads.
         backend: simulates paths.
         threads: that weigh samples and make guides.
-        beyond: terminal costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived
-            by then weighs nothing.
+        terminal_cost: costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived by
+            then weighs nothing.
     """
 
     def __init__(
         self, proposals: ProposalFactory, backend: Backend, *, threads: int = 1,
-        beyond: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
+        terminal_cost: Callable[[Array], Array] | None = None, tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
-        self.threads, self.beyond, self.tuning = threads, beyond, tuning
+        self.threads, self.terminal_cost, self.tuning = threads, terminal_cost, tuning
         self.problem, self.sampling, self.guidance = proposals.problem, proposals.sampling, proposals.guidance
         self.temperature = self.problem.temperature
 
@@ -158,11 +158,11 @@ class PathIntegral:
         origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
         paths, rise = self.backend.sample(setup, tables, origin), np.zeros((len(batch.proposals), m))
         if self.guidance is not None:
-            rise[:] = [tables.trust * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
+            rise[:] = [tables.law_weight * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
         rollouts = Rollouts(
             setup=setup, origin=origin, tables=tables, paths=paths, log_weight=np.empty(len(paths.work)), rise=rise
         )
-        ended = paths if self.beyond is None else self._completed(rollouts, self.beyond)
+        ended = paths if self.terminal_cost is None else self._completed(rollouts, self.terminal_cost)
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
@@ -171,14 +171,14 @@ class PathIntegral:
         over_ranges(work, rollouts.size, self.threads if rollouts.size >= self.tuning.parallel else 1)
         return rollouts
 
-    def _completed(self, rollouts: Rollouts, beyond: Callable[[Array], Array]) -> Paths:
+    def _completed(self, rollouts: Rollouts, terminal_cost: Callable[[Array], Array]) -> Paths:
         """Charge paths that are under way at the end of the grid their terminal cost, as if they had arrived."""
         paths = rollouts.paths
         under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if len(under_way) == 0:
             return paths
         work, outcome = paths.work.copy(), paths.outcome.copy()
-        work[under_way] += beyond(self.replay.trace(rollouts, under_way)[0][:, -1])
+        work[under_way] += terminal_cost(self.replay.trace(rollouts, under_way)[0][:, -1])
         outcome[under_way] = Outcome.GOAL
         return paths._replace(work=work, outcome=outcome)
 

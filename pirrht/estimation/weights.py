@@ -40,7 +40,7 @@ def log_weights(
     number = np.diff(first)
     H, S = len(number), int(first[-1])
     outcome = paths.outcome[part]
-    log_weight = paths.lasting[part] - paths.work[part] / problem.temperature
+    log_weight = paths.log_survival[part] - paths.work[part] / problem.temperature
     log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
     if rule == "average":
         samples = np.arange(S)[part]

@@ -32,8 +32,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import GOAL, INSIDE
-from pirrht.rollouts.sweep import sweep_exit
+from pirrht.rollouts.first_exit import GOAL, INSIDE, sweep_exit
 from pirrht.systems.unicycle import Unicycle
 
 

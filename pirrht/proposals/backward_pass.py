@@ -186,7 +186,7 @@ def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
 @cache
 def backward_pass(kind: KernelSpec) -> Any:
     """Build the backward pass of one kind of dynamics."""
-    velocity, _, expand, arrival, _ = forward_pass(kind)
+    velocity, expand, arrival, _ = forward_pass(kind)
     n, m = kind.n, kind.m
     noisy_position, by_inputs = kind.noisy_position, kind.input_form
     scratch_walls, _, expand_clearance = clearance_costs(kind.moving)

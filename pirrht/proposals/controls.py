@@ -19,37 +19,38 @@ from pirrht.rollouts.ways import DesirabilityTubes, slope_along
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DesirabilityAscent(ProposalControl):
-    """Climb of the desirability of a way, G u = BB' grad log psi, less the wall drift."""
+    """Ascent of the desirability in a tube, G u = BB' grad log psi, less the wall drift."""
 
-    way: DesirabilityTube
+    tube: DesirabilityTube
     gain: Array  # (m, 2) lambda R^-1 G' [m/s per nat/m]
     push: WallDrift
-    ways: DesirabilityTubes = field(init=False, repr=False)  # the way as the only one
+    tubes: DesirabilityTubes = field(init=False, repr=False)  # the tube as the only one
 
     def __post_init__(self) -> None:
-        ways = DesirabilityTubes(np.array([self.sections]), self.way.place[None], self.way.slope[None], self.way.decay)
-        object.__setattr__(self, "ways", ways)
+        place, slope, decay, *_ = self.tube
+        only = DesirabilityTubes(np.array([self.sections]), place[None], slope[None], decay)
+        object.__setattr__(self, "tubes", only)
 
     @property
     def sections(self) -> int:
         """Number of cross-sections, C."""
-        return len(self.way.place)
+        return len(self.tube.place)
 
     @property
     def promise(self) -> float:
-        """Predicted log psi of the class, that of the way at its start [nats]."""
-        return self.way.log_psi
+        """Predicted log psi of the class, that of the tube at its start [nats]."""
+        return self.tube.log_psi
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at x (n,), s [s] after the plan, which matters where obstacles move."""
         slope = np.zeros(2)
-        slope_along(self.ways, 0, self.way.goal, x[0], x[1], self.push.walls(x, s), slope)
+        slope_along(self.tubes, 0, self.tube.goal, x[0], x[1], self.push.walls(x, s), slope)
         return np.asarray(self.gain @ slope) - self.push(x, s)
 
     def pack(self, leads: ProposalTables, h: int) -> None:
-        """Write the way to the first C cross-sections of the row in `ProposalTables.ways`, and their number."""
-        count = leads.ways.count[h] = len(self.way.place)
-        leads.ways.place[h, :count], leads.ways.slope[h, :count] = self.way.place, self.way.slope
+        """Write the tube to the first C cross-sections of the row in `ProposalTables.ways`, and their number."""
+        count = leads.ways.count[h] = len(self.tube.place)
+        leads.ways.place[h, :count], leads.ways.slope[h, :count] = self.tube.place, self.tube.slope
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -87,7 +88,7 @@ class LinearFeedback(ProposalControl):
     def pack(self, leads: ProposalTables, h: int) -> None:
         """Write `LawRows` of `ProposalTables.law` (H, T FINER, law_width), and the number of its rows."""
         guide = self.guide
-        leads.led[h] = guide.length * FINER
+        leads.law_length[h] = guide.length * FINER
         (T, modes), n = guide.modes.shape, guide.states.shape[1]
         row, law = np.arange(T * FINER), LawRows.of(leads, h, n, modes)
         i, share = row // FINER, (row % FINER / FINER)[:, None]

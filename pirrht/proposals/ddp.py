@@ -22,9 +22,8 @@ from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.first_exit import COLLISION
+from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.sweep import sweep_exit, turn_of
 from pirrht.topology.crossings import key_of_segment
 from pirrht.topology.moving_crossings import key_of_path
 
@@ -32,7 +31,7 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    velocity, _, _, _, forward = forward_pass(kind)
+    velocity, _, _, forward = forward_pass(kind)
     backward = backward_pass(kind)
     n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
 

@@ -27,7 +27,6 @@ class ForwardPass(NamedTuple):
     """Kernels of one kind of dynamics."""
 
     velocity: Any
-    advance: Any
     expand: Any
     arrival: Any
     forward: Any
@@ -87,14 +86,6 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             for k in range(m):
                 out[fixed + j] += dt * B[j, k] * a[k]
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
-
-    @borrowing
-    def advance(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
-        """Write the state after a step to out (n,); arguments and result are those of `displacement`."""
-        cost = displacement(setup, x, a, dt, B, f, out)
-        for j in range(n):
-            out[j] += x[j]
-        return cost
 
     @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
@@ -167,7 +158,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
     @kernel
     def expand(setup, at, active, curved, J, S):  # type: ignore[no-untyped-def]
-        """Differentiate `advance` in (x, a), N = n + modes: by differences in all of them, or where B is constant in x.
+        """Differentiate a step in (x, a), N = n + modes: by differences in all of them, or where B is constant in x.
 
         Args:
             at: x (n,), a (modes,), dt [s], and weights (n,) of the next state's components.
@@ -237,7 +228,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             if through_inputs:
                 noise_at(x, setup.parameters, setup.inverse, B[1], B[0])
             if not stranded:
-                homing_of(x, setup.parameters, B[0], setup.world.goal, setup.world.radius, setup.pace, u[:m])
+                homing_of(x, setup.parameters, B[0], setup.world.goal, setup.world.radius, setup.least_rate, u[:m])
         else:
             for j in range(modes):
                 u[j] = course.control[i, j] + step * course.change[i, j]
@@ -264,7 +255,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         f, B, x, bow, walls = np.zeros(n), np.zeros((2, rows, m)), np.empty(n), np.zeros(2), scratch_walls(setup)
         cost, priced, held = 0.0, 0.0, task.hold > 0.0
         bends = not noisy_position and applied.shape[1] > m
-        advance(setup, states[0], applied[0], 0.0, B, f, x)  # for B
+        displacement(setup, states[0], applied[0], 0.0, B, f, x)  # for B
         for i in range(length if held else times.shape[0] - 1):
             dt, u, ahead = times[i + 1] - times[i], applied[i], False
             copy_row(states[i], x)
@@ -274,7 +265,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             if not ahead:
                 _control(setup, task, (course, length, step), i, x, B, u)
                 bow[0], bow[1] = f[0], f[1]
-                running = advance(setup, x, u, dt, B, f, states[i + 1])
+                running = displacement(setup, x, u, dt, B, f, states[i + 1])
+                for k in range(n):
+                    states[i + 1, k] += x[k]
                 dx, dy = states[i + 1, 0] - x[0], states[i + 1, 1] - x[1]
                 if bends:
                     velocity(setup, states[i + 1], f)
@@ -295,4 +288,4 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                 return -1, np.inf, np.inf
         return (length, cost, priced) if held else (-1, np.inf, np.inf)
 
-    return ForwardPass(velocity, advance, expand, arrival, forward)
+    return ForwardPass(velocity, expand, arrival, forward)

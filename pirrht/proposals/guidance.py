@@ -28,7 +28,6 @@ from pirrht.proposals.noise_scales import Noise, noise_of
 from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.general.kind import is_gated, takes_law
 from pirrht.rollouts.general.law import GATE, GATES
 from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
 from pirrht.steering.motion import Trajectory
@@ -63,7 +62,7 @@ class DDPGuidance:
         self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         kind = kind_of(problem)
-        self.gated = is_gated(kind)
+        self.gated = kind.gated
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
         noise = noise_of(problem, setup, self.width, tuning)
@@ -92,7 +91,7 @@ class DDPGuidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return takes_law(kind_of(problem))
+        return kind_of(problem).takes_law
 
     def _task(self, warmth: float, noise: Noise) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls.
@@ -150,7 +149,7 @@ class DDPGuidance:
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
         first = found[0] if found else None
-        if first is None or not (first.valid or self._clearance(query) <= 0.0):
+        if first is None or not (first.valid or _clearance(query) <= 0.0):
             fresh = self._improved(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
@@ -203,13 +202,13 @@ class DDPGuidance:
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        course, length = self._begun(query, reference)
-        control = course.control.copy()  # improvement overwrites the course
-        yield (course, length), in_time(t.cold[1:] if noisy else t.cold, short)
+        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
         if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
-            yield from ((start, t.perturbed) for start in self.starts.perturbed(control, length, query.times))
+            # Of a tracked path no controls are known: perturbed from rest, homing finds optima that tracking does not.
+            course, length = self.starts.along(query.x, reference, query.times)
+            yield from ((start, t.perturbed) for start in self.starts.perturbed(course.control, length, query.times))
 
     def _begun(self, query: Query, trajectory: Trajectory) -> tuple[Course, int]:
         """Start from x (n,) along a reference, or by tracking one of positions alone."""
@@ -223,13 +222,6 @@ class DDPGuidance:
             clock = np.ascontiguousarray(times + time)
             setup = setup._replace(marks=self.world.homology.rays(x, clock))
         return Query(setup, clock, x, times, key)
-
-    def _clearance(self, query: Query) -> float:
-        """Return the clearance of the robot's centre, [m]."""
-        (x, y), setup = query.x[:2], query.setup
-        if setup.world.moving.J == 0:
-            return float(clearance(setup.world.field, x, y))
-        return setup.world.clearance(x, y, float(query.clock[0]))
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
         """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
@@ -287,6 +279,14 @@ class DDPGuidance:
         ahead.half_spaces[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
         ahead.drift[:count], ahead.bend[:count] = drifts_of(query.setup, places[:count], when[:count], offset)
         return ahead
+
+
+def _clearance(query: Query) -> float:
+    """Return the clearance of the robot's centre at the start, [m]."""
+    (x, y), world = query.x[:2], query.setup.world
+    if world.moving.J == 0:
+        return float(clearance(world.field, x, y))
+    return world.clearance(x, y, float(query.clock[0]))
 
 
 def in_time(stages: Sequence[Stage], short: Callable[[], bool]) -> Iterator[Stage]:

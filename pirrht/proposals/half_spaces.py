@@ -16,7 +16,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.field import two_walls
 from pirrht.geometry.world import with_walls
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import held_of
 from pirrht.moving.exits import walls_along
@@ -52,6 +52,23 @@ def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
             copy_row(near[k, :3], out[i, 2 + k])
 
 
+@borrowing
+def _nearest(walls, times, i, noise, g, out):  # type: ignore[no-untyped-def]
+    """Write the wall of least z at row i as constraint g of `out` (GATES, GATE); return whether there is any."""
+    (place, clear, nx, ny), best = walls, TUNING.careless
+    for e in range(place.shape[0]):
+        ahead = times[place[e]] - times[i]
+        if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + 1e-9):
+            continue  # without a root: no better
+        per = 1.0 / (noise * math.sqrt(ahead))
+        z = clear[e] * per
+        alike = g > 0 and nx[e] * out[0, 0] + ny[e] * out[0, 1] > TUNING.other_wall
+        if z < best and not alike:
+            best = z
+            out[g, 0], out[g, 1], out[g, 2], out[g, 3] = nx[e], ny[e], z, per
+    return best < TUNING.careless
+
+
 @kernel
 def _choose(walls, times, noise, out):  # type: ignore[no-untyped-def]
     """Choose the constraints `out` (k, GATES, GATE) among walls ahead (k, W, 3)."""
@@ -68,19 +85,9 @@ def _choose(walls, times, noise, out):  # type: ignore[no-untyped-def]
     for i in range(last):
         while begin < count and times[place[begin]] - times[i] < TUNING.soonest:
             begin += 1
+        ahead = place[begin:count], clear[begin:count], nx[begin:count], ny[begin:count]
         for g in range(GATES):
-            best = TUNING.careless
-            for e in range(begin, count):
-                ahead = times[place[e]] - times[i]
-                if clear[e] > 0.0 and clear[e] * clear[e] > best * best * noise * noise * ahead * (1.0 + 1e-9):
-                    continue  # without a root: no better
-                per = 1.0 / (noise * math.sqrt(ahead))
-                z = clear[e] * per
-                alike = g > 0 and nx[e] * out[i, 0, 0] + ny[e] * out[i, 0, 1] > TUNING.other_wall
-                if z < best and not alike:
-                    best = z
-                    out[i, g, 0], out[i, g, 1], out[i, g, 2], out[i, g, 3] = nx[e], ny[e], z, per
-            if best == TUNING.careless:
+            if not _nearest(ahead, times, i, noise, g, out[i]):
                 break
 
 

@@ -59,20 +59,19 @@ class Initialisation:
         return course, min(ends, len(tape))
 
     def perturbed(self, control: Array, length: int, times: Array) -> Iterator[tuple[Course, int]]:
-        """Start from controls (T, modes) of some steps, the first perturbed: to turn otherwise, to brake, to reverse.
+        """Start from controls (T, modes) with the first ones perturbed: to turn the other way, to brake, to reverse.
 
         Optimisation is local, and turning about has several local optima.
         """
-        m = self.dynamics.m
+        m, steps = self.dynamics.m, int(np.searchsorted(times, self.tuning.perturbed_time))
         few = m <= self.tuning.perturbed_inputs
         signs = product((-1.0, 0.0, 1.0), repeat=m) if few else np.vstack([np.eye(m), -np.eye(m)])
-        ways = [np.asarray(way) for way in signs if np.any(way)]
-        steps = int(np.searchsorted(times, self.tuning.perturbed_time))
-        for strength, way in product(self.tuning.perturbed_strengths, ways):
-            other = empty_course(len(times) - 1, self.dynamics.n, self.width)
-            other.control[:] = control
-            other.control[:steps, :m] += strength * self.asked * way
-            yield other, max(length, min(steps, len(other.control)))
+        directions = [np.asarray(sign) for sign in signs if np.any(sign)]
+        for strength, direction in product(self.tuning.perturbed_strengths, directions):
+            course = empty_course(len(control), self.dynamics.n, self.width)
+            course.control[:] = control
+            course.control[:steps, :m] += strength * self.asked * direction
+            yield course, max(length, min(steps, len(control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
         """Start by tracking the places and times of a reference from x (n,), more and more of it from its start on.

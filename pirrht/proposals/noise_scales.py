@@ -19,33 +19,11 @@ from pirrht.rollouts.tables import Setup
 class Noise(NamedTuple):
     """Effect of noise alone on a state, and the states that matter to drift and q."""
 
-    spread: Array  # (n, n) covariance of the state after `duration`
-    duration: float  # [s]
+    strength: float  # b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]
+    position: float  # b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]
+    metric: Array  # (n,) weights of squared differences between states, inverse to their noise, the first's being 1
     curved: bool  # whether steps have second derivatives
-    at_once: float  # variance per second of a position in the noisiest direction, where inputs carry it, else 0 [m^2/s]
     active: int  # bit k tells whether drift or q depends on the k-th state
-
-    @property
-    def strength(self) -> float:
-        """Noise b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]."""
-        return math.sqrt(3.0 * self._most / self.duration**3)
-
-    @property
-    def position(self) -> float:
-        """Noise b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]."""
-        return math.sqrt(self.at_once if self.at_once else self._most / self.duration)
-
-    @property
-    def metric(self) -> Array:
-        """Weights (n,) of squared differences between states, inverse to their noise, the first's being 1."""
-        squares = np.diag(self.spread)
-        weights = np.zeros(len(squares))
-        np.divide(squares[0], squares, out=weights, where=squares > 1e-9 * squares.max())
-        return weights
-
-    @property
-    def _most(self) -> float:
-        return float(np.linalg.eigvalsh(self.spread[:2, :2])[-1])
 
 
 def noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning) -> Noise:
@@ -55,9 +33,9 @@ def noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning)
     if no noise reaches the position.
     """
     d, h, states = problem.dynamics, tuning.spreading / tuning.spreading_steps, _probes(problem, tuning.probes)
-    active = active_states(problem, tuning)
+    active = active_states(problem, states, tuning.spreading)
     asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
-    spread, bend = np.zeros((d.n, d.n)), 0.0
+    spread, bend, expand = np.zeros((d.n, d.n)), 0.0, forward_pass(kind_of(problem)).expand
     for k, x in enumerate(states):
         J, S = np.zeros((d.n + 1, d.n + width)), np.zeros((d.n + width,) * 2)
         control = np.full(width, 0.5)
@@ -65,7 +43,7 @@ def noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning)
             control = asked * np.eye(width)[k % d.m]
             B = d.B_c(x)[:2]
             at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
-        forward_pass(kind_of(problem)).expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
+        expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
         A, C = J[:-1, : d.n], J[:-1, d.n :]
         bend = max(bend, float(np.abs(S).max()))
         P = np.zeros((d.n, d.n))
@@ -76,16 +54,22 @@ def noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning)
         raise OptionError(
             f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
         )
-    return Noise(spread, tuning.spreading, bend > tuning.straight, at_once, active)
+    most, squares, metric = float(np.linalg.eigvalsh(spread[:2, :2])[-1]), np.diag(spread), np.zeros(d.n)
+    np.divide(squares[0], squares, out=metric, where=squares > 1e-9 * squares.max())
+    return Noise(
+        strength=math.sqrt(3.0 * most / tuning.spreading**3),
+        position=math.sqrt(at_once if at_once else most / tuning.spreading),
+        metric=metric, curved=bend > tuning.straight, active=active,
+    )  # fmt: skip
 
 
-def active_states(problem: Problem, tuning: ProposalTuning) -> int:
-    """Return the bits of the states that drift or q depend on anywhere."""
+def active_states(problem: Problem, states: list[Array], step: float) -> int:
+    """Return the bits of the states that drift or q depend on at some states, by differences of a step."""
     found = 0
-    for x in _probes(problem, tuning.probes):
+    for x in states:
         here, rate = problem.dynamics.f(x), problem.rate(x)
         for i, off in enumerate(np.eye(problem.dynamics.n)):
-            other = x + off * tuning.spreading
+            other = x + off * step
             if np.any(problem.dynamics.f(other) != here) or problem.rate(other) != rate:
                 found |= 1 << i
     return found

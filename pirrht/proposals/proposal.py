@@ -81,14 +81,9 @@ class Tape(ProposalControl):
 
     times: Array  # (T+1,) ends of the steps [s]
     controls: Array  # (T, m)
-    foretold: float = -math.inf  # predicted log psi of the class, where its way is hopeless [nats]
+    promise: float = -math.inf  # predicted log psi of the class, where its tube is hopeless [nats]
 
     follows = False
-
-    @property
-    def promise(self) -> float:
-        """Predicted log psi of the class [nats]; minus infinity if unknown."""
-        return self.foretold
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) of the step under way at s [s]; zero after the end."""

@@ -132,10 +132,10 @@ class WallDrift:
 
     problem: Problem
     field: Field
-    offset: float  # `ProposalTables.reach` [m]; 0: no drift
+    offset: float  # `ProposalTables.wall_offset` [m]; 0: no drift
     step: float  # first of the rollouts [s]
     moving: Moving  # moving obstacles
-    behind: float = 0.0  # `ProposalTables.beyond` [m]
+    behind: float = 0.0  # `ProposalTables.set_back` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]
     known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant

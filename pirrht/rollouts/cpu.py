@@ -21,56 +21,32 @@ from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.point.block import control, is_point, sample, trace
+from pirrht.rollouts.point.block import replay, sample
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.dynamics import no_homing
+from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.topology.moving_crossings import NO_RAYS
 
 KEPT: Any = Kept
-NO_STATES = np.empty((0, 0, 0)), np.empty(0, np.int64)
-NO_GROUPS = np.empty(0, np.int64), np.empty(0)
-NO_CONTROLS = np.empty((0, 0, 0)), np.empty((0, 0))
-NONE_CHOSEN = Chosen(np.empty(0, np.int64), *NO_GROUPS)
 
 
 @cache
 def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
-    no_paths = empty_paths(0, 0, m)
 
     @kernel
-    def simulate(setup, leads, origin, start, stop, paths, again):  # type: ignore[no-untyped-def]
-        """Fill `paths` for the samples from `start` to `stop`; if there are none, simulate chosen samples once more.
-
-        Those fill `again`, the arguments of `control` and `trace`, unless empty.
-        """
-        (number, group, weight), total, alive, states, steps = again
-        replayed, drawn, window, times = start == stop, states.shape[0] > 0, leads.window, leads.times
-        nothing, ratio, scratch = np.empty((0, 1)), np.empty(0), scratch_of(setup, leads)
-        applied, base = np.zeros((alive.shape[1] if replayed else window, m)), np.empty(m)
-        led_by, h = np.empty((0 if replayed else window, m)), 0
-        for c in range(number.shape[0] if replayed else stop - start):
-            s = number[c] if replayed else start + c
-            while s >= leads.first[h + 1]:
+    def sample(setup, tables, origin, start, stop, paths):  # type: ignore[no-untyped-def]
+        times, window, first, scratch, h = tables.times, tables.window, tables.first, scratch_of(setup, tables), 0
+        applied, led_by, base = np.zeros((window, m)), np.zeros((window, m)), np.zeros(m)
+        for s in range(start, stop):
+            while s >= first[h + 1]:
                 h += 1
-            while s < leads.first[h]:
-                h -= 1
-            log_ratio = ratio if replayed else paths.log_ratio[s]
-            keep = KEPT(log_ratio, states[c] if drawn else nothing, applied, led_by, base)
-            work, key, outcome, taken, last, lasting = one_path(setup, leads, origin, h, s, keep, scratch)
-            if replayed:
-                if drawn:
-                    steps[c] = taken
-                for i in range(taken if alive.shape[0] > 0 else 0):
-                    alive[group[c], i] += weight[c]
-                    for j in range(m):
-                        total[group[c], i, j] += weight[c] * applied[i, j]
-                continue
+            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), applied, led_by, base)
+            work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
-            paths.lasting[s] = lasting
+            paths.log_survival[s] = lasting
             for j in range(m):
-                paths.led[s, j] = base[j]
+                paths.start_control[s, j] = base[j]
             for i in range(min(taken, window)):
                 dt = times[i + 1] - times[i]
                 under_way = last if i == taken - 1 else dt
@@ -78,44 +54,29 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                 for j in range(m):
                     paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
 
-    def sample(setup: Any, leads: Any, origin: Any, start: int, stop: int, paths: Any) -> None:
-        """Fill `paths` for the samples from `start` to `stop`."""
-        if stop > start:
-            simulate(setup, leads, origin, start, stop, paths, (NONE_CHOSEN, *NO_CONTROLS, *NO_STATES))
+    @kernel
+    def replay(setup, tables, origin, number, states, applied, steps):  # type: ignore[no-untyped-def]
+        first, scratch, base = tables.first, scratch_of(setup, tables), np.zeros(m)
+        for c in range(number.shape[0]):
+            h = 0
+            while number[c] >= first[h + 1]:
+                h += 1
+            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)), base)
+            _, _, _, steps[c], _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
 
-    def control(setup: Any, leads: Any, origin: Any, chosen: Chosen, total: Array, alive: Array) -> None:
-        """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-        simulate(setup, leads, origin, 0, 0, no_paths, (chosen, total, alive, *NO_STATES))
-
-    def trace(setup: Any, leads: Any, origin: Any, number: IntArray, states: Array, steps: IntArray) -> None:
-        """Write states (c, T+1, n) and numbers of steps (c,) of chosen samples."""
-        simulate(setup, leads, origin, 0, 0, no_paths, (Chosen(number, *NO_GROUPS), *NO_CONTROLS, states, steps))
-
-    return Kernels(sample, control, trace, TUNING.alone)
+    return Kernels(sample, replay, TUNING.alone)
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem)`.
-
-    Examples:
-        >>> from pirrht import Problem, Scene, SingleIntegrator, Goal
-        >>> goal = Goal(center=np.array([3.4, 1.5]), radius=0.3)
-        >>> scene = Scene(
-        ...     name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(), goal=goal,
-        ...     start=np.array([0.6, 1.5, 0.0]), robot_radius=0.2,
-        ... )
-        >>> problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
-        >>> Cpu.of(problem, threads=2).threads
-        2
-    """
+    """Backend of compiled kernels: `Cpu.of(problem)`."""
 
     kernels: Kernels
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, threads: int | None = None) -> Cpu:
-        """Choose the kernels of a problem; without a number of threads there is one per core that this process has."""
-        return cls(kernels_for(problem), threads or len(os.sched_getaffinity(0)))
+    def of(cls, problem: Problem, threads: int | None = None, *, fitted: bool = True) -> Cpu:
+        """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
+        return cls(kernels_for(problem, fitted=fitted), threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
         """Simulate all S samples of the tables, split over the threads."""
@@ -130,9 +91,7 @@ class Cpu(NamedTuple):
 
     def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
         """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
-        states = np.zeros((len(number), len(tables.times), len(origin.x)))
-        steps = np.zeros(len(number), np.int64)
-        self.kernels.trace(setup, tables, origin, number, states, steps)
+        states, _, steps = self._replayed(setup, tables, origin, number)
         return states, steps
 
     def controls(
@@ -141,19 +100,36 @@ class Cpu(NamedTuple):
         """Return weight times control carried (groups, T, m) [control], and the weight under way (groups, T)."""
         _, T, m = tables.control.shape
         total, alive = np.zeros((groups, T, m)), np.zeros((groups, T))
-        self.kernels.control(setup, tables, origin, chosen, total, alive)
+        for start in range(0, len(chosen.number), TUNING.replayed):
+            part = slice(start, start + TUNING.replayed)
+            group, weight = chosen.group[part], chosen.weight[part]
+            _, applied, steps = self._replayed(setup, tables, origin, chosen.number[part])
+            under_way = np.where(np.arange(T) < steps[:, None], weight[:, None], 0.0)
+            for g in range(groups):
+                total[g] += np.sum(weight[group == g, None, None] * applied[group == g], axis=0)
+                alive[g] += np.sum(under_way[group == g], axis=0)
         return total, alive
 
+    def _replayed(
+        self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray
+    ) -> tuple[Array, Array, IntArray]:
+        """Return states (c, T+1, n), controls carried up to the exit (c, T, m) [control] and steps taken (c,)."""
+        (_, T, m), c = tables.control.shape, len(number)
+        states, applied, steps = np.zeros((c, T + 1, len(origin.x))), np.zeros((c, T, m)), np.zeros(c, np.int64)
+        self.kernels.replay(setup, tables, origin, np.ascontiguousarray(number), states, applied, steps)
+        return states, applied, steps
 
-def kernels_for(problem: Problem) -> Kernels:
-    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate."""
-    if is_point(problem.dynamics) and not callable(problem.q) and not problem.scene.movers:
-        return Kernels(sample, control, trace, alone=TUNING.alone_points)
-    return loops(*any_path(kind_of(problem)), problem.dynamics.m)
+
+def kernels_for(problem: Problem, *, fitted: bool = True) -> Kernels:
+    """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
+    d = problem.dynamics
+    if d.even and d.constant and not callable(problem.q) and not problem.scene.movers:
+        return Kernels(sample, replay, TUNING.alone_points)
+    return loops(*any_path(kind_of(problem, fitted=fitted)), d.m)
 
 
-def kind_of(problem: Problem) -> KernelSpec:
-    """Describe a problem for which kernels are compiled."""
+def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:
+    """Describe a problem for which kernels are compiled, and whether steps are `Sampling.fitted`."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return KernelSpec(
@@ -163,7 +139,7 @@ def kind_of(problem: Problem) -> KernelSpec:
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
         noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
         input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
-        moving=bool(problem.scene.movers),
+        moving=bool(problem.scene.movers), curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
 
 
@@ -199,5 +175,5 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
         gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
-        pace=problem.least_rate / problem.temperature, marks=NO_RAYS,
+        least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
     )  # fmt: skip

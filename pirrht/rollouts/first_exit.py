@@ -1,7 +1,8 @@
 """Find the first exit within one step of a sampled path (paper, eq. 3 and section III-B).
 
 Between two grid points the path is a Brownian bridge. It crosses a flat wall at distances c0 and c1 with probability
-exp(-2 c0 c1 / variance); the time of the first crossing is then drawn exactly. Without position noise, see `sweep`.
+exp(-2 c0 c1 / variance); the time of the first crossing is then drawn exactly. A step without position noise is swept
+through the clearance field.
 """
 
 from __future__ import annotations
@@ -40,12 +41,12 @@ def slope_of(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def wall_slope(c, nx, ny, d, mx, my, reach):  # type: ignore[no-untyped-def]
-    """Gradient (x, y) [1/m] of log(c / (c + reach)) + log(d / (d + reach)) for two walls as `two_walls` gives them.
+def wall_slope(c, nx, ny, d, mx, my, offset):  # type: ignore[no-untyped-def]
+    """Gradient (x, y) [1/m] of log(c / (c + offset)) + log(d / (d + offset)) for two walls as `two_walls` gives them.
 
     Along it, times BB', surviving paths lean away from walls: psi vanishes there like the distance, c > 0 [m].
     """
-    one, other = reach / (c * (c + reach)), reach / (d * (d + reach))
+    one, other = offset / (c * (c + offset)), offset / (d * (d + offset))
     return one * nx + other * mx, one * ny + other * my
 
 
@@ -121,9 +122,9 @@ def rim_along(arena, x, y, ex, ey):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _may_meet(before, after, reach):  # type: ignore[no-untyped-def]
-    """Check whether a bridge between two distances may meet what they are from; beyond `reach` [m^2] it cannot."""
-    return after <= 0.0 or 2.0 * before * after < reach
+def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
+    """Check whether a bridge between two distances may meet what they are from; beyond `square` [m^2] it cannot."""
+    return after <= 0.0 or 2.0 * before * after < square
 
 
 @inlined
@@ -220,24 +221,21 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
         [s/m^2].
     """
     wish = max(scale * near * near, least)
-    if wish >= rest:
-        return rest
-    return min(wish, 0.5 * rest)
+    return rest if wish >= rest else min(wish, 0.5 * rest)
 
 
 @kernel
 def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
     """Clearance of (x, y) [m] over the share of noise that a wall faces, where noise acts along a line.
 
-    What moves alongside a wall, and to and fro, comes no nearer to it. The covariance (xx, xy, yy) may be per second.
+    A path to and fro alongside a wall comes no nearer to it. The covariance (xx, xy, yy) may be per second.
     """
     size, nearest = cov[0] + cov[2], np.inf
     for k in range(2):
         d, gx, gy = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         square = gx * gx + gy * gy
-        share = (
-            ONE if square == 0.0 else (cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy) / (square * size)
-        )
+        towards = cov[0] * gx * gx + 2.0 * cov[1] * gx * gy + cov[2] * gy * gy
+        share = ONE if square == 0.0 else towards / (square * size)
         nearest = min(nearest, d / math.sqrt(max(share, SIDEWAYS)))
     return nearest
 
@@ -278,3 +276,69 @@ def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
     if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
         return GOAL, 1.0
     return INSIDE, 1.0
+
+
+@inlined
+def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
+    """Angle [rad] by which a step of dt [s] turns that goes (dx, dy) [m] while its velocity v [m/s] becomes w."""
+    square = dx * dx + dy * dy
+    if square == 0.0:
+        return 0.0
+    return max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
+
+
+@kernel
+def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
+    """Judge how a step from (x, y) to (nx, ny) [m] without position noise ends, by certified clearances.
+
+    A step that turns [rad] is an arc next to its chord; into the goal it counts as straight.
+    Returns: INSIDE or the Outcome, share of the step until the exit.
+    """
+    exit, share, _ = _march(arena, x, y, nx, ny, turn, 0.0, 0.0)
+    return exit, share
+
+
+@inlined
+def sweep_onward(arena, x, y, nx, ny, turn, clear):  # type: ignore[no-untyped-def]
+    """Judge a step as `sweep_exit` does, from where no wall is nearer than `clear` [m], as far as is known.
+
+    The clearances at both ends may cover the step. Returns: INSIDE or the Outcome, share until then, clear at its end.
+    """
+    arc = math.sqrt(((nx - x) * (nx - x) + (ny - y) * (ny - y)) * (1.0 + 0.25 * turn * turn))
+    (gx, gy), reach = arena.goal, arc + arena.radius
+    ahead = 0.0
+    if (gx - x) * (gx - x) + (gy - y) * (gy - y) > reach * reach:
+        if arc < clear:
+            return INSIDE, 1.0, clear - arc
+        ahead = clearance(arena.field, nx, ny)
+        if ahead > 0.0 and arc < clear + ahead:
+            return INSIDE, 1.0, ahead
+    return _march(arena, x, y, nx, ny, turn, clear, ahead)
+
+
+@kernel
+def _march(arena, x, y, nx, ny, turn, clear, ahead):  # type: ignore[no-untyped-def]
+    """March what `clear` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
+    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
+    if length == 0.0:
+        exit, share = endpoint_exit(arena, nx, ny)
+        return exit, share, 0.0
+    field, (gx, gy) = arena.field, arena.goal
+    ux, uy = (nx - x) / length, (ny - y) / length
+    until, reach = np.inf, length + arena.radius
+    if (gx - x) * (gx - x) + (gy - y) * (gy - y) <= reach * reach:
+        until = entry_of_piece(x, y, math.atan2(uy, ux), 0.0, length, gx, gy, arena.radius)
+    stop = min(length, until)
+    bow, pace = 0.5 * turn / length, 1.0 / math.sqrt(1.0 + 0.25 * turn * turn)
+    s = min(stop, clear * pace)
+    while True:
+        aside = bow * s * (length - s)
+        c = clearance(field, x + s * ux + aside * uy, y + s * uy - aside * ux)
+        if c <= 0.0:
+            return COLLISION, s / length, 0.0
+        if s >= stop:
+            break
+        if ahead > 0.0 and length - s < (c + ahead) * pace:
+            return INSIDE, 1.0, ahead
+        s = min(stop, s + max(c, 0.1 * field.spacing) * pace)
+    return (GOAL, until / length, 0.0) if until < np.inf else (INSIDE, 1.0, c)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.rollouts.tuning import TUNING
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
@@ -20,7 +21,7 @@ if TYPE_CHECKING:  # records hold what geometry and topology build, and need nei
     from pirrht.topology.homology import Homology
     from pirrht.topology.moving_crossings import RayTable
 
-FINER = 4  # rows of a law per step of the grid
+FINER = TUNING.law_rows
 
 
 def law_width(n: int, modes: int) -> int:
@@ -39,7 +40,7 @@ class Setup(NamedTuple):
     diffusion: Array  # (rows, m) B_c, if constant
     rate: float  # q, if constant [cost/s]
     bridge: bool  # exit rule: along the step, or at its end
-    pace: float  # least q / lambda [1/s]
+    least_rate: float  # least q / lambda [1/s]
     marks: RayTable  # of the steps of a guide among moving obstacles
 
 
@@ -73,25 +74,27 @@ class PredictedWorld:
 
 
 class ProposalTables(NamedTuple):
-    """Proposal controls around H references, one row each: a control sequence, a way or a law; kernels read it."""
+    """Proposal controls around H references, one row each: a control sequence, a tube or a law; kernels read it."""
 
-    control: Array  # (H, T, m) tapes; zero for references with a way or a law
+    control: Array  # (H, T, m) control sequences; zero for references with a tube or a law
     drift: Array  # (H, T, m) a = B_c^-1 G_c u, the same in noise units, where the gain is constant
     times: Array  # (T+1,) ends of the steps, from 0 [s]
     active: NDArray[np.int64]  # (H,) number of steps before a row of `control` is zero for good
     first: NDArray[np.int64]  # (H+1,) first sample drawn around each reference; the last entry is S
-    ways: DesirabilityTubes  # whose desirability is climbed, instead of the tape
-    reach: float  # walls push within about this distance [m]; 0: they do not
-    beyond: float  # how far behind walls psi vanishes, since exits are judged at the ends of steps only [m]
+    ways: DesirabilityTubes  # whose desirability is climbed, instead of a control sequence
+    wall_offset: float  # walls push within about this distance [m]; 0: they do not
+    set_back: float  # how far behind walls psi vanishes, since exits are judged at the ends of steps only [m]
     least: float  # steps of the grid are split down to this near walls and goal [s]; infinite: they are not
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
     law: Array  # (H, T FINER, law_width) and more columns of a point's half-spaces: `LawRows`
-    led: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: follow the tape
+    law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
-    nearby: Nearby  # moving obstacles that may be near
-    trust: float = 1.0  # share of a law that tells how the control changes near the start, where walls push besides
+    obstacles: Nearby  # moving obstacles that may be near
+    law_weight: float = (
+        1.0  # share of a law that tells how the control changes near the start, where walls push besides
+    )
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
 
@@ -127,7 +130,7 @@ class Origin(NamedTuple):
 
     x: Array  # (n,) state they start from
     seed: np.uint64
-    time: float = 0.0  # when they do, on the clock of what moves [s]
+    time: float = 0.0  # when they do, on the clock of moving obstacles [s]
 
 
 class Chosen(NamedTuple):
@@ -148,22 +151,22 @@ class Paths(NamedTuple):
     steps: NDArray[np.int32]  # (S,) steps taken, the exit's included
     now: Array  # (S, m) control now, integrated over the first `window` steps: noise, and the guide at the start
     span: Array  # (S,) time of these steps until the exit [s]
-    led: Array  # (S, m) the guide's part of the control at the start, without the push of the nearest walls
-    lasting: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
+    start_control: Array  # (S, m) the proposal control at the start, without wall drift
+    log_survival: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
     """Allocate S paths under H references: `Paths` of zeros, (S,), (S, H) and (S, m), [cost] and [s] as there."""
     return Paths(
         work=np.zeros(S), log_ratio=np.zeros((S, H)), key=np.zeros(S, np.int64), outcome=np.zeros(S, np.int8),
-        steps=np.zeros(S, np.int32), now=np.zeros((S, m)), span=np.zeros(S), led=np.zeros((S, m)), lasting=np.zeros(S),
+        steps=np.zeros(S, np.int32), now=np.zeros((S, m)), span=np.zeros(S), start_control=np.zeros((S, m)),
+        log_survival=np.zeros(S),
     )  # fmt: skip
 
 
 class Kernels(NamedTuple):
-    """Compiled rollouts of one kind of dynamics; all take (setup, leads, origin) first."""
+    """Compiled rollouts of one kind of dynamics; all take (setup, tables, origin) first."""
 
     sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
-    control: Callable[..., None]  # (.., chosen, total, alive): adds the controls that chosen samples carried
-    trace: Callable[..., None]  # (.., number, states, steps): states of chosen samples
+    replay: Callable[..., None]  # (.., number, states, applied, steps): states, controls and steps of chosen samples
     alone: int  # one thread is done with fewer samples than this before another one is awake

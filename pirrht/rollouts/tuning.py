@@ -8,26 +8,27 @@ from typing import NamedTuple
 class RolloutTuning(NamedTuple):
     """Numbers that trade accuracy of rollouts against time; measured on the scenes of the benchmarks."""
 
-    # Share of the goal's radius: steps nearer to the rim than that get no finer, since psi is smooth there.
-    rim: float = 0.3
-    # Determinant of a covariance over the square of its trace below which noise counts as along a line; rounding.
-    line: float = 1e-9
-    # A step without position noise is swept along an arc of at most this angle; a chord beyond [rad].
-    arc: float = 1.0
-    # Reach of walls next to the goal, behind the last cross-section of a path, in decay lengths 1/k of psi.
-    wall_reach: float = 1.0
+    rim: float = 0.3  # share of the goal's radius: steps nearer to the rim get no finer, since psi is smooth there
+    line: float = 1e-9  # det / trace^2 of a covariance below which noise counts as along a line; rounding
+    arc: float = 1.0  # a step without position noise is swept along an arc of at most this angle; a chord beyond [rad]
+    wall_reach: float = 1.0  # reach of walls next to the goal, behind the last cross-section, in decay lengths 1/k
+    least_change: float = 1e-6  # a step is no shorter than this where motions of obstacles change [s]
     # Below log dQ_g/dQ_h = -20 a path of h follows a_h under g as well. The density of the mixture loses exp(-20) of
     # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes more.
     negligible: float = 20.0
-    # Paths of a block of points: all rows of numbers together stay within the nearest cache.
-    lanes: int = 512
-    # Lanes of a vector instruction: loops run over whole vectors, the last of which may hold lanes that have ended.
-    vector: int = 16
-    # Lanes for which numbers of a tube are looked up before they are evaluated.
-    chunk: int = 64
-    # Samples of a point, and of another system, that one thread simulates before a second one is awake.
-    alone_points: int = 2400
-    alone: int = 64
+    lost: float = 30.0  # nats by which a path is less likely under a reference whose law then counts for nothing
+    law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
+    half_spaces: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
+    mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
+    mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
+    mills_rows: int = 16  # rows of it per unit of z: more than 1e-4 of itself is not needed
+    abreast: int = 8  # steps whose noise is drawn at once, where no other draws come between
+    lanes: int = 512  # paths of a block of points: all rows of numbers together stay within the nearest cache
+    vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
+    chunk: int = 64  # lanes for which numbers of a tube are looked up before they are evaluated
+    replayed: int = 2048  # samples simulated again at once: their states and controls take memory
+    alone_points: int = 2400  # samples of a point that one thread simulates before a second one is awake
+    alone: int = 64  # those of another system
 
 
 TUNING = RolloutTuning()

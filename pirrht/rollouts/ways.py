@@ -58,25 +58,14 @@ def no_ways(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
 
 
 @inlined
-def push_of(c, reach):  # type: ignore[no-untyped-def]
-    """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of reach b.
+def push_of(c, offset):  # type: ignore[no-untyped-def]
+    """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of offset b.
 
     There psi goes like 1 - exp(-c/b).
     """
-    s = c / (reach + np.float32(1e-9))
+    s = c / (offset + np.float32(1e-9))
     third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
     return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))
-
-
-@inlined
-def _with_walls(gx, gy, left, right, tx, ty, walls):  # type: ignore[no-untyped-def]
-    """Add the push of walls that reach as far as the ones to the `left` and `right` of (tx, ty) do [m]."""
-    c, nx, ny, d, mx, my = walls
-    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether they stand to the left
-    near = left if first else right
-    far = ZERO if first == second else (left if second else right)
-    one, other = push_of(c, near), push_of(d, far)
-    return gx + one * nx + other * mx, gy + one * ny + other * my
 
 
 @inlined
@@ -154,7 +143,12 @@ def slope_of(f, at, each, decay, goal, x, y, walls):  # type: ignore[no-untyped-
     rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
     gx, gy = rate * dx if end else gx, rate * dy if end else gy
     tx, ty = dx if end else f[at + 5 * each], dy if end else f[at + 6 * each]
-    return _with_walls(gx, gy, reach if end else left, reach if end else right, tx, ty, walls)
+    left, right = reach if end else left, reach if end else right
+    c, nx, ny, d, mx, my = walls
+    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether a wall is to the left
+    near, far = left if first else right, ZERO if first == second else (left if second else right)
+    one, other = push_of(c, near), push_of(d, far)
+    return gx + one * nx + other * mx, gy + one * ny + other * my
 
 
 @kernel

@@ -82,7 +82,9 @@ class Reason:
 
 def arriving(estimate: Estimate, ids: Names) -> dict[str, float]:
     """Return the share of the samples around each reference that arrive; where walls only weigh, by that chance."""
-    return _shares(estimate, ids, lambda paths: np.where(paths.outcome == Outcome.GOAL, np.exp(paths.lasting), 0.0))
+    return _shares(
+        estimate, ids, lambda paths: np.where(paths.outcome == Outcome.GOAL, np.exp(paths.log_survival), 0.0)
+    )
 
 
 def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[str, float]:

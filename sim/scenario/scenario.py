@@ -185,7 +185,7 @@ class Scenario(Task):
         problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
         home, rng = self.system.way_home(problem), np.random.default_rng(self.seeds()[1])
         return Mppi(
-            problem, self.space, sampling, horizon=s.horizon, beyond=home, homology=self.homology,
+            problem, self.space, sampling, horizon=s.horizon, terminal_cost=home, homology=self.homology,
             predict=self._prediction(trees=False), rng=rng,
         )  # fmt: skip
 

@@ -16,8 +16,7 @@ from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.rollouts.first_exit import COLLISION
-from pirrht.rollouts.sweep import sweep_exit
+from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.steering.motion import Trajectory
 from pirrht.topology.signature import class_id
 

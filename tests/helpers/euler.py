@@ -22,11 +22,11 @@ class Euler:
         for g, a in enumerate(tables.drift):
             step = np.einsum("stm,tm->st", y, a) - 0.5 * dt * (a**2).sum(axis=1)
             paths.log_ratio[:, g] = (under_way * step).sum(axis=1)
-        paths.led[:] = tables.drift[own, 0] @ setup.inverse.T
+        paths.start_control[:] = tables.drift[own, 0] @ setup.inverse.T
         counted = (under_way & early)[..., None]
         paths.span[:] = (counted[..., 0] * dt).sum(axis=1)
         noise = (counted * (y - tables.drift[own] * dt[:, None])).sum(axis=1)
-        paths.now[:] = noise @ setup.inverse.T + paths.span[:, None] * paths.led
+        paths.now[:] = noise @ setup.inverse.T + paths.span[:, None] * paths.start_control
         return paths
 
     def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:

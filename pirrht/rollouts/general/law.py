@@ -14,8 +14,9 @@ import numpy as np
 
 from pirrht.jit import vectors
 from pirrht.jit.jit import inlined, jitable, load_float64, part
-from pirrht.rollouts.general.kind import KernelSpec, is_gated, takes_law
+from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.tables import FINER
+from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE, numbers_at, slope_of
 from pirrht.systems.heading import wrapped
 
@@ -31,21 +32,17 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     out[0], out[1] = scale * a, scale * b
 
 
-GATES = 2  # of a row of a law
-GATE = 5  # numbers of one: direction (x, y) of its free side, z on the guide, its change per meter [1/m], weight
+class Gate(NamedTuple):
+    """Columns of a half-space constraint in a row of a law."""
+
+    x: float  # direction of its free side
+    y: float
+    z: float  # on the guide, in deviations
+    slope: float  # change of z per meter [1/m]
+    weight: float
 
 
-class LawTuning(NamedTuple):
-    """Numbers of laws along paths."""
-
-    lost: float = 30.0  # nats by which a path is less likely under another reference, which then counts for nothing:
-    # dQ_g/dQ_h is a martingale, so that exp(-30) is also the expected share of it later
-    mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
-    mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
-    mills_rows: int = 16  # of it per unit of z: more than 1e-4 of itself is not needed
-
-
-TUNING = LawTuning()
+GATES, GATE = TUNING.half_spaces, len(Gate._fields)
 _Z = np.arange(TUNING.mills_from, TUNING.mills_to + 0.5 / TUNING.mills_rows, 1.0 / TUNING.mills_rows)
 MILLS = np.exp(-0.5 * _Z**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _Z])
 
@@ -83,9 +80,8 @@ def gate_slope(law, g, s, at, dx, dy):  # type: ignore[no-untyped-def]
     return sx, sy
 
 
-@inlined
-def columns_of(n, modes):  # type: ignore[no-untyped-def]
-    """Columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
+def columns_of(n: int, modes: int) -> tuple[int, int, int, int, int]:
+    """Return the columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
     there = modes + modes * n
     shape = there + n
     return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
@@ -131,97 +127,51 @@ def nearest_of(n: int, angles: int) -> Any:
 
 
 @cache
-def rows_of(n: int, m: int, most: int) -> tuple[Any, Any, Any, Any]:
-    """Build kernels for rows of m or of `most` modes, at addresses; their last argument tells which."""
-    affine_few, affine_many = vectors.affine(n, m), vectors.affine(n, most)
-    clip_few, clip_many = vectors.clip(m), vectors.clip(most)
-    matvec_few, matvec_many = vectors.matvec(m, m), vectors.matvec(most, most)
-    axpy_few, axpy_many = vectors.axpy(m), vectors.axpy(most)
-
-    @part
-    def affine(out, row, beside, modes):  # type: ignore[no-untyped-def]
-        """Write a + K beside, a law's row at a state that is `beside` (n,) its own."""
-        if modes == most:
-            affine_many(out, row, row + 8 * most, beside)
-        else:
-            affine_few(out, row, row + 8 * m, beside)
-
-    @part
-    def clip(row, bound, modes):  # type: ignore[no-untyped-def]
-        """Keep all of a row within plus and minus a bound."""
-        if modes == most:
-            clip_many(row, bound)
-        else:
-            clip_few(row, bound)
-
-    @part
-    def matvec(out, matrix, row, modes):  # type: ignore[no-untyped-def]
-        """Write a matrix, which lies transposed, times a row."""
-        if modes == most:
-            matvec_many(out, matrix, row)
-        else:
-            matvec_few(out, matrix, row)
-
-    @part
-    def axpy(out, x, a, y, b, modes):  # type: ignore[no-untyped-def]
-        """Write a x + b y."""
-        if modes == most:
-            axpy_many(out, x, a, y, b)
-        else:
-            axpy_few(out, x, a, y, b)
-
-    return affine, clip, matvec, axpy
-
-
-@cache
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, and with a law `wide`."""
-    n, m, rows, moving, noisy_position = kind.n, kind.m, kind.rows, kind.moving, kind.noisy_position
-    leadable, gated, state_dependent_gain = takes_law(kind), is_gated(kind), kind.state_dependent_gain
-    fixed, angles, homing_of = n - rows, kind.angles, kind.homing
-    nearest, (affine, clip, _, _) = nearest_of(n, angles), rows_of(n, m, kind.modes)
+    n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
+    takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
+    fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
+    _, there, _, _, end = columns_of(n, modes)
+    affine, clip = vectors.affine(n, modes), vectors.clip(modes)
 
     @part
-    def step_of(leads, scratch, g, i, share, modes):  # type: ignore[no-untyped-def]
-        """Find the step of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
-        law, led, s = leads.law, leads.led, scratch.stage[g]
+    def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
+        """Find the row of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
+        law, led, s, (i, share) = tables.law, tables.law_length, scratch.stage[g], at
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
-            scratch.stage[g] = s
         elif s < led[g]:
-            _, there, _, _, end = columns_of(n, modes)
-            pitch = 8 * law.shape[2]
-            row, final = law.ctypes.data + pitch * law.shape[1] * g, min(led[g], law.shape[1] - 1)
-            s = nearest(row, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
-            scratch.stage[g] = s
+            pitch, final = 8 * law.shape[2], min(led[g], law.shape[1] - 1)
+            first = law.ctypes.data + pitch * law.shape[1] * g
+            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+        scratch.stage[g] = s
         return s
 
     @part
-    def any_law(leads, scratch, g, s, modes):  # type: ignore[no-untyped-def]
-        """Write `wide` of a law's step s."""
-        law, x, wide, beside = leads.law, scratch.x, scratch.wide, scratch.beside
-        _, there, _, _, end = columns_of(n, modes)
+    def along_row(tables, scratch, g, s):  # type: ignore[no-untyped-def]
+        """Write `wide` of a law's row s."""
+        law, x, wide, apart = tables.law, scratch.x, scratch.wide, scratch.apart
         row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
         for k in range(n):
-            beside[k] = x[k] - load_float64(row, there + k)
+            apart[k] = x[k] - load_float64(row, there + k)
             if (angles >> k) & 1:
-                beside[k] = wrapped(beside[k])
+                apart[k] = wrapped(apart[k])
         out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
-        affine(out, row, beside.ctypes.data, modes)
+        affine(out, row, row + 8 * modes, apart.ctypes.data)
         if gated:
-            at_x, at_y = x[0] - law[g, s, there], x[1] - law[g, s, there + 1]
-            sx, sy = gate_slope(law, g, s, end + 2 + n, at_x, at_y)
+            sx, sy = gate_slope(law, g, s, end + 2 + n, x[0] - law[g, s, there], x[1] - law[g, s, there + 1])
             for j in range(m):
                 wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
             for j in range(m):  # one by one, as they were written last
                 wide[g, j] = max(-steep, min(steep, wide[g, j]))
         else:
-            clip(out, steep, modes)
+            clip(out, steep)
 
     @part
-    def along_way(leads, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
-        """Write `a` of a way, whose desirability is climbed."""
-        ways, x, B, stage = leads.ways, scratch.x, scratch.B, scratch.stage
+    def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a tube, whose desirability is climbed."""
+        ways, x, B, stage = tables.ways, scratch.x, scratch.B, scratch.stage
         C, J = ways.slope.shape[1], ways.slope.shape[2]
         place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
         px, py = np.float32(x[0]), np.float32(x[1])
@@ -233,15 +183,15 @@ def aims(kind: KernelSpec) -> Any:
             scratch.a[g, j] = bx * sx + by * sy
 
     @part
-    def along_law(setup, leads, scratch, g, i, share, modes, headed):  # type: ignore[no-untyped-def]
+    def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
         """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
         a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.world
-        s = step_of(leads, scratch, g, i, share, modes)
-        if s < leads.led[g]:
-            any_law(leads, scratch, g, s, modes)
+        s = row_of(tables, scratch, g, at)
+        if s < tables.law_length[g]:
+            along_row(tables, scratch, g, s)
         else:
             if not headed:
-                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.pace, home)
+                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, home)
                 headed = True
             for j in range(modes):
                 wide[g, j] = home[j] if j < m else 0.0
@@ -250,42 +200,56 @@ def aims(kind: KernelSpec) -> Any:
         return headed
 
     @part
-    def without_law(scratch, g, modes):  # type: ignore[no-untyped-def]
+    def without_law(scratch, g):  # type: ignore[no-untyped-def]
         """Write zeros."""
         for j in range(m):
             scratch.a[g, j] = 0.0
-        for j in range(modes if leadable else 0):
+        for j in range(modes if takes_law else 0):
             scratch.wide[g, j] = 0.0
 
     @part
-    def add(leads, scratch, g, i):  # type: ignore[no-untyped-def]
+    def add_sequence(tables, scratch, g, i):  # type: ignore[no-untyped-def]
+        """Add the control sequence."""
+        for j in range(m):
+            if state_dependent_gain:
+                for k in range(m):
+                    scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
+            else:
+                scratch.a[g, j] += tables.drift[g, i, j]
+
+    @part
+    def drifts(tables, g):  # type: ignore[no-untyped-def]
+        """Tell whether walls push on top: where noise moves the position, and neither tube nor law has it."""
+        apart = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated)
+        return noisy_position and tables.wall_offset > 0.0 and apart
+
+    @part
+    def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
         """Add the control sequence, and wall drift where nothing else has it."""
-        a, count = scratch.a, leads.ways.count[g]
-        held = i < leads.active[g]
-        pushing = noisy_position and leads.reach > 0.0 and count == 0 and (leads.led[g] == 0 or gated)
-        for j in range(m if held else 0):
-            a[g, j] += 0.0 if state_dependent_gain else leads.drift[g, i, j]
-            for k in range(m if state_dependent_gain else 0):
-                a[g, j] += scratch.D[j, k] * leads.control[g, i, k]
-        for j in range(m if pushing else 0):
-            a[g, j] += scratch.pushed[j]
-        for j in range(m if leadable and (held or pushing or count > 0) else 0):
+        a, pushed, under_way = scratch.a, drifts(tables, g), i < tables.active[g]
+        if under_way:
+            add_sequence(tables, scratch, g, i)
+        for j in range(m if pushed else 0):
+            a[g, j] += scratch.wall_drift[j]
+        for j in range(m if takes_law and (under_way or pushed or tables.ways.count[g] > 0) else 0):
             scratch.wide[g, j] = a[g, j]
 
     @part
-    def aim(setup, leads, scratch, ratio, walls, h, i, share, modes):  # type: ignore[no-untyped-def]
-        """Write them after a share of step i of the grid; if nothing is weighed, only that of the one followed, h."""
+    def aim(setup, tables, scratch, ratio, walls, h, at):  # type: ignore[no-untyped-def]
+        """Write them at (step i of the grid, share of it); if nothing is weighed, only that of the one followed, h."""
         lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
-            lost[g] = lost[g] or (leadable and weigh and ratio[g] < ratio[h] - TUNING.lost)
-            if lost[g]:  # never of h
+            if takes_law and weigh:
+                # dQ_g/dQ_h is a martingale, so that exp(-lost) is also the expected share of it later; never of h.
+                lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.lost
+            if lost[g]:
                 continue
-            if noisy_position and leads.ways.count[g] > 0:
-                along_way(leads, scratch, g, setup.world.goal, walls)
-            elif leadable and leads.led[g] > 0:
-                headed = along_law(setup, leads, scratch, g, i, share, modes, headed)
+            if noisy_position and tables.ways.count[g] > 0:
+                along_tube(tables, scratch, g, setup.world.goal, walls)
+            elif takes_law and tables.law_length[g] > 0:
+                headed = along_law(setup, tables, scratch, g, at, headed)
             else:
-                without_law(scratch, g, modes)
-            add(leads, scratch, g, i)
+                without_law(scratch, g)
+            add(tables, scratch, g, at[0])
 
     return aim

@@ -9,77 +9,84 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.field import two_walls
+from pirrht.jit import vectors
 from pirrht.jit.jit import part
 from pirrht.jit.streams import ONE, ZERO, fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving
-from pirrht.rollouts.first_exit import GOAL, facing, fitting, wall_slope
-from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of, takes_law
-from pirrht.rollouts.general.law import columns_of, rows_of
-from pirrht.rollouts.general.scratch import ABREAST
-from pirrht.rollouts.sweep import sweep_exit, turn_of
+from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
+from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
+from pirrht.rollouts.general.law import columns_of
 from pirrht.rollouts.tuning import TUNING
 
-SOON = 1e-6  # a step is no shorter than this where motions change [s]
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 
 
 @cache
 def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and lists moving obstacles near it: (dt, how many)."""
-    noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
+    moving, along_line = kind.moving, kind.along_line
 
     @part
-    def length_of(setup, leads, scratch, rates, before, left, now, i, close):  # type: ignore[no-untyped-def]
-        (xx, xy, yy), x, arena, dt = rates, scratch.x, setup.world, left
-        if moving and noisy_position:  # as far as noise carries a path that is not to be split, or walls push
-            traffic, held, listed, near = setup.world.moving, scratch.held, scratch.listed, scratch.near
-            within = max(3.0 * math.sqrt(max(xx, yy) * left), REACHES * leads.reach)
-            close = list_around(leads.nearby, traffic.J, i, x[0], x[1], within, close, held, listed)
-            gone, until_change = traffic.cutoff, np.inf
+    def narrowest(tables, scratch, arena, rates, before, left, obstacles):  # type: ignore[no-untyped-def]
+        """Return the distance that the step is fitted to, and what fitting scales its square by."""
+        (xx, xy, yy), x, (close, gone) = rates, scratch.x, obstacles
+        scale, gap = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))), before[0]
+        if along_line and gap > 0.0 and scale * gap * gap < left:
+            gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
+        if moving:
+            if along_line and scale * gone * gone < left:
+                gone = facing_among(scratch.near, scratch.candidates, close, (xx, xy, yy))
+            gap = min(gap, gone)
+        return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
+
+    @part
+    def fitted(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
+        (before, _, close), moved, gone, until_change = clear, setup.world.moving, np.inf, np.inf
+        if moving:  # as far as noise carries a path that is not to be split, or walls push
+            x, held, listed = scratch.x, scratch.held, scratch.candidates
+            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.wall_offset)
+            close = list_around(tables.obstacles, moved.J, i, x[0], x[1], within, close, held, listed)
+            gone = moved.cutoff
             if close > 0:
-                gone, until_change = look_around(traffic, listed, close, x[0], x[1], now, within, near)
-        if noisy_position and leads.least < left:
-            scale = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy)))
-            gap = before[0]
-            if along_line and gap > 0.0 and scale * gap * gap < left:
-                gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
+                gone, until_change = look_around(moved, listed, close, x[0], x[1], now, within, scratch.near)
+        dt = left
+        if tables.least < left:
+            narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, (close, gone))
+            dt = fitting(narrow, left, tables.least, scale)
             if moving:
-                if along_line and scale * gone * gone < left:
-                    gone = facing_among(near, listed, close, (xx, xy, yy))
-                gap = min(gap, gone)
-            narrow = max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0)
-            dt = fitting(narrow, left, leads.least, scale)
-            if moving:
-                dt = min(dt, max(until_change - now, SOON))
-        if moving and noisy_position:
-            dt = min(dt, max(next_jump(leads.nearby, now, held) - now, SOON))
+                dt = min(dt, max(until_change - now, TUNING.least_change))
+        if moving:
+            dt = min(dt, max(next_jump(tables.obstacles, now, scratch.held) - now, TUNING.least_change))
         return dt, close
 
-    return length_of
+    @part
+    def whole(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
+        return left, clear[2]
+
+    return fitted if kind.noisy_position else whole
 
 
 @cache
 def walls_for(kind: KernelSpec) -> Any:
-    """Build the kernel that writes the push of the two nearest walls, B' grad log psi there, and returns those."""
+    """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
     m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
 
     @part
-    def push_of(leads, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
+    def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
         x, B = scratch.x, scratch.B
         c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
-        widest = np.float32(0.5 * math.sqrt(max(cov[0], cov[2])))
-        shift = np.float32(leads.beyond)
+        widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
-            walls = with_moving(walls, scratch.near, scratch.listed, close, widest)
+            walls = with_moving(walls, scratch.near, scratch.candidates, close, widest)
             _, wx, wy, _, vx, vy = walls
-        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, leads.reach)
+        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.wall_offset)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            scratch.pushed[j] = bx * sx + by * sy
+            scratch.wall_drift[j] = bx * sx + by * sy
         return walls
 
     return push_of
@@ -88,50 +95,53 @@ def walls_for(kind: KernelSpec) -> Any:
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    n, m, noisy_position = kind.n, kind.m, kind.noisy_position
-    leadable = takes_law(kind)
-    abreast = leadable and not noisy_position
-    _, _, matvec, axpy = rows_of(n, m, kind.modes)
+    m, modes, noisy_position, steps = kind.m, kind.modes, kind.noisy_position, TUNING.abreast
+    _, _, shape, _, _ = columns_of(kind.n, modes)
+    matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
 
     @part
-    def under_law(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
-        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
-        law, white, drawn, stage, wide = leads.law, scratch.white, scratch.drawn, scratch.stage, scratch.wide
-        even, independent = modes + modes % 2, white.ctypes.data
-        for j in range(0, 0 if abreast else modes, 2):
-            state, z, other = normals(state)
-            white[j] = z
+    def one_by_one(scratch, state):  # type: ignore[no-untyped-def]
+        """Draw independent normals for a step; return the stream and their address."""
+        white = scratch.white
+        for j in range(0, modes, 2):
+            state, white[j], other = normals(state)
             if j + 1 < modes:
                 white[j + 1] = other
-        if abreast:  # several steps at once: no other draws come between theirs
-            if i % ABREAST == 0:
-                state = fill_normals(state, ABREAST * even // 2, scratch.fresh)
-            independent = scratch.fresh.ctypes.data + 8 * even * (i % ABREAST)
-        out, source = drawn.ctypes.data, independent
-        if stage[h] < leads.led[h] and not noisy_position:
-            _, _, shape, _, _ = columns_of(n, modes)
+        return state, white.ctypes.data
+
+    @part
+    def abreast(scratch, state, i):  # type: ignore[no-untyped-def]
+        """Draw those of several steps at once, since no other draws come between theirs."""
+        fresh = scratch.fresh
+        if i % steps == 0:
+            state = fill_normals(state, steps * even // 2, fresh)
+        return state, fresh.ctypes.data + 8 * even * (i % steps)
+
+    @part
+    def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
+        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
+        law, drawn, stage, wide = tables.law, scratch.drawn, scratch.stage, scratch.wide
+        state, source = one_by_one(scratch, state) if noisy_position else abreast(scratch, state, i)
+        if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
-            matvec(out, row + 8 * shape, independent, modes)
-            source = out
-        axpy(out, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt, modes)
+            matvec(drawn.ctypes.data, row + 8 * shape, source)
+            source = drawn.ctypes.data
+        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
 
     @part
-    def draw(leads, scratch, state, sign, h, i, dt, modes):  # type: ignore[no-untyped-def]
-        if leadable:
-            return under_law(leads, scratch, state, sign, h, i, dt, modes)
+    def plain(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
         y, a, root, other = scratch.y, scratch.a, math.sqrt(dt), 0.0
         for j in range(m):
+            z = other
             if j % 2 == 0:
                 state, z, other = normals(state)
-            else:
-                z = other
             y[j] = sign * z * root + a[h, j] * dt
         return state
 
-    return draw
+    return under_law if kind.takes_law else plain
 
 
 @cache
@@ -160,7 +170,7 @@ def motion(kind: KernelSpec) -> Any:
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
     drift, drifting, stratonovich, noisy_position = kind.drift, kind.drifting, kind.stratonovich, kind.noisy_position
-    varying = kind.varying
+    varying, curved_step = kind.varying, kind.curved_step
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance = covariance_of(kind)
 
@@ -173,19 +183,18 @@ def motion(kind: KernelSpec) -> Any:
                 moved[fixed + j] += share * B[j, k] * y[k]
 
     @part
-    def half_way(setup, scratch, dt, bent):  # type: ignore[no-untyped-def]
+    def half_way(setup, scratch, dt):  # type: ignore[no-untyped-def]
         """Take the drift where no noise acts on the position: at the middle of the step's noise, or its mean over it.
 
         The mean is by two points about the mean state, apart by the deviation of the state within the step.
         """
         x, moved, f, B, y, p = scratch.x, scratch.moved, scratch.f, scratch.B, scratch.y, setup.parameters
-        for j in range(n):
-            moved[j] = x[j]
+        copy_row(x, moved)
         shaken(scratch, 0.5)
-        if not bent:
+        if not curved_step:
             drift(moved, p, f)
             return
-        ahead = scratch.beside
+        ahead = scratch.apart
         for k in range(m):
             scratch.column[k, 0] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
         copy_row(moved, ahead)
@@ -201,12 +210,14 @@ def motion(kind: KernelSpec) -> Any:
 
     @part
     def arrives(setup, scratch, dt):  # type: ignore[no-untyped-def]
-        """Check whether the step enters the goal straight ahead, and return its share until then."""
+        """Check whether the step enters the goal straight ahead, then without noise; return its share until then."""
         x, f, arena = scratch.x, scratch.f, setup.world
         within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
         if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
             return False, 1.0
         exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+        for j in range(m if exit == GOAL else 0):
+            scratch.y[j] = 0.0
         return exit == GOAL, ahead
 
     @part
@@ -224,21 +235,19 @@ def motion(kind: KernelSpec) -> Any:
         return rates
 
     @part
-    def move(setup, leads, scratch, dt, rates, bent):  # type: ignore[no-untyped-def]
-        x, moved, f, y = scratch.x, scratch.moved, scratch.f, scratch.y
+    def move(setup, scratch, dt, rates):  # type: ignore[no-untyped-def]
+        x, moved, f = scratch.x, scratch.moved, scratch.f
         arrived, ahead, turn, vx, vy = False, 1.0, 0.0, f[0], f[1]
         if not noisy_position and setup.bridge:
             arrived, ahead = arrives(setup, scratch, dt)
-            for j in range(m if arrived else 0):
-                y[j] = 0.0
             if drifting and not arrived:
-                half_way(setup, scratch, dt, bent)
+                half_way(setup, scratch, dt)
         if stratonovich and not arrived:
             rates = at_middle(setup, scratch, dt, rates)
         for j in range(n):
             moved[j] = x[j] + f[j] * dt
         shaken(scratch, 1.0)
-        if bent and not arrived:  # between two steps its velocity changes, and the way is no chord
+        if curved_step and not arrived:  # between two steps its velocity changes, and its path is no chord
             drift(moved, setup.parameters, f)
             turn = turn_of(vx, vy, f[0], f[1], moved[0] - x[0], moved[1] - x[1], dt)
         return arrived, ahead, turn, rates

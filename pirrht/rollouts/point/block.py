@@ -7,26 +7,24 @@ Exits and close walls, which are rare, are done lane by lane; paths that have en
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
 from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
 
 from pirrht.rollouts.point.stages import (  # isort: skip
-    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LASTING, LOST, NX, NY, PER, PUSH0, PUSH1, ROOT, SAMPLE, SIGN,
-    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, pace, row_of,
-    scratch_of, settle, tape_control, way_control,
+    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PER, PUSH0, PUSH1, ROOT, SAMPLE, SIGN,
+    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, fit_steps, row_of,
+    scratch_of, relax, tape_control, way_control,
 )  # fmt: skip
-from pirrht.rollouts.tables import Chosen, Origin, empty_paths
+from pirrht.rollouts.tables import Origin, empty_paths
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.dynamics import Dynamics, no_drift
 
 
 class Run(NamedTuple):
@@ -42,15 +40,6 @@ class Run(NamedTuple):
 RUN: Any = Run
 
 
-def is_point(d: Dynamics) -> bool:
-    """Tell whether the dynamics are those of a point, with isotropic constant noise and no drift."""
-    if not (d.n == d.m == 2 and d.drift is no_drift and d.constant):
-        return False
-    B = d.B_c(np.zeros(2))
-    cov = B @ B.T
-    return bool(cov[0, 1] == 0.0 and cov[0, 0] == cov[1, 1])
-
-
 @kernel
 def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     """Judge the step of a lane that may have ended on its way: outcome and share of the step."""
@@ -63,7 +52,7 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     state, outcome, share, lasting = bridge_exit(
         arena, (x, y, nx, ny), before, after, (step, 0.0, step), weighed, random[k]
     )
-    f[LASTING + k] += np.float32(lasting)
+    f[LOG_SURVIVAL + k] += np.float32(lasting)
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
@@ -107,10 +96,10 @@ def retire(setup, tables, run, outcome, share, k, scratch, paths):  # type: igno
         span += np.float64(f[SPENT + k]) + until
     likelihood(h, tables.drift.shape[0], until, k, f, a, ratio, paths.log_ratio[s])
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
-    paths.outcome[s], paths.steps[s], paths.span[s], paths.lasting[s] = outcome, i + 1, span, f[LASTING + k]
+    paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
     for j in range(2):
         paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * base[j]
-        paths.led[s, j] = base[j]
+        paths.start_control[s, j] = base[j]
 
 
 @inlined
@@ -194,8 +183,8 @@ def write_controls(setup, tables, around, h, scratch, n):  # type: ignore[no-unt
     ways, active, B, drift = tables.ways, tables.active, setup.diffusion, tables.drift.ctypes.data
     (H, T, _), (_, C, J, _) = tables.drift.shape, ways.slope.shape
     place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
-    if tables.reach > 0.0:
-        wall_push(around.field, tables.reach, tables.beyond, B, f, short, n)
+    if tables.wall_offset > 0.0:
+        wall_push(around.field, tables.wall_offset, tables.set_back, B, f, short, n)
     for one in range(H):
         g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
         if ways.count[g] > 0:
@@ -225,14 +214,14 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
     begun = False
     while n > 0:
         full = (n + WIDE - 1) // WIDE * WIDE
-        pace(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
+        fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
         write_controls(setup, tables, around, h, scratch, full)
         if not begun:
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
             inverse, begun = setup.inverse, True
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
             run = RUN(h, start, stop, chosen, base)
-        settle(h, f, a, full)
+        relax(h, f, a, full)
         draw(random, bits, f, full)
         move(h, B, f, a, full)
         cross(setup.cuts, f, long, full)
@@ -246,7 +235,7 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         for k in range(n if into.shape[0] > 0 else 0):
             record(into, k, start, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
-        if advance(h, tables.window, tables.reach > 0.0, f, short, a, full) >= T:
+        if advance(h, tables.window, tables.wall_offset > 0.0, f, short, a, full) >= T:
             n = end_late(setup, tables, run, n, scratch, paths)
 
 
@@ -268,48 +257,21 @@ def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths
     blocks(setup, tables, origin, start, stop, paths, scratch_of(len(tables.control)))
 
 
-def control(setup: Any, tables: Any, origin: Origin, chosen: Chosen, total: Array, alive: Array) -> None:
-    """Add weight times control carried to total[group] (G, T, m), and weight to alive[group] (G, T)."""
-    for _, places, steps, taken in _recorded(setup, tables, origin, chosen.number):
-        _carried(tables.times, setup.inverse, taken, steps, chosen.group[places], chosen.weight[places], total, alive)
-
-
-def trace(
-    setup: Any, tables: Any, origin: Origin, number: NDArray[np.int64], states: Array, out: NDArray[np.int64]
+def replay(
+    setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
 ) -> None:
-    """Write states (c, T+1, 2) and number of steps (c,) of chosen samples."""
-    states[:, 0] = origin.x
-    for _, places, steps, taken in _recorded(setup, tables, origin, number):
-        out[places] = steps
-        under_way = np.arange(taken.shape[1]) < steps[:, None]
-        states[places, 1:] = np.where(under_way[:, :, None], taken[:, :, :2], 0.0)
-
-
-def _recorded(
-    setup: Any, tables: Any, origin: Origin, chosen: NDArray[np.int64]
-) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]]:
-    """Yield reference, places in `chosen`, numbers of steps and steps (., T, 4), block by block."""
+    """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
     H, T, m = tables.control.shape
-    order = np.argsort(chosen, kind="stable")
-    listed = np.ascontiguousarray(chosen[order])
+    order, states[:, 0], inverse = np.argsort(number, kind="stable"), origin.x, setup.inverse
+    listed = np.ascontiguousarray(number[order])
     edges = np.searchsorted(listed, tables.first)
-    scratch, taken = scratch_of(H), np.zeros((LANES, T, 4), np.float32)
-    paths = empty_paths(len(listed), H, m)
+    scratch, taken, paths = scratch_of(H), np.zeros((LANES, T, 4), np.float32), empty_paths(len(listed), H, m)
     for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
         for start in range(first, end, LANES):
-            stop = min(start + LANES, end)
-            taken[:] = 0.0
+            stop, taken[:] = min(start + LANES, end), 0.0
             block(setup, tables, origin, Run(h, start, stop, listed), paths, taken, scratch)
-            yield h, order[start:stop], paths.steps[start:stop], taken[: stop - start]
-
-
-@kernel
-def _carried(times, inverse, taken, steps, group, weight, total, alive):  # type: ignore[no-untyped-def]
-    """Add the controls of recorded steps (c, T, 4), as `control` says."""
-    for c in range(steps.shape[0]):
-        g, w = group[c], weight[c]
-        for i in range(steps[c]):
-            dt, y0, y1 = times[i + 1] - times[i], taken[c, i, 2], taken[c, i, 3]
-            alive[g, i] += w
-            for j in range(2):
-                total[g, i, j] += w * (inverse[j, 0] * y0 + inverse[j, 1] * y1) / dt
+            places = order[start:stop]
+            steps[places] = paths.steps[start:stop]
+            own = np.where((np.arange(T) < steps[places, None])[:, :, None], taken[: stop - start], 0.0)
+            controls = own[:, :, 2:3] * inverse[:, 0] + own[:, :, 3:] * inverse[:, 1]
+            states[places, 1:], applied[places] = own[:, :, :2], controls / np.diff(tables.times)[:, None]

@@ -15,14 +15,14 @@ from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, wall_slope
 
 from pirrht.rollouts.point.stages import (  # isort: skip
-    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LASTING, NX, NY, PER, PUSH0, PUSH1, ROOT, WALL, L, U, V, X,
-    Y,
+    C0, C1, CELL, CORNER, DT, E0, E1, FLAG, G0, G1, LANES, LOG_SURVIVAL, NX, NY, PER, PUSH0, PUSH1, ROOT, WALL, L, U, V,
+    X, Y,
 )  # fmt: skip
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
 FRAME: Any = Grid
 PLACE: Any = World
-FAR_PER, LEAST = np.float32(FAR), np.float32(1e-7)
+FAR_PER, MIN_MISSED = np.float32(FAR), np.float32(1e-7)
 
 
 @inlined
@@ -83,14 +83,14 @@ def survey(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def wall_push(field, reach, beyond, B, f, short, n):  # type: ignore[no-untyped-def]
-    """Write the push B' grad log psi of the two nearest walls, `beyond` further away [m].
+def wall_push(field, offset, shift, B, f, short, n):  # type: ignore[no-untyped-def]
+    """Write the push B' grad log psi of the two nearest walls, `shift` further away [m].
 
     It uses the cells and corners of `survey`. Nearer than half of the deviation of a step a wall pushes no harder.
     """
     n = min(n, LANES)
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
-    reach, beyond = np.float32(reach), np.float32(beyond)
+    offset, shift = np.float32(offset), np.float32(shift)
     half = HALF * np.float32(math.sqrt(B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1]))  # of the deviation of a second
     corners(field, field.second, f, short, CORNER + 4 * L, n)
     for k in range(n):
@@ -100,10 +100,10 @@ def wall_push(field, reach, beyond, B, f, short, n):  # type: ignore[no-untyped-
         second = bilinear_slope(f[at + 4 * L], f[at + 5 * L], f[at + 6 * L], f[at + 7 * L], u, v, per)
         c, nx, ny, d, mx, my = walls_of(field, f[X + k], f[Y + k], nearest, second)
         widest = half * f[ROOT + k]
-        c, d = max(c + beyond, widest), max(d + beyond, widest)
+        c, d = max(c + shift, widest), max(d + shift, widest)
         f[WALL + k], f[WALL + L + k], f[WALL + 2 * L + k] = c, nx, ny
         f[WALL + 3 * L + k], f[WALL + 4 * L + k], f[WALL + 5 * L + k] = d, mx, my
-        gx, gy = wall_slope(c, nx, ny, d, mx, my, reach)
+        gx, gy = wall_slope(c, nx, ny, d, mx, my, offset)
         f[PUSH0 + k] = b00 * gx + b10 * gy
         f[PUSH1 + k] = b01 * gx + b11 * gy
 
@@ -144,8 +144,8 @@ def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-d
             d = f[WALL + 3 * L + k]
             beside = TWO * d * (d - math.sqrt(square)) < reach
             doubt = past | (near & beside)
-            missed = max(ONE - exponential(-TWO * max(c0 * c1, ZERO) * FAR_PER / reach), LEAST)
-            f[LASTING + k] += logarithm(missed) if near and not doubt else ZERO
+            missed = max(ONE - exponential(-TWO * max(c0 * c1, ZERO) * FAR_PER / reach), MIN_MISSED)
+            f[LOG_SURVIVAL + k] += logarithm(missed) if near and not doubt else ZERO
         else:
             state = random[k] + GOLDEN
             u = np.float32(np.int32(bits_of(state) >> np.uint64(40))) * ulp + ulp  # no less than what `uniform` draws

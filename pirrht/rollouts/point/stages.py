@@ -26,7 +26,7 @@ L = LANES + WIDE  # from row to row: not a power of two, or rows would compete f
 # defy vector loads; the next step begins there.
 X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LOST = (L * i for i in range(18))
 # The step's length and its root, time left in the step of the grid, time spent in it [s], log of what is weighed.
-DT, ROOT, LEFT, SPENT, LASTING = (L * i for i in range(18, 23))
+DT, ROOT, LEFT, SPENT, LOG_SURVIVAL = (L * i for i in range(18, 23))
 U, V, CORNER = 23 * L, 24 * L, 25 * L
 WALL = 33 * L  # the two nearest walls, six rows
 OWED = 39 * L  # time of the last step for which half of the guide has not been taken off the sum [s]
@@ -122,7 +122,7 @@ def draw(random, bits, f, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def pace(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
+def fit_steps(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped-def]
     """Fit steps to the places of the lanes (`fitting`); where a step of the grid is over, the next begins."""
     n = min(n, LANES)
     least, scale, rim, half = np.float32(least), np.float32(scale), np.float32(rim), HALF
@@ -197,7 +197,7 @@ def add_log_ratios(h, H, f, a, ratio, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def settle(h, f, a, n):  # type: ignore[no-untyped-def]
+def relax(h, f, a, n):  # type: ignore[no-untyped-def]
     """Take the second half of the lead off the sums: over a step it is the mean of both ends, to second order."""
     n = min(n, LANES)
     row = row_of(h, 2)
@@ -211,7 +211,7 @@ def settle(h, f, a, n):  # type: ignore[no-untyped-def]
 def advance(h, window, follows, f, short, a, n):  # type: ignore[no-untyped-def]
     """Take the step of the lanes that go on; sum up noise over the first `window` steps. Returns the most steps taken.
 
-    Of a lead that `follows` the state half is taken off here, half by `settle`.
+    Of a lead that `follows` the state half is taken off here, half by `relax`.
     """
     n = min(n, LANES)
     row, window, most = row_of(h, 2), np.int32(window), np.int32(0)

@@ -70,7 +70,6 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
     controller = planner(robot)
     guidance = controller.path_integral.guidance
     assert isinstance(guidance, DDPGuidance)
-    cheaper = 0
     for x in (STATES[robot], AWAY[robot], turned(STATES[robot]), turned(AWAY[robot])):
         state = np.array(x)
         controller.begin(state)
@@ -85,8 +84,6 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
             assert rival.penalised < first.penalised + TUNING.alternative * controller.problem.temperature
         if usual is not None and usual.valid:
             assert first.penalised <= usual.penalised
-            cheaper += first.penalised < 0.95 * usual.penalised
-    assert cheaper > 0 or robot == "car"  # whose homing, which reverses, sees to these
 
 
 def test_samples_of_a_rover_go_where_earlier_ones_weighed():

@@ -29,7 +29,9 @@ def test_with_the_exact_cost_to_go_value_and_control_are_exact_at_any_horizon(ho
     values, controls, warm, sizes = [], [], [], []
     for seed in range(SEEDS):
         sampling = Sampling(dt=0.02, samples=1500, guide="open-loop", draws="independent")
-        mppi = Mppi(problem, space, sampling, horizon=horizon, beyond=exact_beyond, rng=np.random.default_rng(seed))
+        mppi = Mppi(
+            problem, space, sampling, horizon=horizon, terminal_cost=exact_beyond, rng=np.random.default_rng(seed)
+        )
         first, second = mppi.plan(x), mppi.plan(x)  # the second around the tape that the first found
         assert first.estimate is not None
         assert second.estimate is not None

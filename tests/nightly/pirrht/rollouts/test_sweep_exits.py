@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from walled_room import room
 
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
-from pirrht.rollouts.sweep import sweep_exit
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit
 
 
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():

@@ -53,7 +53,7 @@ def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
     part = estimate.parts[0]
     for h in range(len(names)):
         own = slice(*part.tables.first[h : h + 2])
-        weight = -part.paths.work[own] / noisy(slit).temperature + part.paths.lasting[own]
+        weight = -part.paths.work[own] / noisy(slit).temperature + part.paths.log_survival[own]
         weight = np.exp(weight - part.paths.log_ratio[own, h])
         weight *= part.paths.outcome[own] == 1
         result = alone(noisy(slit), estimate, h, {})

@@ -23,7 +23,7 @@ def test_without_a_cost_behind_the_horizon_nothing_is_found():
     problem, space = annulus(B, RADIUS)
     sampling = Sampling(samples=200, guide="open-loop")
     mppi = Mppi(
-        problem, space, sampling, horizon=0.2, beyond=lambda states: np.full(len(states), np.inf),
+        problem, space, sampling, horizon=0.2, terminal_cost=lambda states: np.full(len(states), np.inf),
         rng=np.random.default_rng(0),
     )  # fmt: skip
     plan = mppi.plan(np.array([1.2, 0.0]))

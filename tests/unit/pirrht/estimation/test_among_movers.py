@@ -76,12 +76,11 @@ def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_cl
     integral, batch = passing()
     assert len(batch.proposals) == 2
     found = [integral.estimate(integral.rollout(batch, 1))]
-    for change in ({"half_spaces": None}, {"gains": 0.8}):
+    for gated in (False, True):
         proposals = []
         for proposal in batch.proposals:
             guide = proposal.lead.guide
-            fewer = {"half_spaces": None} if "half_spaces" in change else {"gains": 0.8 * guide.gains}
-            other = replace(guide, **fewer)
+            other = replace(guide, gains=0.8 * guide.gains) if gated else replace(guide, walls_ahead=None)
             proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
@@ -138,7 +137,7 @@ def test_bodies_out_of_reach_change_no_path():
     x, control, found = np.array([1.5, 2.5]), np.array([0.9, 0.0]), []
     for movers in (near, (*far[:3], *near, *far[3:])):
         found.append(held(sampler(hall("near", movers), 0.3), x, control, 300))
-    for name in ("work", "log_ratio", "outcome", "steps", "lasting"):
+    for name in ("work", "log_ratio", "outcome", "steps", "log_survival"):
         assert np.array_equal(getattr(found[0].paths, name), getattr(found[1].paths, name))
     assert np.sum(found[0].paths.outcome == Outcome.COLLISION) > 20
 
@@ -164,10 +163,10 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         lead: ProposalControl = proposal.lead
         guide = lead.guide
         assert guide.valid
-        assert guide.half_spaces is not None
+        assert guide.walls_ahead is not None
         for i in (0, 3, 6):
             # The drift that `WallDrift` adds, b = 0.2.
-            pushed = guide.input_of(guide.states[i], 0.2 * guide.wall_drift[0][FINER * i])
+            pushed = guide.dynamics.input_of(guide.states[i], 0.2 * guide.walls_ahead.drift[FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

@@ -55,14 +55,14 @@ def test_blocks_hold_the_paths_that_one_by_one_come_out(slit, slit_tree, rules, 
     assert len(np.unique(block.outcome)) > 1
     for name in Paths._fields:
         one, other = getattr(block, name)[~different], getattr(single, name)[~different]
-        if name == "lasting":
+        if name == "log_survival":
             one, other = np.exp(one), np.exp(other)
         if name == "log_ratio":  # blocks hold what has fallen far below the rest (`RolloutTuning.negligible`)
             one, other = (np.maximum(x, x.max(axis=1, keepdims=True) - 10.0) for x in (one, other))
         # Blocks are in single precision; log dQ/dP is a sum of some hundred terms of up to ten, and survival hangs on
         # distances of millimeters. Steps that fit a place depend on it, so that a few paths, close to walls for long,
         # come apart by more than a rounding error.
-        big = name in ("log_ratio", "lasting")
+        big = name in ("log_ratio", "log_survival")
         for share, rtol, atol in ((0.06, 1e-4, 2e-3 if big else 1e-5), (0.01, 0.01, 0.1 if big else 0.01)):
             apart = ~np.isclose(one, other, rtol=rtol, atol=atol)
             assert apart.reshape(len(one), -1).any(axis=1).mean() < share, name

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from walled_room import room
 
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
-from pirrht.rollouts.sweep import sweep_exit, sweep_onward, turn_of
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit, sweep_onward, turn_of
 
 
 def test_a_sweep_never_passes_through_a_thin_wall():

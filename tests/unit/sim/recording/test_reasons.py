@@ -62,7 +62,7 @@ def test_samples_that_die_are_counted_where_they_were_drawn(planned):
         for part in plan.estimate.parts:
             own = slice(part.tables.first[h], part.tables.first[h + 1])
             arrived = part.paths.outcome[own] == Outcome.GOAL
-            lost += np.sum(~arrived) + np.sum(1.0 - np.exp(part.paths.lasting[own][arrived]))
+            lost += np.sum(~arrived) + np.sum(1.0 - np.exp(part.paths.log_survival[own][arrived]))
             count += len(arrived)
         assert found[name].dying + found[name].late == pytest.approx(lost / count)
         assert alive[name] == pytest.approx(1.0 - lost / count)
