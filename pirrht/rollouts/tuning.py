@@ -13,10 +13,9 @@ class RolloutTuning(NamedTuple):
     arc: float = 1.0  # a step without position noise is swept along an arc of at most this angle; a chord beyond [rad]
     wall_reach: float = 1.0  # reach of walls next to the goal, behind the last cross-section, in decay lengths 1/k
     least_change: float = 1e-6  # a step is no shorter than this where motions of obstacles change [s]
-    # Below log dQ_g/dQ_h = -20 a path of h follows a_h under g as well. The density of the mixture loses exp(-20) of
+    # Below log dQ_g/dQ_h = -30 a path of h follows a_h under g as well. The density of the mixture loses exp(-30) of
     # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes more.
-    negligible: float = 20.0
-    lost: float = 30.0  # nats by which a path is less likely under a reference whose law then counts for nothing
+    negligible: float = 30.0
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
     half_spaces: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
     mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice

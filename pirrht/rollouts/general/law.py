@@ -241,7 +241,7 @@ def aims(kind: KernelSpec) -> Any:
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
             if takes_law and weigh:
                 # dQ_g/dQ_h is a martingale, so that exp(-lost) is also the expected share of it later; never of h.
-                lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.lost
+                lost[g] = lost[g] or ratio[g] < ratio[h] - TUNING.negligible
             if lost[g]:
                 continue
             if noisy_position and tables.ways.count[g] > 0:
