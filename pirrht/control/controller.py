@@ -80,10 +80,11 @@ class Controller(Policy):
         homology: Homology | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
+        of_tree.validate(tree, problem, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
         self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
         self.path_integral = path_integral(problem, space, sampling, homology=self.homology)
-        of_tree.validate(tree, self.path_integral, self.settings)
+        of_tree.validate_guides(tree, self.path_integral)
         self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
@@ -144,7 +145,6 @@ class Controller(Policy):
             of_tree.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:
-        scene, of = formatting.name(self.space.scene.name), type(self.problem.dynamics).__name__
+        scene, samples = formatting.name(self.space.scene.name), self.path_integral.sampling.samples
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
-        samples = self.path_integral.sampling.samples
-        return f"Controller({self.settings.method} for a {of} in {scene}: {samples} samples, {tree})"
+        return f"Controller({self.settings.method} for a {type(self.problem.dynamics).__name__} in {scene}: {samples} samples, {tree})"

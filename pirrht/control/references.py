@@ -23,7 +23,7 @@ from pirrht.topology.homology import Driven
 from pirrht.topology.signature import integers
 
 
-def validate(tree: HomologyTree | None, integral: PathIntegral, settings: ControlSettings) -> None:
+def validate(tree: HomologyTree | None, problem: Problem, settings: ControlSettings) -> None:
     """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
 
     Raises:
@@ -33,7 +33,6 @@ def validate(tree: HomologyTree | None, integral: PathIntegral, settings: Contro
         if settings.use.most != 0:
             raise OptionError(f"the method {settings.method!r} needs a tree")
         return
-    problem = integral.problem
     steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
     if problem.scene.movers and not tree.steering.timed:
         raise OptionError(
@@ -45,7 +44,16 @@ def validate(tree: HomologyTree | None, integral: PathIntegral, settings: Contro
             f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
             f"the tree with a Steering for {dynamics}"
         )
-    if not (tree.steering.drives or integral.proposals.tracks):
+
+
+def validate_guides(tree: HomologyTree | None, integral: PathIntegral) -> None:
+    """Check that the references of a tree have controls that samples can follow.
+
+    Raises:
+        OptionError: they have none, and no feedback law is optimised either.
+    """
+    if tree is not None and not (tree.steering.drives or integral.proposals.tracks):
+        dynamics = type(integral.problem.dynamics).__name__
         raise OptionError(
             f"{dynamics} has no steering of its own, and its references no controls that samples could follow: guide "
             'them by "feedback", not "open-loop"'
