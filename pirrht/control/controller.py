@@ -145,6 +145,6 @@ class Controller(Policy):
             of_tree.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:
-        scene, samples = formatting.name(self.space.scene.name), self.path_integral.sampling.samples
+        of = f"a {type(self.problem.dynamics).__name__} in {formatting.name(self.space.scene.name)}"
         tree = "no tree" if self.tree is None else f"a tree of {self.tree.size} vertices"
-        return f"Controller({self.settings.method} for a {type(self.problem.dynamics).__name__} in {scene}: {samples} samples, {tree})"
+        return f"Controller({self.settings.method} for {of}: {self.path_integral.sampling.samples} samples, {tree})"
