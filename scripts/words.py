@@ -18,9 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-UNCHECKED: tuple[str, ...] = (
-    "pirrht/control", "pirrht/exact", "pirrht/steering",
-)  # packages in which some names are still to follow  # fmt: skip
+UNCHECKED: tuple[str, ...] = ()  # packages in which some names are still to follow
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.
 NAMES = {
@@ -49,7 +47,7 @@ NAMES = {
     "nearby listed among": "broad_phase, moving_exits",
     "lasting missed": "log_survival, survival probability",
     "beyond": "terminal_cost",
-    "reach room pace": "wall_offset, radius, clearance, speed, step size",
+    "reach room": "wall_offset, radius, clearance, speed, step size",
     "Offers Offer": "PassageSampler, Candidate",
     "saddles pages": "narrow_passages",
     "Marks Tracks Lanes Bases": "RayTable, MarkerTrajectories, BaseCache",

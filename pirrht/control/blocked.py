@@ -63,7 +63,7 @@ class Brake:
         best: tuple[float, ...] = ()
         for law in self._laws(x, known, last):
             found = self._tried(law, x, space, now)
-            worth = min(found.free, s.urgent), found.room // s.resolution, found.free, found.clearance
+            worth = min(found.free, s.urgent), found.static_clearance // s.resolution, found.free, found.clearance
             if chosen is None or worth > best:
                 best, chosen = worth, found
             enough = last.enough if last is not None and law is last.law else s.clearance
@@ -124,7 +124,8 @@ class Brake:
         settled = times >= 2.0 * s.within
         return Halt(
             law=law, times=np.asarray(times), tape=np.array(controls),
-            room=min(float(static[settled].min()), s.clearance), free=float(times[met[0]]) if len(met) else inf,
+            static_clearance=min(float(static[settled].min()), s.clearance),
+            free=float(times[met[0]]) if len(met) else inf,
             clearance=float(clearance[settled].min()),
         )  # fmt: skip
 

@@ -42,15 +42,15 @@ class ClassLaw:
     lead: ProposalControl | None  # None: samples of no class have none
     age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
     unseen: float = 0.0  # time since samples were last of this class [s]
-    trust: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
+    law_weight: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
 
     def control(self, x: Array, s: float) -> Array:
         """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
-        return self.rest + self.led(x, s)
+        return self.rest + self.guided(x, s)
 
-    def led(self, x: Array, s: float) -> Array:
+    def guided(self, x: Array, s: float) -> Array:
         """Return the share (m,) of the proposal control at state x (n,), s [s] after the plan."""
-        return np.zeros(len(self.rest)) if self.lead is None else self.trust * self.lead(x, s + self.age)
+        return np.zeros(len(self.rest)) if self.lead is None else self.law_weight * self.lead(x, s + self.age)
 
 
 class ClassMixture:
@@ -152,18 +152,18 @@ def pooled(
         leads: what samples around each class followed, by name; None where that does not depend on the state.
         push: wall drift near the samples.
     """
-    x, trust = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
-    laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, trust, tuning)
+    x, law_weight = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
+    laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, law_weight, tuning)
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:
             continue
         lead, control, log_psi = leads.get(name), estimate.class_controls[name], estimate.log_psi + np.log(weight)
         old = laws.get(name)
         if name not in leads and old is not None:  # its guide, if it has one, is of an earlier plan
-            new = replace(old, log_psi=float(log_psi), rest=control - old.led(x, 0.0), unseen=0.0)
+            new = replace(old, log_psi=float(log_psi), rest=control - old.guided(x, 0.0), unseen=0.0)
         else:
-            rest = control if lead is None else control - trust * lead.held(x)
-            new = ClassLaw(log_psi=float(log_psi), rest=rest, lead=lead, trust=trust)
+            rest = control if lead is None else control - law_weight * lead.held(x)
+            new = ClassLaw(log_psi=float(log_psi), rest=rest, lead=lead, law_weight=law_weight)
         laws[name] = new if old is None else _joined(old, new, tuning.bound)
     top = max(law.log_psi for law in laws.values())
     laws = {name: law for name, law in laws.items() if law.log_psi > top - tuning.faded}
@@ -178,7 +178,7 @@ def controls_followed(batch: Batch, estimate: Estimate) -> dict[str, ProposalCon
 
 
 def _carried(
-    before: ClassMixture, x: Array, leads: Mapping[str, ProposalControl | None], elapsed: float, trust: float,
+    before: ClassMixture, x: Array, leads: Mapping[str, ProposalControl | None], elapsed: float, law_weight: float,
     tuning: ControlTuning,
 ) -> dict[str, ClassLaw]:  # fmt: skip
     """Return the laws of an earlier mixture at x (n,), less those whose gradient is no longer known."""
@@ -190,8 +190,8 @@ def _carried(
             continue
         law = replace(old, log_psi=log_psi[name] - elapsed / tuning.memory, age=old.age + elapsed, unseen=unseen)
         if lead is not None:  # another reference than before must not change what is known
-            rest = law.control(x, 0.0) - trust * lead(x, 0.0)
-            law = replace(law, rest=rest, lead=lead, age=0.0, trust=trust)
+            rest = law.control(x, 0.0) - law_weight * lead(x, 0.0)
+            law = replace(law, rest=rest, lead=lead, age=0.0, law_weight=law_weight)
         laws[name] = law
     return laws
 

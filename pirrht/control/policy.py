@@ -94,7 +94,7 @@ class Halt:
     law: Law
     times: Array  # ends of steps, (T+1,) [s]
     tape: Array  # controls of those steps without noise, (T, m)
-    room: float  # clearance from static obstacles once it has settled, at most the sufficient one [m]
+    static_clearance: float  # from static obstacles once it has settled, at most the sufficient one [m]
     free: float  # how long it touches nothing [s]; infinite if that is beyond the horizon
     clearance: float  # the least within the horizon, once it has settled [m]
     enough: float = 0.0  # clearance at which the robot goes on waiting by this law [m]

@@ -42,7 +42,7 @@ class Step(NamedTuple):
     deviation: float  # b sqrt(dt) along each axis [m]
     rate: float  # q/lambda [nats/s]
     wall: float  # phi/lambda [nats]; may be infinite
-    reach: float  # boundaries and ends further away do not matter [m]
+    cutoff: float  # boundaries and ends further away do not matter [m]
 
 
 class Patch(NamedTuple):
@@ -85,12 +85,12 @@ def to_border(surroundings, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solids_near(bodies, begin, end, x, y, reach):  # type: ignore[no-untyped-def]
+def solids_near(bodies, begin, end, x, y, cutoff):  # type: ignore[no-untyped-def]
     """Solids that are within reach of (x, y) [m] at the beginning or the end of a step."""
     near, count = np.empty(bodies.owner.shape[0], dtype=np.int64), 0
     for k in range(near.shape[0]):
         d = clearance_from(bodies, k, begin, x, y)
-        if min(d, clearance_from(bodies, k, end, x, y)) < reach:
+        if min(d, clearance_from(bodies, k, end, x, y)) < cutoff:
             near[count] = k
             count += 1
     return near[:count]
@@ -135,13 +135,13 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
             surroundings.bodies, patch.near[k], patch.begin, x, y
         )
         free = free and clear[k, 0] > 0.0
-    if free and rim < step.reach:
+    if free and rim < step.cutoff:
         distance[0], n = rim, 1
     while free and n < most - 4:
-        at = _nearest_left(clear, member, step.reach)
+        at = _nearest_left(clear, member, step.cutoff)
         if at < 0:
             break
-        then = _join_wall(surroundings.bodies, patch, clear, member, (at, n), (x, y, step.reach))
+        then = _join_wall(surroundings.bodies, patch, clear, member, (at, n), (x, y, step.cutoff))
         kind[n], distance[n], speed[n] = WALL, clear[at, 0], (then - clear[at, 0]) / step.dt
         drift = speed[n] / (step.b * step.b)
         if step.wall < math.inf:
@@ -150,7 +150,7 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
         n += 1
     sides = (x - surroundings.left, surroundings.right - x, y - surroundings.low, surroundings.high - y)
     for k in range(4):
-        if sides[k] < step.reach:
+        if sides[k] < step.cutoff:
             kind[n], distance[n], steepness[n] = LEFT + k, sides[k], math.sqrt(2.0 * step.rate) / step.b
             n += 1
     return free, Boundaries(kind[:n], distance[:n], speed[:n], steepness[:n], member)
@@ -159,21 +159,21 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
 @kernel
 def _join_wall(bodies, patch, clear, member, which, place):  # type: ignore[no-untyped-def]
     """Gather the solids in the direction of solid `at` as wall n; its clearance at the end of the step [m]."""
-    (at, n), (x, y, reach), then = which, place, math.inf
+    (at, n), (x, y, cutoff), then = which, place, math.inf
     for k in range(len(patch.near)):
         apart = stands_apart(clear[k, 1], clear[k, 2], clear[at, 1], clear[at, 2])
-        if member[k] < 0 and (k == at or (clear[k, 0] < reach and not apart)):
+        if member[k] < 0 and (k == at or (clear[k, 0] < cutoff and not apart)):
             member[k] = n
             then = min(then, clearance_from(bodies, patch.near[k], patch.end, x, y))
     return then
 
 
 @inlined
-def _nearest_left(clear, member, reach):  # type: ignore[no-untyped-def]
+def _nearest_left(clear, member, cutoff):  # type: ignore[no-untyped-def]
     """Index of the nearest solid within reach [m] that belongs to no wall; -1: none."""
     at = -1
     for k in range(clear.shape[0]):
-        if member[k] < 0 and clear[k, 0] < reach and (at < 0 or clear[k, 0] < clear[at, 0]):
+        if member[k] < 0 and clear[k, 0] < cutoff and (at < 0 or clear[k, 0] < clear[at, 0]):
             at = k
     return at
 

@@ -61,7 +61,7 @@ def grid_of(
     assert dt is not None
     rate, wall = problem.q / problem.temperature, problem.phi / problem.temperature
     step, domain = step_of(dt, float(problem.dynamics.B_c(np.zeros(2))[0, 0]), rate, wall), Domain.of(space)
-    margin = math.ceil(step.reach / spacing) + 1
+    margin = math.ceil(step.cutoff / spacing) + 1
     corner = domain.lower - margin * spacing
     size = np.ceil((domain.upper - corner) / spacing).astype(int) + 1 + margin
     into, at_goal = np.zeros(tuple(size)), np.zeros(tuple(size))

@@ -38,7 +38,7 @@ def taps_along(count: int, first: float, spacing: float, low: float, high: float
 
     Args: `first`, coordinate of the first point, `spacing` h, `low` and `high` border [m]; `step`, whose reach is R.
     """
-    R = math.ceil(step.reach / spacing)
+    R = math.ceil(step.cutoff / spacing)
     offset = spacing * np.arange(-R, R + 1)[:, None]
     weight = spacing / (step.deviation * math.sqrt(2.0 * math.pi)) * np.exp(-0.5 * (offset / step.deviation) ** 2)
     here = first + spacing * np.arange(TUNING.tile * -(-count // TUNING.tile))
@@ -117,8 +117,8 @@ def meet_boundaries(surroundings, step, begin, end, later, out):  # type: ignore
         end and the beginning of the step, 2 x (nx, ny) [nats].
     """
     (nx, ny), frame, tile = out.shape, surroundings.frame, TUNING.tile
-    margin = math.ceil(step.reach / frame.spacing)
-    reach = step.reach + 0.5 * math.sqrt(2.0) * tile * frame.spacing
+    margin = math.ceil(step.cutoff / frame.spacing)
+    reach = step.cutoff + 0.5 * math.sqrt(2.0) * tile * frame.spacing
     for i0 in range(0, nx, tile):
         for j0 in range(0, ny, tile):
             i1, j1 = min(i0 + tile, nx), min(j0 + tile, ny)
@@ -154,9 +154,9 @@ def log_psi_before(surroundings, step, begin, end, later, x, slope):  # type: ig
     -phi/lambda in walls. `begin` and `end` are poses of all bodies, 2 x (1 + J, 4), as of `frames_of`.
     """
     frame = surroundings.frame
-    near = solids_near(surroundings.bodies, begin, end, x[0], x[1], step.reach)
+    near = solids_near(surroundings.bodies, begin, end, x[0], x[1], step.cutoff)
     i, j = math.floor((x[0] - frame.x0) / frame.spacing + 0.5), math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
-    margin = math.ceil(step.reach / frame.spacing + 0.5)
+    margin = math.ceil(step.cutoff / frame.spacing + 0.5)
     patch = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
     slope[0], slope[1] = 0.0, 0.0
     known, met = boundaries_of(surroundings, step, patch, x[0], x[1])

@@ -178,8 +178,8 @@ def grid_of(
     table = timetable(scene.movers, longest)
     thinning = _thinning(scene, spacing, table)
     ahead = TUNING.next_frame * longest * thinning
-    reach = step_of(longest * thinning + ahead, b, rate, step.wall).reach
-    surroundings = _surroundings(scene, spacing, point.wavenumber_of(problem), reach)
+    cutoff = step_of(longest * thinning + ahead, b, rate, step.wall).cutoff
+    surroundings = _surroundings(scene, spacing, point.wavenumber_of(problem), cutoff)
     shape = tuple(int(n) for n in np.ceil((scene.upper - scene.lower) / spacing - 1e-9).astype(int) + 1)
     jump = BEFORE if table.period > 0.0 else 0.0  # so that repeated bodies are on the right side of it
     begin, end = (poses_at(scene.movers, t) for t in (table.times[:-1] + jump, table.times[1:] - jump))
@@ -202,15 +202,15 @@ def grid_of(
     )  # fmt: skip
 
 
-def _surroundings(scene: Scene, spacing: float, wavenumber: float, reach: float) -> Surroundings:
-    """Boundaries of a scene for steps of a reach [m] on a grid of a spacing [m], k in [1/m]."""
+def _surroundings(scene: Scene, spacing: float, wavenumber: float, cutoff: float) -> Surroundings:
+    """Boundaries of a scene for steps of a cutoff [m] on a grid of a spacing [m], k in [1/m]."""
     (left, low), (right, high) = scene.lower.tolist(), scene.upper.tolist()
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
     pitch = min(frame.radius, 1.0 / wavenumber) / 64.0  # cubic interpolation errs by 1e-8
-    e, rim = pitch * np.arange(4.0 + 3.0 * reach / pitch), wavenumber * frame.radius
+    e, rim = pitch * np.arange(4.0 + 3.0 * cutoff / pitch), wavenumber * frame.radius
     around_goal = kve(0, rim + wavenumber * e) / kve(0, rim) * np.exp(-wavenumber * e)
     return Surroundings(
-        frame, float(left), float(low), float(right), float(high), bodies_of(scene, reach), around_goal, pitch
+        frame, float(left), float(low), float(right), float(high), bodies_of(scene, cutoff), around_goal, pitch
     )
 
 

@@ -44,12 +44,12 @@ def nothing(x, s):
     return np.zeros(2)
 
 
-def estimate(x, *, trust=1.0, **classes):
+def estimate(x, *, law_weight=1.0, **classes):
     """What the samples of one plan say: log psi and control of each class."""
     logs = {name: log for name, (log, _) in classes.items()}
     total = np.logaddexp.reduce(list(logs.values()))
     return SimpleNamespace(
-        rollouts=SimpleNamespace(x0=np.array(x, dtype=float), tables=SimpleNamespace(law_weight=trust)),
+        rollouts=SimpleNamespace(x0=np.array(x, dtype=float), tables=SimpleNamespace(law_weight=law_weight)),
         log_psi=float(total),
         class_weights={name: float(np.exp(log - total)) for name, log in logs.items()},
         class_controls={name: np.array(u) for name, (_, u) in classes.items()},
@@ -153,20 +153,20 @@ def test_a_class_that_only_samples_around_others_are_of_keeps_its_earlier_guide(
         np.testing.assert_allclose(after(place, 0.0), before(place, 0.0), rtol=1e-12)
 
 
-@pytest.mark.parametrize("trust", [0.0, 0.3, 1.0])
-def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, trust):
+@pytest.mark.parametrize("law_weight", [0.0, 0.3, 1.0])
+def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, law_weight):
     """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""
     guide, x, beside = Steep(), np.array([0.2, 0.1]), np.array([0.21, 0.1])
-    law = pooled(problem, None, estimate(x, trust=trust, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
+    law = pooled(problem, None, estimate(x, law_weight=law_weight, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
     change = law(beside, 0.0) - law(x, 0.0)
-    np.testing.assert_allclose(change, trust * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
+    np.testing.assert_allclose(change, law_weight * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
 
 
 def test_what_is_carried_along_stays_as_it_is_when_another_plan_trusts_its_guide_less(problem):
     x = np.array([0.2, 0.1])
     first = pooled(problem, None, estimate(x, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
-    second = pooled(problem, first, estimate(x, trust=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
+    second = pooled(problem, first, estimate(x, law_weight=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
     np.testing.assert_allclose(second(x, 0.0), first(x, 0.0), rtol=1e-12)
 
 
