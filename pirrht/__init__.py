@@ -60,7 +60,7 @@ _HOME = {
 }
 
 __all__ = [*_HOME]
-__version__ = "0.31.0"
+__version__ = "0.31.1"
 
 
 def __getattr__(name: str) -> Any:
