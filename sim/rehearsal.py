@@ -74,6 +74,8 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
 
 
 def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: Array) -> None:
-    """Do what drives come to now and then: hold the tape of a class without a guide, ask FCL about an edge."""
+    """Do what runs come to now and then: hold a control sequence, ask FCL about an edge, rename classes."""
     reference.trajectory.tape(times)
     tree.checker.motion.free(reference.path, 0, scenario.space)
+    if tree.homology.J:
+        tree.homology.winding(np.zeros((2, 3)))

@@ -139,7 +139,7 @@ class PathIntegral:
         self.replay.trace(rollouts, np.zeros(1, dtype=np.int64))
 
     def grid(self, reference_cost: float) -> Array:
-        """Return the ends of the rollout steps (T+1,) [s] up to T_max = (c_ref + tail lambda) / q_min."""
+        """Return the ends of the rollout steps (T+1,) [s] up to T_max = (c_ref + 40 lambda) / q_min."""
         return self.steps((reference_cost + self.tuning.tail * self.temperature) / self.problem.least_rate)
 
     def steps(self, horizon: float) -> Array:

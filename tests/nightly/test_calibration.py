@@ -169,7 +169,7 @@ def test_both_ways_contend_at_the_start_of_crossing_and_shares_there_are_those_o
     given = {"places": np.zeros((0, 2)), "seed": 0, "last": 4.5, "plans": 4, "most": 4}
     (one,) = contested.contested(scenario, scenario.truth(), controller, **given)
     assert (one["x"], one["t"]) == (scenario.start[:2].tolist(), 0.0)
-    assert max(one["shares"].values()) < contested.DECIDED
+    assert max(one["shares"].values()) < contested.TUNING.decided
     assert contested.apart(contested.pooled_of(one), one["shares"]) < 0.09
     assert contested.in_errors(one) < 4.0
 

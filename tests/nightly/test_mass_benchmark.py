@@ -40,10 +40,10 @@ def test_psi_of_a_mass_is_the_same_from_three_guides(x):
     assert len(batches["guided"].proposals) > 1
     said = [mass.psi_of(controller.path_integral, batches[kind], 100_000, k) for k, kind in enumerate(mass.KINDS, 1)]
     assert all(one.ess > 100.0 for one in said)
-    assert said[0].ess > 3.0 * max(said[1].ess, said[2].ess)
+    assert said[0].ess > 2.5 * max(said[1].ess, said[2].ess)
     for i, one in enumerate(said):
         for other in said[:i]:
-            assert abs(one.log_psi - other.log_psi) < 3.0 * np.hypot(one.error, other.error)
+            assert abs(one.log_psi - other.log_psi) < 4.0 * np.hypot(one.error, other.error)
 
 
 def test_another_classs_guide_leads_most_samples_of_the_third_kind():

@@ -115,10 +115,13 @@ def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
         Tracked.of(mass, -1.0)
 
 
-def test_tapes_of_such_references_would_drive_nowhere_and_are_refused():
+def test_open_loop_samples_of_such_references_follow_the_nominal_controls_of_their_guides():
     problem, space, tree, _ = grown()
-    with pytest.raises(OptionError, match='guide them by "feedback", not "open-loop"'):
-        Controller(problem, space, tree, Sampling(dt=0.1, guide="open-loop"), rng=np.random.default_rng(0))
+    open_loop = Sampling(dt=0.1, guide="open-loop")
+    controller = Controller(problem, space, tree, open_loop, rng=np.random.default_rng(0))
+    plan = controller.plan(problem.dynamics.state_of(problem.scene.start))
+    assert plan.estimate is not None
+    assert plan.estimate.survivors > 0
 
 
 def test_a_tree_of_positions_without_steering_for_the_system_is_refused_still():

@@ -42,7 +42,7 @@ def test_too_few_and_too_many_numbers_are_refused(hover, said):
 def test_a_speed_that_nothing_can_brake_is_named_as_the_reason(hover):
     tree = hover.grown_tree()
     controller = hover.driver(tree)
-    with pytest.raises(NoReference, match=r"same place at rest some are: few ways brake .* start slower") as refused:
+    with pytest.raises(NoReference, match=r"same place at rest some are: few paths brake .* start slower") as refused:
         controller.plan(np.array(FAST))
     assert refused.value.hasty
     assert controller.plan(np.array([*FAST[:2], 0.0, 0.0])).references

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.control.policy import Drive
+from pirrht.control.policy import RunState
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from sim.drive.episode import Tally
@@ -15,7 +15,7 @@ from sim.scenario import prepare
 
 def test_a_drives_clock_runs_whether_it_is_driven_or_only_expected():
     scenario = prepare("pincer")
-    drive = Drive(scenario.homology, scenario.start)
+    drive = RunState(scenario.homology, scenario.start)
     drive.passed(0.3)
     drive.passed(0.2)
     assert drive.time == pytest.approx(0.5)
