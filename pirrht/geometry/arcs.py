@@ -192,6 +192,20 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @kernel
+def is_certified(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Tell whether `certify_segment` returns FREE; stops at the first doubt."""
+    length, s = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0
+    per = 1.0 / length if length > 0.0 else 0.0
+    while True:
+        c = clearance(field, ax + s * per * (bx - ax), ay + s * per * (by - ay))
+        if c < LEAST_STEP:
+            return False
+        if s >= length:
+            return True
+        s = min(s + c, length)
+
+
+@kernel
 def certify_point(field, x, y):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
     return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import FREE, certify_segment, entry_of_piece
+from pirrht.geometry.arcs import entry_of_piece, is_certified
 from pirrht.geometry.field import Field, clearance
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.shortening import chain, in_time
 from pirrht.shortening.tuning import POLYLINE as TUNING
 from pirrht.steering.edges import EdgeChecker
@@ -45,7 +45,7 @@ def _length(points: Array) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-@kernel
+@borrowing
 def _contractible(around, points, i, j):  # type: ignore[no-untyped-def]
     """Tell whether the loop points[i..j] and straight back encircles no marker."""
     key = key_of_segment(around.cuts, points[j, 0], points[j, 1], points[i, 0], points[i, 1])
@@ -54,7 +54,7 @@ def _contractible(around, points, i, j):  # type: ignore[no-untyped-def]
     return key == 0
 
 
-@kernel
+@borrowing
 def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Length of a segment, and where it enters the goal's disc; infinity if it does not."""
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
@@ -62,23 +62,23 @@ def _entry(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return length, entry_of_piece(ax, ay, heading, 0.0, length, around.goal_x, around.goal_y, around.goal_radius)
 
 
-@kernel
+@borrowing
 def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """Tell whether the segment ab is certainly free up to where it enters the goal's disc."""
     length, s = _entry(around, ax, ay, bx, by)
     if s < length:
         bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
-    return certify_segment(around.field, ax, ay, bx, by) == FREE
+    return is_certified(around.field, ax, ay, bx, by)
 
 
-@kernel
+@borrowing
 def _replaceable(around, points, i, j):  # type: ignore[no-untyped-def]
     """Tell whether a free straight piece of one class leads from points[i] to points[j]."""
     free = _clear(around, points[i, 0], points[i, 1], points[j, 0], points[j, 1])
     return free and _contractible(around, points, i, j)
 
 
-@kernel
+@borrowing
 def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
     """Leave out every run of corners that a free straight piece of one class can replace."""
     i = 0
@@ -94,7 +94,7 @@ def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
     return count
 
 
-@kernel
+@borrowing
 def _blunted(around, corner):  # type: ignore[no-untyped-def]
     """Blunt a corner (before, corner, after), (3, 2), by most of both legs; rows 0 and 2 become the new piece."""
     x, y = corner[1, 0], corner[1, 1]
@@ -151,7 +151,7 @@ def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore
     return n + 1
 
 
-@kernel
+@borrowing
 def _slide(around, points, i, to, leg):  # type: ignore[no-untyped-def]
     """Move corner i towards its neighbour `to` as long as the leg (3, 2) from or to its other neighbour stays free."""
     last = 2 if to > i else 0  # the leg leads forward, since it ends where it enters the goal's disc
@@ -182,7 +182,7 @@ def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
     return loose
 
 
-@kernel
+@borrowing
 def _copied(points, count, out):  # type: ignore[no-untyped-def]
     for i in range(count):
         out[i, 0], out[i, 1] = points[i, 0], points[i, 1]
@@ -237,7 +237,7 @@ def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
 
 def resumes(steering: Steering) -> bool:
     """Tell whether paths of a method are shortened much faster from an earlier path of the class."""
-    return isinstance(steering, InTime) or not steering.drives or not (steering.compiled or _straight(steering))
+    return isinstance(steering, InTime) or not steering.drives or steering.motion is not ARCS
 
 
 def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any:

@@ -20,6 +20,8 @@ from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.steering.tuning import TUNING
 from pirrht.topology.crossings import crossed
 
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+
 
 class Cubic(NamedTuple):
     """One path of constant jerk, as numbers."""
@@ -136,11 +138,10 @@ class Cubics(NamedTuple):
 
     def length(self) -> Array:
         """Lengths of the paths (k,) [m], by Gauss-Legendre quadrature."""
-        nodes, weights = np.polynomial.legendre.leggauss(16)
-        times = 0.5 * self.duration[:, None] * (nodes + 1.0)
+        times = 0.5 * self.duration[:, None] * (NODES + 1.0)
         first, linear, square = (self.path[:, k : k + 2, None] for k in (2, 4, 6))
         vx, vy = np.moveaxis(first + times[:, None] * (linear + 0.5 * times[:, None] * square), 1, 0)
-        return np.asarray(0.5 * self.duration * (np.hypot(vx, vy) @ weights))
+        return np.asarray(0.5 * self.duration * (np.hypot(vx, vy) @ WEIGHTS))
 
 
 def _top_speed(c: Cubic, T: float) -> float:

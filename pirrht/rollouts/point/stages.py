@@ -87,21 +87,21 @@ def way_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-unty
     b00, b01, b10, b11 = np.float32(B[0, 0]), np.float32(B[0, 1]), np.float32(B[1, 0]), np.float32(B[1, 1])
     tube = place + 4 * PLACE * g * C, slope + 4 * KNOWN * g * C * J, last, J
     for begin in range(0, n, CHUNK):  # what is looked up lane by lane goes to rows of its own, for loops of vectors
-        some = g == h
-        for k in range(begin, begin if g == h else begin + CHUNK):
+        some, width = g == h, min(CHUNK, n - begin)
+        for k in range(begin, begin if g == h else begin + width):
             some |= ratio[own + k] >= negligible
-        for i in range(CHUNK if some else 0):
+        for i in range(width if some else 0):
             k = begin + i
             if g == h or ratio[own + k] >= negligible:
                 s = numbers_at(tube, np.int64(short[stage + k]), f[X + k], f[Y + k], f, NODES + i, CHUNK)
                 short[stage + k] = np.int32(s)
-        for i in range(CHUNK if some else 0):
+        for i in range(width if some else 0):
             k = begin + i
             at = WALL + k
             walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
             gx, gy = slope_of(f, NODES + i, CHUNK, decay, goal, f[X + k], f[Y + k], walls)
             a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
-        for k in range(begin, begin + CHUNK if g != h else begin):
+        for k in range(begin, begin + width if g != h else begin):
             over = ratio[own + k] < negligible
             a[row + k] = a[mine + k] if over else a[row + k]
             a[row + L + k] = a[mine + L + k] if over else a[row + L + k]
