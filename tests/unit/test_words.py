@@ -10,7 +10,7 @@ import words
     ("source", "found"),
     [
         ("class Aside: ...", [(1, "Aside")]),
-        ("def plan(pace): ...", [(1, "pace")]),
+        ("def plan(reach): ...", [(1, "reach")]),
         ("x = 1\nplan.reach = x", [(2, "reach")]),
         ("print(plan.reach)", []),  # where it is defined it is found
         ('"""Return one value.\n\nIt is foretold.\n"""', [(3, "foretold")]),
