@@ -172,10 +172,10 @@ def refused(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it.
 
-    Where they do not, the walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+    Where they do not, a `patient` walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
     """
     length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
     per = 1.0 / length if length > 0.0 else 0.0
@@ -185,23 +185,11 @@ def certify_segment(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
         if c < LEAST_STEP:
             if refused(field, x, y) == BLOCKED:
                 return BLOCKED
+            if not patient:
+                return UNSURE
             verdict, c = UNSURE, 0.5 * field.spacing
         if s >= length:
             return verdict
-        s = min(s + c, length)
-
-
-@kernel
-def is_certified(field, ax, ay, bx, by):  # type: ignore[no-untyped-def]
-    """Tell whether `certify_segment` returns FREE; stops at the first doubt."""
-    length, s = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0
-    per = 1.0 / length if length > 0.0 else 0.0
-    while True:
-        c = clearance(field, ax + s * per * (bx - ax), ay + s * per * (by - ay))
-        if c < LEAST_STEP:
-            return False
-        if s >= length:
-            return True
         s = min(s + c, length)
 
 

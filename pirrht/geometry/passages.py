@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array, BoolArray
-from pirrht.geometry.arcs import is_certified
+from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, Field, border, clearance, value_at
 from pirrht.geometry.narrow_passages import narrow_places
@@ -216,7 +216,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         c = clearance(field, next_x, next_y)
         if c < min(least, 0.0) - 0.5 * field.spacing:
             break
-        if not is_certified(field, from_x, from_y, next_x, next_y) and (x != from_x or y != from_y):
+        if certify_segment(field, from_x, from_y, next_x, next_y, False) != FREE and (x != from_x or y != from_y):
             out[count, 0], out[count, 1], out[count, 2] = x, y, heading
             from_x, from_y = x, y
             count += 1

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import entry_of_piece, is_certified
+from pirrht.geometry.arcs import FREE, certify_segment, entry_of_piece
 from pirrht.geometry.field import Field, clearance
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.shortening import chain, in_time
@@ -68,7 +68,7 @@ def _clear(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     length, s = _entry(around, ax, ay, bx, by)
     if s < length:
         bx, by = ax + (bx - ax) * s / length, ay + (by - ay) * s / length
-    return is_certified(around.field, ax, ay, bx, by)
+    return certify_segment(around.field, ax, ay, bx, by, False) == FREE
 
 
 @borrowing
