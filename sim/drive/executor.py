@@ -25,7 +25,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import ROUNDING
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.plant import Advance, Control, Loop
+from sim.drive.plant import Advance, Control, Loop, LoopPlant
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
@@ -36,7 +36,7 @@ from sim.systems import named
 FOOTPRINT = "robot/footprint"  # geom of every robot
 
 
-class Executor:
+class Executor(LoopPlant):
     """The robot in MuJoCo."""
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
@@ -71,35 +71,19 @@ class Executor:
         What stands in MuJoCo is up to who moved it there.
         """
         self._loop.enter(problem)
-        self._dynamics, self._twist = problem.dynamics, problem.dynamics.twist
+        self._dynamics, self._twist, self._n = problem.dynamics, problem.dynamics.twist, problem.dynamics.n
         self._rate = commanded_rate(problem.dynamics, self._loop.step)
         # FCL moves its objects when it is asked, and in real time the planner asks its own meanwhile.
         self._room = self._loop.room(Collision(problem.scene.world, problem.scene.footprint).clearance)
-
-    @property
-    def physics_step(self) -> float:
-        """The timestep of the MJCF [s]."""
-        return self._loop.step
 
     @property
     def data(self) -> mujoco.MjData:
         """MuJoCo's state, for pictures; positions and contacts belong to `state`."""
         return self._data
 
-    @property
-    def state(self) -> Array:
-        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
-        return self._state.copy()
-
-    @property
-    def time(self) -> float:
-        """Time of the drive [s]; see `Plant.time`."""
-        return self._loop.time
-
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Stand at the first n entries of `state` at a time [s]; a robot on wheels rolls as it does without control."""
-        self._loop.start(time)
-        self._state = np.array(state, dtype=float)[: self._dynamics.n]
+        super().reset(state, time)
         twist = self._twist(self._state, self._dynamics.idle(self._state))
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
         self._stance.place(self._data, self._state, twist, self._command.dot(twist))

@@ -248,7 +248,35 @@ class Loop:
         return Outcome.GOAL if hypot(px - gx, py - gy) <= radius else None
 
 
-class Analytic:
+class LoopPlant:
+    """Clock and state of a plant that a `Loop` advances."""
+
+    _loop: Loop
+    _state: Array
+    _n: int
+
+    @property
+    def physics_step(self) -> float:
+        """Length of a physics step [s]."""
+        return self._loop.step
+
+    @property
+    def state(self) -> Array:
+        """State of the dynamics (n,): x, y [m], the unwrapped heading [rad] if there is one, and velocities [m/s]."""
+        return self._state.copy()
+
+    @property
+    def time(self) -> float:
+        """Time of the run [s]; see `Plant.time`."""
+        return self._loop.time
+
+    def reset(self, state: Array, time: float = 0.0) -> None:
+        """Start from the first n entries of `state` at a time [s]."""
+        self._loop.start(time)
+        self._state = np.array(state, dtype=float)[: self._n]
+
+
+class Analytic(LoopPlant):
     """The stochastic equation itself, with the planner's geometry in place of contacts.
 
     `clearance` maps centres (k, 2) to the free distance (k,) [m] of the robot, 0 or less in a collision.
@@ -262,26 +290,6 @@ class Analytic:
         self._step = problem.dynamics.step
         self._n = problem.dynamics.n
         self.reset(problem.dynamics.state_of(problem.scene.start))
-
-    @property
-    def physics_step(self) -> float:
-        """Length of an Euler-Maruyama step [s]."""
-        return self._loop.step
-
-    @property
-    def state(self) -> Array:
-        """The state of the equation, (n,)."""
-        return self._state.copy()
-
-    @property
-    def time(self) -> float:
-        """Time of the drive [s]; see `Plant.time`."""
-        return self._loop.time
-
-    def reset(self, state: Array, time: float = 0.0) -> None:
-        """Stand at the first n entries of `state` at a time [s]."""
-        self._loop.start(time)
-        self._state = np.array(state, dtype=float)[: self._n]
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period; see `Plant.advance`."""
