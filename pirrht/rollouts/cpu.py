@@ -168,11 +168,11 @@ def setup_of(problem: Problem, space: FreeSpace, *, bridge: bool) -> Setup:
     """Collect what rollouts need of a problem and its scene, exits judged along the step (`bridge`) or at its end."""
     d = problem.dynamics
     x = np.zeros(d.n)
-    constant, told = d.constant, d.constant or d.input_form
+    constant, known = d.constant, d.constant or d.input_form
     return Setup(
         world=space.world, cuts=space.homology.cuts, parameters=np.asarray(d.parameters, dtype=float),
-        inverse=d.control_gain(x) if told else np.zeros((d.m, d.m)),
-        gain=d.noise_gain(x) if told else np.zeros((d.m, d.m)),
+        inverse=d.control_gain(x) if known else np.zeros((d.m, d.m)),
+        gain=d.noise_gain(x) if known else np.zeros((d.m, d.m)),
         diffusion=np.asarray(d.B_c(x)) if constant else np.zeros((d.rows, d.m)),
         rate=0.0 if callable(problem.q) else float(problem.q), bridge=bridge,
         least_rate=problem.least_rate / problem.temperature, marks=NO_RAYS,
