@@ -1,19 +1,31 @@
 """Shorten paths in space and time inside their class, until they are nearly the optimum of the class.
 
 Knots between two others are left out where the straight line between those is free, within the limit of speeds and of
-one class: that never costs more. Then all knots move, in space and time, to where the path costs least
-(`timed_relaxation`), more of them where it bends. The result counts only if it is certified and of the class.
+one class: that never costs more. Then all knots move, in space and time, to where the path costs least while it keeps
+off all obstacles, more of them where it bends. The result counts only if it is certified and of the class.
+
+Knots lie at fixed shares of the path's duration; their places and the duration change, and the cost, the sum of q dt +
+(r/2) |dx|^2 / dt, is convex in these. Penalties are squares of the margin lacking at points of every leg, of speeds
+over the limit, and of the last knot's distance to the goal's disc. All terms are nearly linear in two neighbouring
+knots and the duration, so a Newton step solves a matrix of three side diagonals with a border. Clearances are known
+well only outside of solids: no step is longer than the robot.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import FREE
+from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal
-from pirrht.jit.jit import kernel
-from pirrht.shortening.timed_relaxation import relax
+from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.vectors import copy_row, copy_rows
+from pirrht.moving.distances import FASTEST, of_body, outside_of, pose_of, walls_of_some
+from pirrht.moving.tuning import WALL
+from pirrht.shortening.chain import keys_of
 from pirrht.shortening.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
@@ -21,15 +33,21 @@ from pirrht.steering.legs import Legs, entered, free_leg
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
+BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
+
 
 def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
-    joined = _joined(path.knots, steering, checker, far=True)
-    best = path if joined is None or joined.cost.sum() > path.cost.sum() else joined
+    best, key = path, _judged(path, checker)[1]
+    joined, _ = _joined(path.knots, steering, checker, far=True)
+    if joined is not None and joined.cost.sum() <= path.cost.sum():
+        best = joined
     for count, margins in TUNING.rounds:
         for margin in margins:
-            found = _relaxed(best, count, margin, steering, checker)
-            if found is not None:
+            knots = _meshed(best.knots, count)
+            relax(checker.around, steering.numbers, knots, margin, checker.space.scene.robot_radius, 0)
+            found, own = _joined(knots, steering, checker, far=False)
+            if found is not None and own == key and found.cost.sum() < best.cost.sum():
                 best = found
                 break
     return best
@@ -52,7 +70,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
             relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
-        if checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all():
+        if _judged(found, checker)[0]:
             return found
     return None
 
@@ -64,24 +82,20 @@ def _into(place: Array, goal: Goal) -> Array:
     return inside
 
 
-def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
-    """Move the knots of a path; None unless the result is free, of the class and cheaper."""
-    knots = _meshed(path.knots, count)
-    relax(checker.around, steering.numbers, knots, margin, checker.space.scene.robot_radius, 0)
-    found = _joined(knots, steering, checker, far=False)
-    if found is None or found.cost.sum() >= path.cost.sum():
-        return None
-    return found if _key_of(checker.around, found.knots) == _key_of(checker.around, path.knots) else None
+def _judged(path: Legs, checker: EdgeChecker) -> tuple[bool, int]:
+    """Whether all legs of a path into the goal are free, and its key."""
+    edges = checker.inspect(path, np.arange(len(path.cost)) == len(path.cost) - 1)
+    return bool(edges.free.all()), int(keys_of(edges.turns, checker.around.weights).sum())
 
 
-def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> Legs | None:
-    """Join some of the knots (k, 3) by legs that are all free up to the goal's disc; None if one is not."""
-    kept, goal = knots.copy(), checker.space.scene.goal
-    kept[-1, :2] = _into(kept[-1, :2], goal)
-    count = _shortcut(checker.around, steering.numbers, kept, far)
-    path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
-    last = np.arange(count - 1) == count - 2
-    return path if checker.inspect(path, last).free.all() else None
+def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) -> tuple[Legs | None, int]:
+    """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
+    kept = knots.copy()
+    kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
+    kept = kept[: _shortcut(checker.around, steering.numbers, kept, far)]
+    path: Legs = checker.until_goal(steering.connect(kept[:-1], kept[1:]))
+    free, key = _judged(path, checker)
+    return path if free else None, key
 
 
 def _meshed(knots: Array, count: int) -> Array:
@@ -104,21 +118,12 @@ def _meshed(knots: Array, count: int) -> Array:
 
 
 @kernel
-def _key_of_leg(around, a, b, to_goal, marker, turn):  # type: ignore[no-untyped-def]
-    """Additive key of the straight line from a to b, 2 x (3,); marker, turn (M,) are scratch."""
-    tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
+def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
+    """Additive key of the straight line from a to b, 2 x (3,)."""
+    M, tail, head = around.weights.shape[0], (a[0], a[1], a[2]), (b[0], b[1], b[2])
+    marker, turn = np.empty(M, np.int32), np.empty(M, np.int16)
     count = crossings_of_leg(around, tail, head, to_goal, marker, turn, 0)
     return key_of_pairs(marker, turn, 0, count, around.weights)
-
-
-@kernel
-def _key_of(around, knots):  # type: ignore[no-untyped-def]
-    """Additive key of a path over knots (k, 3) into the goal's disc."""
-    M, last, key = around.weights.shape[0], knots.shape[0] - 2, np.int64(0)
-    marker, turn = np.empty(M, np.int32), np.empty(M, np.int16)
-    for i in range(last + 1):
-        key += _key_of_leg(around, knots[i], knots[i + 1], i == last, marker, turn)
-    return key
 
 
 @kernel
@@ -127,11 +132,10 @@ def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
 
     The last one is where the path enters the goal's disc. Without `far` a search ends after a few knots in vain.
     """
-    M, count = around.weights.shape[0], knots.shape[0]
-    marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
+    count, kept, i, speed = knots.shape[0], 1, 0, numbers[2]
     keys = np.zeros(count, np.int64)
     for k in range(count - 1):
-        keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
+        keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2)
     while i < count - 1:
         a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else TUNING.patience
         while j < count and j <= to + ahead:
@@ -141,13 +145,195 @@ def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
                 dt > 0.0
                 and square <= (speed * dt) ** 2 * (1.0 + LATE)
                 and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
-                and _key_of_leg(around, a, b, last, marker, turn) == keys[j] - keys[i]
+                and _key_of_leg(around, a, b, last) == keys[j] - keys[i]
                 and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
             ):
                 to = j
             j += 1
-        for c in range(3):
-            knots[kept, c] = knots[to, c]
+        copy_row(knots[to], knots[kept])
         keys[kept] = keys[to]
         kept, i = kept + 1, to
     return kept
+
+
+@inlined
+def _add(model, first, value, weight, *along):  # type: ignore[no-untyped-def]
+    """Add (weight / 2) (value + along . d)^2 of changes d of two knots and the duration to a model.
+
+    `along` is the x and y of knot `first`, of the next, and the duration. Knot 0 stays, so that row 0 of the matrix
+    (l, BAND), border (l + 1,) and slope (l + 1,) is the x of knot 1; the last of the latter are the duration's.
+    """
+    matrix, border, slope = model
+    begin, last = 2 * (first - 1), slope.shape[0] - 1
+    for p in range(4):
+        row = begin + p
+        if row >= 0 and along[p] != 0.0:
+            slope[row] += weight * value * along[p]
+            border[row] += weight * along[p] * along[4]
+            for k in range(min(p, row) + 1):
+                matrix[row, k] += weight * along[p] * along[p - k]
+    slope[last] += weight * value * along[4]
+    border[last] += weight * along[4] * along[4]
+
+
+@kernel
+def _around(around, knots, near):  # type: ignore[no-untyped-def]
+    """Write the bodies that come so near to a path that they may matter to `near` (J,); how many do."""
+    traffic, count = around.traffic, 0
+    for j in range(traffic.J):
+        matters = False
+        for i in range(knots.shape[0]):
+            ox, oy, _ = pose_of(traffic, j, knots[i, 2])
+            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < TUNING.neighbourhood:
+                matters = True
+                break
+        if matters:
+            near[count] = j
+            count += 1
+    return count
+
+
+@inlined
+def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
+    """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
+    field, count = around.field, walls_of_some(around.traffic, near, near.shape[0], x, y, t, margin, walls)
+    c = clearance(field, x, y)
+    if c < margin:
+        h = 0.5 * field.spacing
+        gx = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
+        gy = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
+        walls[count, 0], walls[count, 1], walls[count, 2], walls[count, 3], walls[count, 4] = c, gx, gy, 0.0, 0.0
+        count += 1
+    return count
+
+
+@kernel
+def modelled(around, near, numbers, knots, weight, margin, model, filled):  # type: ignore[no-untyped-def]
+    """Cost of a path and its penalties; if `filled`, write the slope and the matrix of it.
+
+    Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
+        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, the matrix (2 N, BAND),
+        border (2 N + 1,) and slope (2 N + 1,) of the places but the first and the duration.
+    """
+    q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
+    walls, total = np.empty((around.traffic.J + 1, WALL)), 0.0
+    (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
+    if filled:
+        matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
+    for i in range(last):
+        dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
+        vx, vy, part = dx / dt, dy / dt, dt / whole
+        rate = q + 0.5 * r * (vx * vx + vy * vy)
+        total += dt * rate
+        lacking = math.hypot(dx, dy) - limit * dt
+        if lacking > 0.0:
+            total += 0.5 * weight * lacking * lacking
+        if filled:
+            slope[slope.shape[0] - 1] += rate * part
+            _add(model, i, dx, r / dt, -1.0, 0.0, 1.0, 0.0, -vx * part)
+            _add(model, i, dy, r / dt, 0.0, -1.0, 0.0, 1.0, -vy * part)
+            if lacking > 0.0:
+                ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
+                _add(model, i, lacking, weight, -ux, -uy, ux, uy, -limit * part)
+        for share in TUNING.leg_points:
+            x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
+            for k in range(_walls(around, near, x, y, t, margin, walls)):
+                lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
+                total += 0.5 * weight * lacking * lacking
+                if filled:
+                    later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
+                    own = share - 1.0
+                    _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
+    gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
+    away = math.sqrt(gx * gx + gy * gy)
+    lacking = away - around.goal_radius * (1.0 - TUNING.inside)
+    if lacking > 0.0:
+        total += 0.5 * weight * lacking * lacking
+        if filled:
+            _add(model, last - 1, lacking, weight, 0.0, 0.0, gx / away, gy / away, 0.0)
+    return total
+
+
+@kernel
+def _newton(model, damping, step):  # type: ignore[no-untyped-def]
+    """Write the Newton step of a model to `step` (l + 1,), by Cholesky's decomposition in place; `damping` is added."""
+    (matrix, border, slope), n = model, step.shape[0] - 1
+    corner, rest = border[n] + damping, -slope[n]
+    for i in range(n):
+        matrix[i, 0] += damping
+        for k in range(min(BAND - 1, i), -1, -1):
+            total, j = matrix[i, k], i - k
+            for m in range(1, min(BAND - 1 - k, j) + 1):
+                total -= matrix[i, k + m] * matrix[j, m]
+            matrix[i, k] = total / matrix[j, 0] if k > 0 else math.sqrt(max(total, damping))
+        step[i] = -slope[i]
+        for k in range(1, min(BAND - 1, i) + 1):
+            step[i] -= matrix[i, k] * step[i - k]
+            border[i] -= matrix[i, k] * border[i - k]
+        step[i] /= matrix[i, 0]
+        border[i] /= matrix[i, 0]
+        corner -= border[i] * border[i]
+        rest -= border[i] * step[i]
+    step[n] = rest / max(corner, damping)
+    for i in range(n - 1, -1, -1):
+        step[i] -= border[i] * step[n]
+        for k in range(1, min(BAND - 1, n - 1 - i) + 1):
+            step[i] -= matrix[i + k, k] * step[i + k]
+        step[i] /= matrix[i, 0]
+
+
+@kernel
+def _moved(knots, step, share, out):  # type: ignore[no-untyped-def]
+    """Write knots (N + 1, 3) after a share of a step (2 N + 1,) to `out`."""
+    last = knots.shape[0] - 1
+    longer = 1.0 + share * step[2 * last] / (knots[last, 2] - knots[0, 2])
+    for i in range(1, last + 1):
+        out[i, 0], out[i, 1] = knots[i, 0] + share * step[2 * i - 2], knots[i, 1] + share * step[2 * i - 1]
+        out[i, 2] = knots[0, 2] + longer * (knots[i, 2] - knots[0, 2])
+
+
+@inlined
+def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
+    """Share of a step that moves no knot too far [m] for bodies that go so fast, nor ends the path at once."""
+    last = knots.shape[0] - 1
+    whole, change, share = knots[last, 2] - knots[0, 2], step[2 * last], 1.0
+    if change < 0.0:
+        share = min(share, (TUNING.shortest_duration - 1.0) * whole / change)
+    for i in range(1, last + 1):
+        later = abs(change) * (knots[i, 2] - knots[0, 2]) / whole
+        moved = math.hypot(step[2 * i - 2], step[2 * i - 1]) + fastest * later
+        if moved > farthest:
+            share = min(share, farthest / moved)
+    return share
+
+
+@kernel
+def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
+    """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
+
+    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
+        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight: a nearly
+        optimal path needs the last one alone.
+    """
+    n, fastest = 2 * (knots.shape[0] - 1), 0.0
+    model = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
+    step, moved, bodies = np.empty(n + 1), knots.copy(), np.empty(around.traffic.J, np.int64)
+    for j in range(around.traffic.J):
+        fastest = max(fastest, of_body(around.traffic, j, FASTEST))
+    for k in range(first, len(TUNING.weights)):
+        weight = TUNING.weights[k]
+        near = bodies[: _around(around, knots, bodies)]
+        for _ in range(TUNING.steps):
+            before, after = modelled(around, near, numbers, knots, weight, margin, model, True), np.inf
+            _newton(model, 1e-9 * weight, step)
+            share = _allowed(knots, step, TUNING.longest_step * thin, fastest)
+            for _ in range(TUNING.halvings):
+                _moved(knots, step, share, moved)
+                after = modelled(around, near, numbers, moved, weight, margin, model, False)
+                if after < before:
+                    break
+                share *= 0.5
+            if after < before:
+                copy_rows(moved, knots)
+            if not after < before * (1.0 - TUNING.settled):
+                break
