@@ -30,11 +30,11 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
+from pirrht.planner.chain import keys_of
 from pirrht.planner.expand import restore
 from pirrht.planner.graph import SIZE, Graph, Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
-from pirrht.shortening.chain import keys_of
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
 

@@ -21,7 +21,7 @@ from pirrht.geometry.arcs import LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
-from pirrht.shortening.tuning import RESUME, TUNING, ChainTuning, ResumeTuning
+from pirrht.planner.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
 from pirrht.steering.steering import CompiledSteering, Steering
@@ -38,7 +38,7 @@ class Chain(NamedTuple):
     key: NDArray[np.int64]  # (k,) its additive key
 
 
-def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = TUNING) -> Any:
+def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = CHAIN) -> Any:
     """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more."""
     states, motion = np.vstack([path.tails[:1], path.heads]), checker.motion.kernels
     numbers: tuple[float, ...] = ()
@@ -216,6 +216,36 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
         return path.states
 
     found: Callable[..., Array] = shortened
+    return found
+
+
+def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Callable[..., int]:
+    """Build the kernel that leaves out knots between others which a straight line of one class joins, in place.
+
+    Args:
+        key_of: (around, a (n,), b (n,), last) -> additive key of the line from a to b; `last`: into the goal.
+        joins: (around, numbers, a, b, last, key) -> whether the line may be taken, and has the key.
+    """
+
+    @kernel
+    def shortcut(around, numbers, knots, ahead):  # type: ignore[no-untyped-def]
+        """Number of the knots (k, n) that stay; a line is as long as it gets after so many others `ahead` in vain."""
+        count, kept, i = knots.shape[0], 1, 0
+        keys = np.zeros(count, np.int64)
+        for k in range(count - 1):
+            keys[k + 1] = keys[k] + key_of(around, knots[k], knots[k + 1], k == count - 2)
+        while i < count - 1:
+            to, j = i + 1, i + 2
+            while j < count and j <= to + ahead:
+                if joins(around, numbers, knots[i], knots[j], j == count - 1, keys[j] - keys[i]):
+                    to = j
+                j += 1
+            copy_row(knots[to], knots[kept])
+            keys[kept] = keys[to]
+            kept, i = kept + 1, to
+        return kept
+
+    found: Callable[..., int] = shortcut
     return found
 
 

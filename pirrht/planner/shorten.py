@@ -14,8 +14,8 @@ from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import borrowing, inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.shortening import chain, in_time
-from pirrht.shortening.tuning import POLYLINE as TUNING
+from pirrht.planner import chain, in_time
+from pirrht.planner.tuning import POLYLINE as TUNING
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.legs import entered
@@ -41,37 +41,22 @@ def _length(points, count):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def _key(around, points, i, j):  # type: ignore[no-untyped-def]
-    """Additive key of the segment from points[i] to points[j]."""
-    return key_of_segment(around.cuts, points[i, 0], points[i, 1], points[j, 0], points[j, 1])
+def _key(around, a, b, last):  # type: ignore[no-untyped-def]
+    """Additive key of the segment from a (2,) to b (2,)."""
+    return key_of_segment(around.cuts, a[0], a[1], b[0], b[1])
 
 
 @borrowing
-def _replaces(around, points, i, j, key):  # type: ignore[no-untyped-def]
-    """Return whether a straight piece from points[i] to points[j] has a key, and is free up to the goal's disc."""
-    if _key(around, points, i, j) != key:
+def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
+    """Return whether the segment from a (2,) to b (2,) has a key, and is free up to the goal's disc."""
+    if _key(around, a, b, last) != key:
         return False
-    ax, ay, bx, by = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
-    share = min(1.0, entered(around, ax, ay, bx, by))
-    return certify_segment(around.field, ax, ay, ax + share * (bx - ax), ay + share * (by - ay), False) == FREE
+    share = min(1.0, entered(around, a[0], a[1], b[0], b[1]))
+    x, y = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1])
+    return certify_segment(around.field, a[0], a[1], x, y, False) == FREE
 
 
-@kernel
-def _shortcut(around, points, count):  # type: ignore[no-untyped-def]
-    """Leave out every run of corners that a free straight piece of one class can replace; how many points stay."""
-    key, i = np.zeros(count, np.int64), 0  # of the path up to each point
-    for j in range(1, count):
-        key[j] = key[j - 1] + _key(around, points, j - 1, j)
-    while i < count - 2:
-        for j in range(count - 1, i + 1, -1):
-            if _replaces(around, points, i, j, key[j] - key[i]):
-                for k in range(j, count):
-                    to = i + 1 + k - j
-                    points[to, 0], points[to, 1], key[to] = points[k, 0], points[k, 1], key[k]
-                count -= j - i - 1
-                break
-        i += 1
-    return count
+_shortcut = chain.shortcut_with(_key, _joins)
 
 
 @borrowing
@@ -89,7 +74,8 @@ def _cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
         corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1] = x + s * ax, y + s * ay, x + r * bx, y + r * by
         if k == halvings:
             break
-        if _replaces(around, corner, 0, 2, _key(around, corner, 0, 1) + _key(around, corner, 1, 2)):
+        key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
+        if _joins(around, 0, corner[0], corner[2], False, key):
             low = share
         else:
             high = share
@@ -146,8 +132,8 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
     count, before, work = points.shape[0] + 1, np.inf, np.empty((out.shape[0], 2))
     copy_rows(points, out[: count - 1])
     out[count - 1, 0], out[count - 1, 1] = around.goal_x, around.goal_y
-    for _ in range(TUNING.rounds):
-        count = _shortcut(around, out, count)
+    for k in range(TUNING.rounds):
+        count = _shortcut(around, 0, out[:count], count if k == 0 else TUNING.patience)
         length = _length(out, count)
         if before - length < TUNING.gain * length:
             break
@@ -156,7 +142,8 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
     for _ in range(TUNING.loose_rounds):
         if not _slide_corners(around, out, count):
             break
-        count = _blunt_corners(around, out, _shortcut(around, out, count), np.pi, out.shape[0], work)
+        count = _shortcut(around, 0, out[:count], TUNING.patience)
+        count = _blunt_corners(around, out, count, np.pi, out.shape[0], work)
         copy_rows(work[:count], out[:count])
     for i in range(count - 1):
         ax, ay, dx, dy = out[i, 0], out[i, 1], out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1]

@@ -12,8 +12,8 @@ from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.motion import Motion
-from pirrht.shortening.shorten import resume, shorten
-from pirrht.shortening.in_time import BAND, modelled
+from pirrht.planner.in_time import BAND, modelled
+from pirrht.planner.shorten import resume, shorten
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.legs import Legs

@@ -22,11 +22,11 @@ from pirrht.geometry.arcs import FREE
 from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.vectors import copy_row, copy_rows
+from pirrht.jit.vectors import copy_rows
 from pirrht.moving.distances import FASTEST, of_body, outside_of, pose_of, walls_of_some
 from pirrht.moving.tuning import WALL
-from pirrht.shortening.chain import keys_of
-from pirrht.shortening.tuning import IN_TIME as TUNING
+from pirrht.planner.chain import keys_of, shortcut_with
+from pirrht.planner.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import LATE, InTime
 from pirrht.steering.legs import Legs, entered, free_leg
@@ -92,7 +92,7 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
     kept = knots.copy()
     kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
-    kept = kept[: _shortcut(checker.around, steering.numbers, kept, far)]
+    kept = kept[: _shortcut(checker.around, steering.numbers, kept, len(kept) if far else TUNING.patience)]
     path: Legs = checker.until_goal(steering.connect(kept[:-1], kept[1:]))
     free, key = _judged(path, checker)
     return path if free else None, key
@@ -127,33 +127,19 @@ def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
-    """Leave out knots (k, 3) between others joined by a free straight line of the class, in place; how many stay.
+def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
+    """Return whether the straight line from a to b, 2 x (3,), is free, within the limit of speeds and has a key."""
+    dt, square = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+    return (
+        dt > 0.0
+        and square <= (numbers[2] * dt) ** 2 * (1.0 + LATE)
+        and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
+        and _key_of_leg(around, a, b, last) == key
+        and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
+    )
 
-    The last one is where the path enters the goal's disc. Without `far` a search ends after a few knots in vain.
-    """
-    count, kept, i, speed = knots.shape[0], 1, 0, numbers[2]
-    keys = np.zeros(count, np.int64)
-    for k in range(count - 1):
-        keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2)
-    while i < count - 1:
-        a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else TUNING.patience
-        while j < count and j <= to + ahead:
-            b = knots[j]
-            dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1
-            if (
-                dt > 0.0
-                and square <= (speed * dt) ** 2 * (1.0 + LATE)
-                and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
-                and _key_of_leg(around, a, b, last) == keys[j] - keys[i]
-                and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
-            ):
-                to = j
-            j += 1
-        copy_row(knots[to], knots[kept])
-        keys[kept] = keys[to]
-        kept, i = kept + 1, to
-    return kept
+
+_shortcut = shortcut_with(_key_of_leg, _joins)
 
 
 @inlined
