@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
+from pirrht.geometry.arcs import FREE, TWO_PI, Curves, along, certify_curve, entry_of_curve, truncate
 from pirrht.geometry.field import Field
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
@@ -204,7 +204,7 @@ def _certify(curves, i, around, prepared):  # type: ignore[no-untyped-def]
 
 @part
 def _sure(curves, i, around):  # type: ignore[no-untyped-def]
-    return surely_free(around.field, curves.start[i], curves.curvature[i], curves.length[i])
+    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], False) == FREE
 
 
 @part
