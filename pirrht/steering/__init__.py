@@ -1,6 +1,6 @@
 """Connect two states optimally where there are no obstacles (the paper's TPBVP).
 
-`steering` is the interface, one file each its members: `straight_line` for the single integrator and for systems without
+`steering` is the interface, one file each its members: `straight_line` for the single integrator and systems without
 their own, `dubins` for the unicycle, `double_integrator` for a mass, `in_time` among moving obstacles. `motion` has
 motions along arcs as kernels, and trajectories with their controls; `edges` judges motions, `tuning` has the numbers.
 
