@@ -180,10 +180,10 @@ def _certify_piece(field, x, y, theta, ux, uy, curvature, length, patient):  # t
         px, py = point_along(x, y, theta, ux, uy, curvature, s)
         c = clearance(field, px, py)
         if c < LEAST_STEP:
-            if not patient:
-                return UNSURE
             if refused(field, px, py) == BLOCKED:
                 return BLOCKED
+            if not patient:
+                return UNSURE
             verdict, c = UNSURE, 0.5 * field.spacing
         if s >= length:
             return verdict
@@ -192,7 +192,7 @@ def _certify_piece(field, x, y, theta, ux, uy, curvature, length, patient):  # t
 
 @kernel
 def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]; UNSURE for both if not patient."""
+    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m], by `_certify_piece`."""
     length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
     per = 1.0 / length if length > 0.0 else 0.0
     return _certify_piece(field, ax, ay, 0.0, per * (bx - ax), per * (by - ay), 0.0, length, patient)
@@ -200,7 +200,7 @@ def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-unt
 
 @kernel
 def certify_curve(field, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m]; UNSURE for both if not patient."""
+    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m], by `_certify_piece`."""
     x, y, theta = start[0], start[1], start[2]
     verdict = FREE
     for p in range(length.shape[0]):
