@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from typing import Any, Protocol, cast
@@ -30,7 +30,6 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.grid import TUNING, Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
@@ -51,10 +50,7 @@ class Solver(Protocol):
     def grid_of(
         self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
     ) -> Any:
-        """Solve for a spacing [m] and a step dt [s] or none: a record whose `frame` is a `domain.Frame`.
-
-        If it takes minutes it calls `progress` with the share that is done.
-        """
+        """Solve for a spacing [m] and a step dt [s] or none; `progress` gets the share done if it takes long."""
 
 
 # By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
@@ -89,14 +85,9 @@ class Desirability:
 
     @classmethod
     def of(
-        cls,
-        problem: Problem,
-        space: FreeSpace,
-        *,
-        spacing: float | None = None,
-        dt: float | None = None,
+        cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None,
         progress: Progress = ignore_progress,
-    ) -> Desirability:
+    ) -> Desirability:  # fmt: skip
         """Solve for psi (paper, section III-A, or III-B with a step).
 
         Args:
@@ -122,21 +113,15 @@ class Desirability:
     ) -> float:
         """Return the spacing [m] of the grid that `of` solves on, quickly; refuses what `of` does."""
         solver = solver_for(problem, space, dt)
-        if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
-            raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
-        if dt is not None and not (math.isfinite(dt) and dt > 0):
-            raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
+        for name, value, unit in (("spacing", spacing, "meters"), ("dt", dt, "seconds")):
+            if value is not None and not 0.0 < value < math.inf:
+                raise OptionError(f"{name} is {value:g}; it must be a positive number of {unit}")
         return solver.spacing_for(problem, space, spacing, dt)
 
     def __repr__(self) -> str:
         time = "continuous time" if self.dt is None else f"steps of {self.dt:g} s"
         of, scene = type(self.problem.dynamics).__name__, formatting.name(self.space.scene.name)
         return f"Desirability(of a {of} in {scene}, {time}, grid of {self.spacing:.3g} m)"
-
-    @property
-    def moves(self) -> bool:
-        """Tell whether log psi depends on the time."""
-        return bool(self.space.scene.movers)
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
         """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,); 0 in the goal.
@@ -145,10 +130,10 @@ class Desirability:
         """
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
-        if not self.moves:
-            center, radius = self.space.scene.goal.center, self.space.scene.goal.radius
-            blocked = self.space.collision.clearance(states[:, :2]) <= 0.0
-            blocked &= np.hypot(*(states[:, :2] - center).T) > radius
+        if not self.space.scene.movers:
+            blocked = (self.space.collision.clearance(states[:, :2]) <= 0.0) & ~self.space.scene.goal.contains(
+                states[:, :2]
+            )
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -161,14 +146,18 @@ class Desirability:
 
         The time t [s], one or (k,), counts where bodies move.
         """
-        if np.ndim(x) == 2 or self.moves:
-            states = np.ascontiguousarray(np.atleast_2d(x), dtype=float)
-            controls: Array = self._at(states, t)[1][:, -len(self.gain) :] @ self.gain.T
-            return controls if np.ndim(x) == 2 else controls[0]
-        slope = np.zeros(len(x))
-        self.evaluate(self.grid, x, slope)
-        control: Array = self.gain.dot(slope[-len(self.gain) :])
-        return control
+        controls: Array = self._at(np.atleast_2d(x), t)[1][:, -len(self.gain) :] @ self.gain.T
+        return controls if np.ndim(x) == 2 else controls[0]
+
+    def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
+        """log psi (k,) [nats] at states (k, n) and a time [s], one or (k,), and its gradient (k, n)."""
+        value, slope = np.empty(len(states)), np.zeros(states.shape)
+        if self.space.scene.movers:
+            states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
+        states = np.ascontiguousarray(states, dtype=float)
+        for k in range(len(states)):
+            value[k] = self.evaluate(self.grid, states[k], slope[k])
+        return value, slope
 
     def shares(self, x: Array, samples: int = 2000, seed: int = 0, *, t: float = 0.0) -> dict[str, float]:
         """Draw optimally controlled paths from x (n,): the share that takes each class, most frequent first.
@@ -176,44 +165,14 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
-        from pirrht.exact.paths import Process, walker
+        from pirrht.exact.paths import arrived
 
-        d, homology = self.problem.dynamics, replace(self.space.homology, speed=self._best_speed())
-        x = np.array(x, dtype=float)
-        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x) + 1))
-        outcome = np.zeros(samples, dtype=np.int64)
-        step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
-        process = Process(
-            field=self.space.field, parameters=np.asarray(d.parameters, dtype=float), gain=self.gain,
-            G=d.G_c(x), B=d.B_c(x), wall=self.problem.phi / self.problem.temperature, step=step,
-        )  # fmt: skip
-        walk = walker(self.evaluate, d.drift, self.dt is not None, self.moves)
-        walk(self.grid, process, homology.markers, homology.tracks, np.append(x, t), seed, turns, ends, outcome)
-        goal, first = outcome == Outcome.GOAL, homology.at(x, t)
-        closed = [
-            homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns[goal], ends[goal], strict=True)
-        ]
-        arrived = np.rint(np.reshape(closed, (-1, homology.M))).astype(int)
-        classes, counts = np.unique(arrived, axis=0, return_counts=True)
-        order = np.argsort(-counts, kind="stable")
-        return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
-
-    def _best_speed(self) -> float:
-        """sqrt(2 q / r) [m/s], at which a point reaches the goal at least cost where nothing is in the way."""
-        assert not callable(self.problem.q)
-        return math.sqrt(
-            2.0
-            * self.problem.q
-            / float(self.problem.control_cost(self.problem.dynamics.state_of(self.space.scene.start))[0, 0])
-        )
-
-    def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
-        value, slope = np.empty(len(states)), np.zeros_like(states)
-        if self.moves:
-            states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
-        for k in range(len(states)):
-            value[k] = self.evaluate(self.grid, states[k], slope[k])
-        return value, slope
+        homology = homology_of(self.problem, self.space)
+        turns, ends = arrived(self, homology, np.append(np.asarray(x, dtype=float), t), samples, seed)
+        first = homology.at(x, t)
+        closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
+        names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
+        return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
 
 
 class Optimal(Policy):

@@ -10,93 +10,105 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.exact.grid import TUNING, in_goal
-from pirrht.exact.moving_point import clearance_at, poses_of
+from pirrht.exact.boundaries import clearance_at, poses_at
+from pirrht.exact.grid import TUNING
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.field import Field, clearance
+from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_jitable, kernel
 from pirrht.jit.streams import normals, stream, uniform
+from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.topology.tracks import turns_of_step
+
+if TYPE_CHECKING:
+    from pirrht.exact.desirability import Desirability
+    from pirrht.topology.homology import Homology
 
 
 class Process(NamedTuple):
     """The controlled process, and steps of paths of it."""
 
-    field: Field  # unused among moving obstacles
+    field: Any  # clearance `Field`, unused among moving obstacles
+    goal: tuple[float, float, float]  # centre of the disc and its radius [m]
     parameters: Array  # (k,) that the drift reads
-    gain: Array  # lambda R^-1 G_c', (m, m) [control per nats/state]
-    G: Array  # G_c, (m, m) [state/s per control]
+    rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
     B: Array  # B_c, (m, m) [state/sqrt(s)]
     wall: float  # phi/lambda [nats]
     step: float  # of a path [s]; in continuous time at most
 
 
+def arrived(desirability: Desirability, homology: Homology, x0: Array, samples: int, seed: int) -> tuple[Array, Array]:
+    """Draw paths from state and time x0 (n + 1,); return turns (k, M) and ends (k, n + 1) of those in the goal."""
+    problem, scene, d = desirability.problem, desirability.space.scene, desirability.problem.dynamics
+    moves, G = bool(scene.movers), d.G_c(x0[:-1])
+    step = desirability.dt or (TUNING.moving_path_step if moves else TUNING.path_step)
+    goal = *map(float, scene.goal.center), float(scene.goal.radius)
+    process = Process(
+        desirability.space.field, goal, np.asarray(d.parameters, dtype=float), G @ desirability.gain, d.B_c(x0[:-1]),
+        problem.phi / problem.temperature, step,
+    )  # fmt: skip
+    turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
+    outcome = np.zeros(samples, dtype=np.int64)
+    walk = _walker(desirability.evaluate, d.drift, desirability.dt is not None, moves)
+    walk(desirability.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
+    return turns[outcome == Outcome.GOAL], ends[outcome == Outcome.GOAL]
+
+
 @cache
-def walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bool) -> Any:
+def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bool) -> Any:
     """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
 
-    S paths leave state and time x0 (n + 1,); turns (S, M + J) [turns], zeros before, are about markers and tracks, x
-    (S, n + 1) and outcomes (S,) their ends. `evaluate` is (grid, x, slope (n,)) -> log psi [nats], `drift` f (x, p,
-    out) [state/s]; `discrete` paths are those of the discrete-time problem.
+    Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
+    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `discrete` paths solve the problem in steps.
     """
     move = as_jitable(drift)
 
     @kernel
     def clear(grid, process, x):  # type: ignore[no-untyped-def]
         if moves:
-            pose = np.empty((grid.begin.shape[1], 4))
-            poses_of(grid, x[-1], pose)
-            return clearance_at(grid.surroundings, pose, x[0], x[1])
+            return clearance_at(grid.surroundings, poses_at(grid.surroundings.solids, x[-1]), x[0], x[1])
         return clearance(process.field, x[0], x[1])
 
     @kernel
     def end(grid, process, x):  # type: ignore[no-untyped-def]
+        gx, gy, radius = process.goal
         if clear(grid, process, x) <= 0.0:
             return COLLISION
-        return GOAL if in_goal(grid.frame, x) else INSIDE
+        return GOAL if (x[0] - gx) ** 2 + (x[1] - gy) ** 2 <= radius * radius else INSIDE
 
     @kernel
     def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
-        G, B, step = process.G, process.B, process.step
-        n, m = f.shape[0], G.shape[0]
+        B, step, n, m = process.B, process.step, f.shape[0], process.B.shape[0]
         evaluate(grid, x, slope)
         if n == m:
             root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
             step = max(min(step, root * root), TUNING.shortest_path_step)
         move(x[:n], process.parameters, f)
-        rate = G @ (process.gain @ slope[n - m :])
-        for i in range(n):
-            x[i] += f[i] * step
+        z = np.empty(m)
         for j in range(m):
-            state, z, _ = normals(state)
-            for i in range(m):
-                x[n - m + i] += B[i, j] * z * math.sqrt(step)
-        for i in range(m):
-            x[n - m + i] += rate[i] * step
+            state, z[j], _ = normals(state)
+        x[:n] += f * step
+        x[n - m : n] += (process.rate @ slope[n - m :]) * step + (B @ z) * math.sqrt(step)
         x[n] += step
         return state
 
     @kernel
     def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
         evaluate(grid, x, slope)
-        ahead = process.G @ (process.gain @ slope) * process.step
-        deviation = process.B[0, 0] * math.sqrt(process.step)
+        ahead, deviation = process.rate @ slope * process.step, process.B[0, 0] * math.sqrt(process.step)
         ends, weight, y = np.empty((TUNING.candidates, 2)), np.empty(TUNING.candidates), x.copy()
         for k in range(TUNING.candidates):
-            square = 0.0
-            for i in range(2):
-                state, z, _ = normals(state)
-                y[i] = x[i] + ahead[i] + deviation * z
-                square += z * z - ((ahead[i] + deviation * z) / deviation) ** 2
+            state, z, w = normals(state)
+            y[0], y[1] = x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w
             outcome, ends[k] = end(grid, process, y), y[:2]
             log_psi = evaluate(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
-            weight[k] = log_psi + 0.5 * square
+            passive = ((y[0] - x[0]) ** 2 + (y[1] - x[1]) ** 2) / deviation**2
+            weight[k] = log_psi + 0.5 * (z * z + w * w - passive)
         weight = np.exp(weight - weight.max())
         state, u = uniform(state)
         left, k = u * weight.sum(), 0
@@ -118,13 +130,13 @@ def walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: boo
             for _ in range(TUNING.path_steps):
                 if outcome[s] != INSIDE:
                     break
-                before_x, before_y, before = x[0], x[1], x[-1]
+                ax, ay, at = x[0], x[1], x[-1]
                 state = advance(grid, process, x, slope, f, state)
                 for k in range(M):
                     mx, my = markers[k, 0], markers[k, 1]
-                    turns[s, k] += turns_of_chord(before_x - mx, before_y - my, x[0] - mx, x[1] - my)
-                for k in range(turns.shape[1] - M):
-                    turns[s, M + k] += turns_of_step(tracks, k, before_x, before_y, before, x[0], x[1], x[-1])
+                    turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
+                for k in range(M, turns.shape[1]):
+                    turns[s, k] += turns_of_step(tracks, k - M, ax, ay, at, x[0], x[1], x[-1])
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 
