@@ -14,7 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.exact.grid import TUNING, Frame, to_rim
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
@@ -69,8 +69,9 @@ def surroundings_of(scene: Scene, frame: Frame, cutoff: float, around_goal: Arra
     static = Mover(name="static", solids=tuple(scene.obstacles), motion=Motion(rows=np.zeros((1, 4))))
     every = static, *scene.movers
     owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
-    solids, border = MovingObstacleArrays.around(scene.footprint, every, cutoff), (*scene.lower, *scene.upper)
-    return Surroundings(frame, *map(float, border), solids, owner, around_goal, pitch)
+    (left, low), (right, high) = scene.lower.astype(float).tolist(), scene.upper.astype(float).tolist()
+    solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)
+    return Surroundings(frame, left, low, right, high, solids, owner, around_goal, pitch)
 
 
 @kernel

@@ -123,6 +123,11 @@ class Desirability:
         of, scene = type(self.problem.dynamics).__name__, formatting.name(self.space.scene.name)
         return f"Desirability(of a {of} in {scene}, {time}, grid of {self.spacing:.3g} m)"
 
+    @property
+    def moves(self) -> bool:
+        """Tell whether log psi depends on the time."""
+        return bool(self.space.scene.movers)
+
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
         """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,); 0 in the goal.
 
@@ -130,10 +135,9 @@ class Desirability:
         """
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
-        if not self.space.scene.movers:
-            blocked = (self.space.collision.clearance(states[:, :2]) <= 0.0) & ~self.space.scene.goal.contains(
-                states[:, :2]
-            )
+        if not self.moves:
+            places = states[:, :2]
+            blocked = (self.space.collision.clearance(places) <= 0.0) & ~self.space.scene.goal.contains(places)
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -152,7 +156,7 @@ class Desirability:
     def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
         """log psi (k,) [nats] at states (k, n) and a time [s], one or (k,), and its gradient (k, n)."""
         value, slope = np.empty(len(states)), np.zeros(states.shape)
-        if self.space.scene.movers:
+        if self.moves:
             states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
         states = np.ascontiguousarray(states, dtype=float)
         for k in range(len(states)):

@@ -35,7 +35,7 @@ from pirrht.exact.grid import (
     largest_change,
 )
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
@@ -72,7 +72,7 @@ def _timetable(motions: Sequence[Motion], longest: float) -> Timetable:
     if periods:
         more = cycle[1 : 2 + int(np.searchsorted(cycle, still + TUNING.last_steps * longest))] + period
     else:
-        more = still + longest * np.arange(1, TUNING.last_steps + 1)
+        more = still + longest * np.arange(1.0, TUNING.last_steps + 1.0)
     return Timetable(np.concatenate([lead, cycle[1:], more]), still, period)
 
 

@@ -45,9 +45,9 @@ class Process(NamedTuple):
 def arrived(desirability: Desirability, homology: Homology, x0: Array, samples: int, seed: int) -> tuple[Array, Array]:
     """Draw paths from state and time x0 (n + 1,); return turns (k, M) and ends (k, n + 1) of those in the goal."""
     problem, scene, d = desirability.problem, desirability.space.scene, desirability.problem.dynamics
-    moves, G = bool(scene.movers), d.G_c(x0[:-1])
+    moves, G = desirability.moves, d.G_c(x0[:-1])
     step = desirability.dt or (TUNING.moving_path_step if moves else TUNING.path_step)
-    goal = *map(float, scene.goal.center), float(scene.goal.radius)
+    goal = float(scene.goal.center[0]), float(scene.goal.center[1]), float(scene.goal.radius)
     process = Process(
         desirability.space.field, goal, np.asarray(d.parameters, dtype=float), G @ desirability.gain, d.B_c(x0[:-1]),
         problem.phi / problem.temperature, step,

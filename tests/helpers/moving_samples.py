@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.exact.desirability import Desirability
 from pirrht.exact.boundaries import clearance_at, poses_at
+from pirrht.exact.desirability import Desirability
 from pirrht.exact.moving_point import evaluate
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import normals, stream
