@@ -32,7 +32,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Replay
 from pirrht.estimation.weights import normalised
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, ProposalControl
