@@ -16,7 +16,7 @@ from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.geometry.world import World

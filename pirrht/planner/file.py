@@ -27,7 +27,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import MISSING, replaced, why_unreadable
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
 from pirrht.planner.chain import keys_of

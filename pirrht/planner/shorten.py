@@ -17,8 +17,7 @@ from pirrht.jit.vectors import copy_rows
 from pirrht.planner import chain, in_time
 from pirrht.planner.tuning import POLYLINE as TUNING
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import entered
+from pirrht.steering.in_time import InTime, entered
 from pirrht.steering.motion import ARCS, Surroundings
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import key_of_segment
