@@ -133,15 +133,6 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     }
 
 
-def _motions(movers: tuple[Mover, ...]) -> str:
-    """A digest of what bodies are made of and how they move."""
-    digest = hashlib.sha256()
-    for mover in movers:
-        motion = mover.motion
-        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.offset} ".encode() + motion.rows.tobytes())
-    return digest.hexdigest()[:16]
-
-
 def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
     try:
         with _opened(file, name) as stream:
@@ -189,12 +180,7 @@ def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, A
 
 
 def read_arrays(stream: BinaryIO) -> Arrays:
-    """Read the arrays of an npz file by name.
-
-    Raises:
-        OSError, zipfile.BadZipFile, zlib.error, EOFError: it cannot be read, or is not as it was written.
-        ValueError, RuntimeError, MemoryError: it is a file of another kind, or declares more than a tree has.
-    """
+    """Read the arrays of an npz file by name; an OSError or one of BROKEN or UNREADABLE if it is not one."""
     if not zipfile.is_zipfile(stream):
         raise ValueError("it is no zip file")
     with zipfile.ZipFile(stream) as archive:
@@ -299,6 +285,15 @@ def _digest(obstacles: tuple[Obstacle, ...]) -> str:
         for array in (o.size, o.position, o.rotation, o.vertices, o.faces):
             known.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
     return known.hexdigest()[:16]
+
+
+def _motions(movers: tuple[Mover, ...]) -> str:
+    """A digest of the solids of bodies and of how they move."""
+    digest = hashlib.sha256()
+    for mover in movers:
+        motion = mover.motion
+        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.offset} ".encode() + motion.rows.tobytes())
+    return digest.hexdigest()[:16]
 
 
 def _described(steering: Steering) -> str:

@@ -197,8 +197,7 @@ def modelled(around, near, numbers, knots, weight, margin, model, filled):  # ty
     """Cost of a path and its penalties; if `filled`, write the slope and the matrix of it.
 
     Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
-        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, the matrix (2 N, BAND),
-        border (2 N + 1,) and slope (2 N + 1,) of the places but the first and the duration.
+        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, as in `_add`.
     """
     q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
     walls, total = np.empty((around.traffic.J + 1, WALL)), 0.0
