@@ -82,7 +82,7 @@ def _into(place: Array, goal: Goal) -> Array:
 
 
 def _judged(path: Legs, checker: EdgeChecker) -> tuple[bool, int]:
-    """Whether all legs of a path into the goal are free, and its key."""
+    """Return true if all legs of a path into the goal are free, and its key."""
     edges = checker.inspect(path, np.arange(len(path.cost)) == len(path.cost) - 1)
     return bool(edges.free.all()), int(keys_of(edges.turns, checker.around.weights).sum())
 
