@@ -156,7 +156,8 @@ class ReferenceQuery(NamedTuple):
         times = np.linspace(x[2], paths[0].knots[-1, 2], TUNING.stations)
         chosen: list[tuple[Any, Array]] = []
         for path in paths:
-            places = path.places(times)
+            knots = path.knots
+            places = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
             if all(np.hypot(*(places - other).T).max() > far for _, other in chosen):
                 chosen.append((path, places))
         return [path for path, _ in chosen[: TUNING.optima]]
