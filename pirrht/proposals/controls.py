@@ -13,8 +13,7 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.half_spaces import beyond_linear, without
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.wall_drift import WallDrift
-from pirrht.rollouts.tables import FINER, LawRows, ProposalTables
-from pirrht.rollouts.ways import DesirabilityTubes, slope_along
+from pirrht.rollouts.tables import FINER, DesirabilityTubes, LawRows, ProposalTables, slope_along
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,7 +9,7 @@ settle to its slowest mode at its own decay, and behind a corner psi is diffract
 A cross-section is a straight line across the reference, square to it, or along the bisector of a corner. It ends at a
 wall, or where noise does not carry a path that goes on to the goal. They are dense near walls, sparse in the open.
 
-Samples follow the slope of log psi at the nodes (`rollouts.ways`); towards a wall at a distance c it is known by the
+Samples follow the slope of log psi at the nodes (`rollouts.tables`); towards a wall at a distance c it is known by the
 length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
 
 The loop over the nodes of a cross-section has no branches and single precision: it compiles to vector instructions.
@@ -29,7 +29,7 @@ from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import HALF, ONE, TWO, ZERO, exponential, logarithm
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.ways import KNOWN, PLACE
+from pirrht.rollouts.tables import KNOWN, PLACE
 
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
 # Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
