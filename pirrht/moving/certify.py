@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
-from pirrht.geometry.spans import BOX, comes_by, keeps_off
+from pirrht.geometry.spans import BOX, keeps_off
 from pirrht.geometry.tuning import TUNING as SPANS
 from pirrht.jit.jit import inlined, kernel, load_int64
 from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
@@ -20,28 +20,9 @@ from pirrht.moving.tuning import PARTS, TUNING
 @kernel
 def certify_leg(moving, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for the straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-    return certify_some(moving, None, moving.J, (ax, ay, s, bx, by, t))
-
-
-@kernel
-def list_passed(moving, frame, begin, end, candidates):  # type: ignore[no-untyped-def]
-    """Write to `candidates` (J,) obstacles that may touch a frame (x, y, X, Y) [m] in a time [s]; return how many."""
-    count = 0
-    for j in range(moving.J):
-        boxes, many, own, period = _boxes_of(moving, j, begin)
-        if comes_by(boxes, many, own, period, end - begin, frame, disc_of(moving, j) + LEAST_STEP):
-            candidates[count] = j
-            count += 1
-    return count
-
-
-@kernel
-def certify_some(moving, candidates, count, leg):  # type: ignore[no-untyped-def]
-    """Certify a straight step (ax, ay, s, bx, by, t) by the first `count` obstacles of a list, or of all."""
-    ax, ay, s, bx, by, t = leg
     verdict = FREE
-    for k in range(count):
-        one = certify_past(moving, k if candidates is None else candidates[k], ax, ay, s, bx, by, t)
+    for j in range(moving.J):
+        one = certify_past(moving, j, ax, ay, s, bx, by, t)
         if one == BLOCKED:
             return BLOCKED
         if one == UNSURE:

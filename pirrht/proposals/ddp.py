@@ -18,10 +18,10 @@ from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.backward_pass import backward_pass
-from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.walls import touches
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.topology.crossings import key_of_segment
@@ -31,8 +31,7 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    velocity, _, _, forward = forward_pass(kind)
-    backward = backward_pass(kind)
+    (velocity, _, _, forward), backward = forward_pass(kind), backward_pass(kind)
     n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
 
     @kernel
@@ -109,6 +108,7 @@ def optimiser(kind: KernelSpec) -> Any:
             whether it is of its class and touches nothing.
         """
         states, control, gains, share, inverse, volume, change, aims = course
+        flat = not noisy_position and control.shape[1] > m
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
         trial = COURSE(other, tried, gains, share, inverse, volume, change, aims)
         copy_row(states[0], other[0])
@@ -119,7 +119,6 @@ def optimiser(kind: KernelSpec) -> Any:
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         copy_rows(tried, control)
         copy_rows(other, states)
-        flat = not noisy_position and control.shape[1] > m
         problem = setup, task, times, key, flat
         right, sound = _judge(problem, states, steps)
         found = steps, cost, priced, right, sound

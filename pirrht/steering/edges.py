@@ -89,14 +89,14 @@ class EdgeChecker:
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """Build the kernel (around, motions, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
-    entry, cut, certify, _, pairs, most, _, prepare = kernels
+    entry, cut, certify, pairs, most, _ = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
         """Judge k motions without FCL, count unsure ones, cut them at the goal; `into_goal` and `near` are (k,)."""
         k, M = into_goal.shape[0], around.weights.shape[0]
         status, first, unsure = np.empty(k, np.int8), np.empty(k + 1, np.int64), 0
-        room, prepared = most(motions) * M, prepare(motions, around)  # pairs that one motion can have
+        room = most(motions) * M  # pairs that one motion can have
         marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
         total, used = np.zeros(M, np.int16), 0
         for i in range(k):
@@ -109,7 +109,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
                 if not into_goal[i]:
                     continue
                 cut(motions, i, s)
-            status[i] = certify(motions, i, around, prepared)
+            status[i] = certify(motions, i, around, True)
             unsure += status[i] == UNSURE
             if status[i] == BLOCKED:
                 continue
@@ -121,5 +121,5 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
         turns = Turns(first, marker[:used].copy(), turn[:used].copy())
         return Edges(near, status, motions.cost, turns), unsure
 
-    judging: Callable[..., tuple[Edges, int]] = judged
-    return judging
+    found: Callable[..., tuple[Edges, int]] = judged
+    return found

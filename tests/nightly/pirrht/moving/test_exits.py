@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from discs import disc
+from guides import best
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array
@@ -20,11 +21,10 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import NEVER, met_on_path
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
-from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.proposals.walls import touches
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
@@ -91,7 +91,7 @@ def through(
     key = integral.homology.key(integral.homology.winding(np.column_stack([corners, passed])))
     guidance = integral.guidance
     assert isinstance(guidance, DDPGuidance)
-    return guidance.improve(x, integral.grid(8.0), key, trajectory)
+    return best(guidance, x, integral.grid(8.0), key, trajectory)
 
 
 CASES = {

@@ -11,12 +11,11 @@ from discs import block
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
 from pirrht.shortening.shorten import resume, shorten
 from pirrht.shortening.timed_relaxation import BAND, modelled
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import Legs
+from pirrht.steering.in_time import InTime, Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
@@ -130,7 +129,8 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
         STEERING,
         EdgeChecker.of(space, STEERING),
     )
-    return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
+    place = [np.interp(0.4, path.knots[:, 2], path.knots[:, k]) for k in (0, 1)]
+    return space, path, np.array([*np.add(place, aside), 0.4])
 
 
 @pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])

@@ -1,4 +1,4 @@
-"""Cost of the clearance along one step of a guide, from static and from moving obstacles, with two derivatives.
+"""Walls next to guides: the cost of clearance along a step with two derivatives, and the wall drift of a point.
 
 A step leads from one position to another, and where its velocity changes by b, along the parabola that bows by b dt / 8
 from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) b dt / 2 with b = v_0 - v_1. Moving
@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import border, with_slope
+from pirrht.geometry.field import border, two_walls, with_slope
+from pirrht.geometry.world import with_walls
 from pirrht.jit.jit import borrowing, inlined, kernel
-from pirrht.moving.broad_phase import listing
-from pirrht.moving.distances import outside_of, piece_of, wall_of_body
-from pirrht.moving.exits import met_on_path
+from pirrht.moving.broad_phase import held_of, listing
+from pirrht.moving.distances import moving_walls
+from pirrht.moving.exits import met_on_path, walls_along
+from pirrht.moving.tuning import WALL
+from pirrht.proposals.tuning import TUNING
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
 
@@ -44,35 +47,16 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     They are the two nearest components and the sides of the border; all at most STATIC.
     """
     count = 0
-    if border(field, x, y) < margin:
-        for side in range(4):
-            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-            if c < margin:
-                walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
-                walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
-                count += 1
+    for side in range(4 if border(field, x, y) < margin else 0):
+        c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
+        if c < margin:
+            walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
+            walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
+            count += 1
     for k in range(2):
         c, nx, ny = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         if c >= margin:
             break
-        walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
-        count += 1
-    return count
-
-
-@borrowing
-def moving_walls(traffic, margin, x, y, time, walls, count):  # type: ignore[no-untyped-def]
-    """Add moving obstacles nearer than `margin` [m] at a time [s] to `count` walls; return the new number."""
-    for j in range(traffic.J):
-        ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time)
-        if outside_of(traffic, j, ox, oy, x, y) >= margin:
-            continue
-        c, nx, ny, _, _ = wall_of_body(traffic, j, ox, oy, yaw, x, y)
-        if c >= margin:
-            continue
-        if nx == 0.0 and ny == 0.0:  # inside, away from its middle
-            size = math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) + 1e-9
-            nx, ny = (x - ox) / size, (y - oy) / size
         walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
         count += 1
     return count
@@ -84,8 +68,8 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
-        """Allocate room for the walls at one place."""
-        return np.empty((STATIC + (setup.world.moving.J if moving else 0), 3))
+        """Allocate the walls at one place."""
+        return np.empty((STATIC + (setup.world.moving.J if moving else 0), WALL))
 
     @borrowing
     def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
@@ -95,7 +79,7 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
         at, to = x + t * dx + w * bx, y + t * dy + w * by
         count = static_walls(setup.world.field, task.margin, at, to, walls)
         if moving:
-            count = moving_walls(setup.world.moving, task.margin, at, to, begin + t * dt, walls, count)
+            count += moving_walls(setup.world.moving, at, to, begin + t * dt, task.margin, walls[count:])
         return count, w
 
     @borrowing
@@ -155,3 +139,29 @@ def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
     if t + dt > held[4]:
         count = listing(traffic, x, y, t, math.inf, held, candidates)
     return met_on_path(traffic, candidates, count, (x, y, mx, my, turn), t, dt, 1.0) <= 1.0
+
+
+@kernel
+def drift_along(setup, places, times, offset):  # type: ignore[no-untyped-def]
+    """Return the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2].
+
+    They are at places (k, 2) [m] of a guide, at times (k,) [s] on the clock of moving obstacles.
+    """
+    k, J, listed = places.shape[0], setup.world.moving.J, 0
+    slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
+    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
+    for i in range(k):
+        x, y = places[i]
+        listed, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), listed, near)
+        c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), near, count, 0.0)
+        for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+            least = max(float(gap), TUNING.drift_gap * offset)
+            push = offset / (least * (least + offset))
+            fall = -push * (1.0 / least + 1.0 / (least + offset))
+            slopes[i, 0] += push * wx
+            slopes[i, 1] += push * wy
+            bends[i, 0, 0] += fall * wx * wx
+            bends[i, 0, 1] += fall * wx * wy
+            bends[i, 1, 0] += fall * wx * wy
+            bends[i, 1, 1] += fall * wy * wy
+    return slopes, bends
