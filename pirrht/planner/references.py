@@ -18,9 +18,9 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.jit.jit import kernel, load_int32, load_int64, mapped
 from pirrht.planner import graph as g
-from pirrht.planner.chain import keys_of
-from pirrht.planner.shorten import resume, resumes, shorten
 from pirrht.planner.tuning import TUNING
+from pirrht.shortening.chain import keys_of
+from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
 from pirrht.steering.motion import Motions, Trajectory
 from pirrht.topology.signature import class_id, integers
@@ -156,8 +156,7 @@ class ReferenceQuery(NamedTuple):
         times = np.linspace(x[2], paths[0].knots[-1, 2], TUNING.stations)
         chosen: list[tuple[Any, Array]] = []
         for path in paths:
-            knots = path.knots
-            places = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+            places = np.column_stack([np.interp(times, path.knots[:, 2], axis) for axis in path.knots.T[:2]])
             if all(np.hypot(*(places - other).T).max() > far for _, other in chosen):
                 chosen.append((path, places))
         return [path for path, _ in chosen[: TUNING.optima]]
