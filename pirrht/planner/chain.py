@@ -255,9 +255,8 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
     """
-    goal, corners = checker.space.scene.goal.center, path.heads.copy()
-    corners[-1, :2] += tuning.into_goal * (goal - corners[-1, :2])
-    count = min(tuning.corners, len(corners))
+    corners, count = path.heads.copy(), min(tuning.corners, len(path.heads))
+    corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
     motions = copied(steering.connect(tails, corners[to]))
@@ -270,10 +269,8 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
         return None
-    legs = path.cost[1:]
-    onward = legs.sum() - np.concatenate([[0.0], np.cumsum(legs[: count - 1])])
-    first = int(np.argmin(np.where(free, direct + onward, np.inf)))
-    stations = np.vstack([x, corners[first:]])
+    onward = np.cumsum(path.cost[::-1])[::-1] - path.cost  # from each corner
+    stations = np.vstack([x, corners[int(np.argmin(np.where(free, direct + onward[:count], np.inf))) :]])
     return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
 
 

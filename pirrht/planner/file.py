@@ -12,12 +12,12 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +134,13 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
 
 
 def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
+    path = Path(file) if isinstance(file, str | Path) else None
+    if path is not None and (why := why_unreadable(path)) is not None:
+        if why == MISSING:
+            raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
+        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
     try:
-        with _opened(file, name) as stream:
+        with path.open("rb") if path is not None else nullcontext(cast(BinaryIO, file)) as stream:
             arrays = read_arrays(stream)
         about = json.loads(str(arrays.pop("about")))
         known, version = about["format"], about["version"]
@@ -153,17 +158,6 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
     return about, arrays
 
 
-def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[BinaryIO]:
-    if not isinstance(file, str | Path):
-        return nullcontext(file)
-    why = why_unreadable(Path(file))
-    if why == MISSING:
-        raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
-    if why is not None:
-        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
-    return Path(file).open("rb")
-
-
 def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
     belongs = about.get("belongs")
     known = belongs if isinstance(belongs, dict) else {}
@@ -174,9 +168,6 @@ def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, A
                 f"{name} was grown for another task: {what} is {known.get(what)} there and {value} here; "
                 "grow a tree for this one, or ask for what it was grown for"
             )
-
-
-# -- arrays ------------------------------------------------------------------------------------------------------
 
 
 def read_arrays(stream: BinaryIO) -> Arrays:
@@ -272,9 +263,6 @@ def _take_over(graph: Graph, arrays: Arrays) -> None:
         getattr(graph, name)[vertex, slot] = getattr(graph, name)[vertex, source]
     for name in NODES:
         getattr(graph, name)[:V, :K] = arrays[name]
-
-
-# -- what is not an array ----------------------------------------------------------------------------------------
 
 
 def _digest(obstacles: tuple[Obstacle, ...]) -> str:

@@ -57,7 +57,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
 
     Its class is not checked.
     """
-    goal, knots = checker.space.scene.goal, path.knots
+    goal, radius, knots = checker.space.scene.goal, checker.space.scene.robot_radius, path.knots
     soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
     knots = np.vstack([x, knots[knots[:, 2] > soon]])
     if len(knots) < 2:
@@ -65,8 +65,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
     for margin in TUNING.margins_again:
         moved = knots.copy()
         if margin > 0.0:
-            numbers, radius = steering.numbers, checker.space.scene.robot_radius
-            relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
+            relax(checker.around, steering.numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
         if _judged(found, checker)[0]:
@@ -102,11 +101,9 @@ def _meshed(knots: Array, count: int) -> Array:
     steps = np.diff(knots, axis=0)
     steps = steps[steps[:, 2] > 0.0]
     knots = np.vstack([knots[0], knots[0] + np.cumsum(steps, axis=0)])
-    times = knots[:, 2]
+    times, weight = knots[:, 2], np.full(256, 1.0)
     even = np.linspace(times[0], times[-1], 257)
-    velocity = steps[:, :2] / steps[:, 2:]
-    bends = np.hypot(*np.diff(velocity, axis=0).T)
-    weight = np.full(256, 1.0)
+    bends = np.hypot(*np.diff(steps[:, :2] / steps[:, 2:], axis=0).T)
     if len(bends) and bends.sum() > 0.0:
         middle, width = 0.5 * (even[1:] + even[:-1]), 0.05 * (times[-1] - times[0])
         near = np.exp(-(((middle[:, None] - times[None, 1:-1]) / width) ** 2)) @ bends
@@ -166,15 +163,12 @@ def _around(around, knots, near):  # type: ignore[no-untyped-def]
     """Write the bodies that come so near to a path that they may matter to `near` (J,); how many do."""
     traffic, count = around.traffic, 0
     for j in range(traffic.J):
-        matters = False
         for i in range(knots.shape[0]):
             ox, oy, _ = pose_of(traffic, j, knots[i, 2])
             if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < TUNING.neighbourhood:
-                matters = True
+                near[count] = j
+                count += 1
                 break
-        if matters:
-            near[count] = j
-            count += 1
     return count
 
 
@@ -185,9 +179,9 @@ def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def
     c = clearance(field, x, y)
     if c < margin:
         h = 0.5 * field.spacing
-        gx = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
-        gy = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
-        walls[count, 0], walls[count, 1], walls[count, 2], walls[count, 3], walls[count, 4] = c, gx, gy, 0.0, 0.0
+        walls[count, 0], walls[count, 3], walls[count, 4] = c, 0.0, 0.0
+        walls[count, 1] = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
+        walls[count, 2] = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
         count += 1
     return count
 
@@ -295,9 +289,8 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
 def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
     """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
 
-    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
-        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight: a nearly
-        optimal path needs the last one alone.
+    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin, the
+        clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight, the last for a nearly optimal path.
     """
     n, fastest = 2 * (knots.shape[0] - 1), 0.0
     model = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
