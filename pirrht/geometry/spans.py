@@ -78,28 +78,6 @@ def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignore[no-untyped-def]
-    """Return whether the origin of an obstacle may come within a radius of a frame (x, y, X, Y) [m] in a time [s].
-
-    The others are as `keeps_off` takes them.
-    """
-    past = 0.0
-    while True:
-        i, left = span_at(own + past, period, count, SPAN)
-        across = (
-            load_float64(boxes, BOX * i) < frame[2] + radius and load_float64(boxes, BOX * i + 2) > frame[0] - radius
-        )
-        if across and (
-            load_float64(boxes, BOX * i + 1) < frame[3] + radius
-            and load_float64(boxes, BOX * i + 3) > frame[1] - radius
-        ):
-            return True
-        past += left
-        if past >= duration:
-            return False
-
-
-@kernel
 def keeps_off(boxes, count, own, period, way, duration, radius):  # type: ignore[no-untyped-def]
     """Return whether boxes certify that a straight step stays farther than a radius [m] from an obstacle's origin.
 

@@ -275,7 +275,7 @@ class HomologyTree:
         nearest, connect, numbers = cast(Compiled, self._compiled)
         known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], *known, True, False, straight)
-        return address_of(proposer(nearest, connect, len(numbers), self.steering.motion.kernels), given)
+        return address_of(proposer(nearest, connect, len(numbers), self.checker.motion.kernels), given)
 
     @cached_property
     def passages(self) -> Passages:

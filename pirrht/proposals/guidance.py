@@ -61,7 +61,7 @@ class DDPGuidance:
         d = problem.dynamics
         self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
-        kind = kind_of(problem)
+        kind = kind_of(problem, setup.world.moving.kernels)
         self.gated = kind.gated
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
@@ -91,7 +91,7 @@ class DDPGuidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return kind_of(problem).takes_law
+        return bool(problem.scene.movers) or kind_of(problem).takes_law
 
     def _task(self, warmth: float, noise: Noise) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls.

@@ -9,47 +9,54 @@ part of constraints that a law contains already, to first order, is taken off it
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import two_walls
-from pirrht.geometry.world import with_walls
+from pirrht.geometry.world import WALL, MovingKernels, with_walls
 from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row
-from pirrht.moving.broad_phase import held_of
-from pirrht.moving.exits import walls_along
-from pirrht.moving.tuning import WALL
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.general.law import GATE, GATES, gate_slope, mills
+from pirrht.rollouts.tables import Setup
 
 
-def constraints_of(setup: object, places: Array, times: Array, noise: float, within: float) -> Array:
+def constraints_of(setup: Setup, places: Array, times: Array, noise: float, within: float) -> Array:
     """Return half-spaces (k, GATES, GATE) at places (k, 2) [m] of a guide at times (k,) [s] under noise b [m/sqrt(s)].
 
     Their rows are direction (x, y), z of the guide itself, and the change of z per meter. Walls farther than `within`
     [m] are skipped.
     """
     walls, out = np.full((len(places), TUNING.walls, 3), np.inf), np.zeros((len(places), GATES, GATE))
-    _walls(setup, places, times, within, walls)
+    _walls_with(setup.world.moving.kernels)(setup, places, times, within, walls)
     _choose(walls, times, noise, out)
     return out
 
 
-@kernel
-def _walls(setup, places, times, within, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (k, W, 3) with clearances and directions (x, y) away from walls at places (k, 2), times (k,)."""
-    J, many = setup.world.moving.J, 0
-    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
-    for i in range(places.shape[0]):
-        x, y = places[i]
-        out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = two_walls(
-            setup.world.field, x, y
-        )
-        many, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), many, near)
-        for k in range(min(count, TUNING.walls - 2)):
-            copy_row(near[k, :3], out[i, 2 + k])
+@cache
+def _walls_with(moving: MovingKernels) -> Any:
+    """Build the kernel that fills `out` (k, W, 3) with clearances and directions (x, y) away from walls.
+
+    They are those at places (k, 2) [m] and times (k,) [s].
+    """
+    watch, near = moving.watch, moving.walls
+
+    @kernel
+    def walls_along(setup, places, times, within, out):  # type: ignore[no-untyped-def]
+        notes, rows = watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
+        for i in range(places.shape[0]):
+            x, y = places[i]
+            out[i, 0, 0], out[i, 0, 1], out[i, 0, 2], out[i, 1, 0], out[i, 1, 1], out[i, 1, 2] = two_walls(
+                setup.world.field, x, y
+            )
+            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
+            for k in range(min(count, TUNING.walls - 2)):
+                copy_row(rows[k, :3], out[i, 2 + k])
+
+    return walls_along
 
 
 @borrowing
@@ -91,32 +98,41 @@ def _choose(walls, times, noise, out):  # type: ignore[no-untyped-def]
                 break
 
 
-@kernel
-def drifts_of(setup, places, times, offset):  # type: ignore[no-untyped-def]
+def drifts_of(setup: Setup, places: Array, times: Array, offset: float) -> tuple[Array, Array]:
     """Return the slope of log psi by near walls (k, 2) [1/m] at places (k, 2) [m] and times (k,) [s].
 
     Second come its derivatives (k, 2, 2) [1/m^2].
     """
-    k, J, many = places.shape[0], setup.world.moving.J, 0
-    offset32: Any = np.float32(offset)
-    slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_range * offset32
-    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
-    for i in range(k):
-        x, y = places[i]
-        static = two_walls(setup.world.field, x, y)
-        many, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), many, near)
-        c, nx, ny, d, mx, my = with_walls(static, near, count, 0.0)
-        for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
-            gap_least = max(float(gap), TUNING.drift_gap * offset32)
-            push = offset32 / (gap_least * (gap_least + offset32))
-            fall = -push * (1.0 / gap_least + 1.0 / (gap_least + offset32))
-            slopes[i, 0] += push * wx
-            slopes[i, 1] += push * wy
-            bends[i, 0, 0] += fall * wx * wx
-            bends[i, 0, 1] += fall * wx * wy
-            bends[i, 1, 0] += fall * wx * wy
-            bends[i, 1, 1] += fall * wy * wy
+    slopes, bends = np.zeros((len(places), 2)), np.zeros((len(places), 2, 2))
+    _drifts_with(setup.world.moving.kernels)(setup, places, times, np.float32(offset), slopes, bends)
     return slopes, bends
+
+
+@cache
+def _drifts_with(moving: MovingKernels) -> Any:
+    """Build the kernel that writes slopes and their derivatives."""
+    watch, near = moving.watch, moving.walls
+
+    @kernel
+    def drifts(setup, places, times, offset, slopes, bends):  # type: ignore[no-untyped-def]
+        notes, rows = watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
+        for i in range(places.shape[0]):
+            x, y = places[i]
+            static = two_walls(setup.world.field, x, y)
+            count, _ = near(setup.world.moving, notes, x, y, times[i], TUNING.drift_range * offset, rows)
+            c, nx, ny, d, mx, my = with_walls(static, rows, count, 0.0)
+            for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+                gap_least = max(float(gap), TUNING.drift_gap * offset)
+                push = offset / (gap_least * (gap_least + offset))
+                fall = -push * (1.0 / gap_least + 1.0 / (gap_least + offset))
+                slopes[i, 0] += push * wx
+                slopes[i, 1] += push * wy
+                bends[i, 0, 0] += fall * wx * wx
+                bends[i, 0, 1] += fall * wx * wy
+                bends[i, 1, 0] += fall * wx * wy
+                bends[i, 1, 1] += fall * wy * wy
+
+    return drifts
 
 
 def beyond_linear(half_spaces: Array, B: Array, gains: Array, off: Array) -> Array:

@@ -71,7 +71,7 @@ def _compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: An
 
 def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, part: Any) -> Callable[..., Array]:
     """Build (around, numbers, states (k, n), moves, tuning) -> the vertices (l, n) of a path that costs no more."""
-    entry, cut, _, sure, pairs, most, between, _ = motion
+    entry, cut, _, sure, pairs, most, between = motion
 
     @part
     def measure(around, motions, last, scratch):  # type: ignore[no-untyped-def]

@@ -170,7 +170,7 @@ def _cut(motions, i, s):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
+def _certify(motions, i, around):  # type: ignore[no-untyped-def]
     return certify_cubic(around.field, _cubic(motions, i), motions.duration[i])
 
 

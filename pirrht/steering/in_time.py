@@ -21,8 +21,8 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.legs import LEGS, Legs
-from pirrht.steering.motion import Trajectory
+from pirrht.steering.legs import Legs, legs_among
+from pirrht.steering.motion import Motion, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tracked import Tracked
 from pirrht.steering.tuning import TUNING
@@ -91,7 +91,7 @@ class InTime(CompiledSteering):
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
-    motion = LEGS
+    motion = legs_among(None)
     cost = _cost
     optimum = _connect
 
@@ -143,6 +143,10 @@ class InTime(CompiledSteering):
     def numbers(self) -> tuple[float, ...]:
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
+
+    def motion_in(self, space: FreeSpace) -> Motion:
+        """Return its legs among the moving obstacles of a space."""
+        return legs_among(space.moving.kernels)
 
     def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""

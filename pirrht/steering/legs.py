@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -10,8 +11,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.certify import certify_leg, certify_some, list_passed, note_unsure
 from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.topology.crossings import crossed
 from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
@@ -69,11 +70,19 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return s / length if s < np.inf else np.inf
 
 
-@kernel
-def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
-    static = certify_segment(around.field, ax, ay, bx, by)
-    return static if static == BLOCKED else min(static, certify_leg(around.traffic, ax, ay, s, bx, by, t))
+@cache
+def free_leg(moving: MovingKernels | None) -> Any:
+    """Build the kernel (around, leg) that judges a leg (ax, ay, s, bx, by, t) [m, s]: FREE, BLOCKED or UNSURE."""
+    among, certify = moving is not None, (moving or NOTHING_MOVES).certify
+
+    @inlined
+    def judged(around, leg):  # type: ignore[no-untyped-def]
+        static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
+        if among and static != BLOCKED:
+            return min(static, certify(around.traffic, leg))
+        return static
+
+    return judged
 
 
 @inlined
@@ -94,34 +103,6 @@ def _cut(motions, i, share):  # type: ignore[no-untyped-def]
     motions.path[i, 3], motions.path[i, 4] = ax + share * (bx - ax), ay + share * (by - ay)
     motions.path[i, 5] = s + share * (t - s)
     motions.cost[i] *= share
-
-
-@kernel
-def _near_all(motions, around):  # type: ignore[no-untyped-def]
-    """List the moving obstacles that the frame of all motions meets while they last, and count them."""
-    x, y, begin, far_x, far_y, end = math.inf, math.inf, math.inf, -math.inf, -math.inf, -math.inf
-    for i in range(motions.path.shape[0]):
-        if motions.cost[i] < np.inf:
-            ax, ay, s, bx, by, t = _ends(motions, i)
-            x, y, far_x, far_y = min(x, ax, bx), min(y, ay, by), max(far_x, ax, bx), max(far_y, ay, by)
-            begin, end = min(begin, s), max(end, t)
-    listed = np.empty(around.traffic.J, np.int64)
-    return listed, list_passed(around.traffic, (x, y, far_x, far_y), begin, end, listed) if begin <= end else 0
-
-
-@inlined
-def _certify(motions, i, around, prepared):  # type: ignore[no-untyped-def]
-    (listed, count), leg = prepared, _ends(motions, i)
-    static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
-    if static == BLOCKED:
-        return BLOCKED
-    return min(static, certify_some(around.traffic, listed, count, leg))
-
-
-@inlined
-def _sure(motions, i, around):  # type: ignore[no-untyped-def]
-    ax, ay, s, bx, by, t = _ends(motions, i)
-    return free_leg(around, ax, ay, s, bx, by, t) == FREE
 
 
 @kernel
@@ -155,13 +136,12 @@ def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
 
 
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
-    """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
+    """Sweep a capsule among static obstacles where that is not certain; moving ones have their own."""
     ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.moving.J, dtype=np.bool_)
+    a, b = np.array([ax, ay]), np.array([bx, by])
     if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
-    note_unsure(space.moving, ax, ay, s, bx, by, t, unsure)
-    return not (unsure.any() and space.moving_collision.meets(a, s, b, t, unsure))
+    return not space.moving.meets(a, s, b, t)
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:
@@ -174,4 +154,17 @@ def _trajectory(steering: Any, path: Legs) -> Trajectory:
     )
 
 
-LEGS = Motion(MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between, _near_all), _free, _trajectory)
+@cache
+def legs_among(moving: MovingKernels | None) -> Motion:
+    """Return the kind of motions that legs are, by kernels of moving obstacles; None: there are none."""
+    judged = free_leg(moving)
+
+    @inlined
+    def certify(motions, i, around):  # type: ignore[no-untyped-def]
+        return judged(around, _ends(motions, i))
+
+    @inlined
+    def sure(motions, i, around):  # type: ignore[no-untyped-def]
+        return judged(around, _ends(motions, i)) == FREE
+
+    return Motion(MotionKernels(_entry, _cut, certify, sure, _pairs, _most, _between), _free, _trajectory)

@@ -18,7 +18,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
 from pirrht.geometry.field import Field
 from pirrht.geometry.world import Moving
-from pirrht.jit.jit import inlined, kernel, part
+from pirrht.jit.jit import kernel, part
 from pirrht.problem import Problem
 from pirrht.topology.crossings import Cuts, pairs_of_curve
 from pirrht.topology.homology import Homology
@@ -142,25 +142,18 @@ class Motions(Protocol):
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
 
 
-@inlined
-def unprepared(motions, around):  # type: ignore[no-untyped-def]
-    """Prepare nothing for `certify`."""
-    return 0
-
-
 class MotionKernels(NamedTuple):
     """Kernels of one kind of motions. Places on a motion are numbers of a measure of its own: [m], [s] or a share."""
 
     entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
     cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
-    certify: Callable[..., int]  # (motions, i, around, prepared): FREE, BLOCKED or UNSURE by the clearance field
+    certify: Callable[..., int]  # (motions, i, around): FREE, BLOCKED or UNSURE by the clearance field
     sure: Callable[..., bool]  # (motions, i, around): whether that is FREE; it need not tell blocked from unsure
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]
     most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
     between: Callable[..., bool]  # (motions, i, share, out (n,)): write the state after a share of it, if that is known
-    prepare: Callable[..., Any] = unprepared  # (motions, around): for `certify`, once for all motions
 
 
 class Motion(NamedTuple):
@@ -198,7 +191,7 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
 
 
 @part
-def _certify(curves, i, around, prepared):  # type: ignore[no-untyped-def]
+def _certify(curves, i, around):  # type: ignore[no-untyped-def]
     return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i])
 
 

@@ -6,8 +6,9 @@ A path over a place at a time costs at least what it takes to be there in time, 
 from __future__ import annotations
 
 import math
+from functools import cache
 from itertools import product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,8 +16,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import inlined, jitable, kernel
-from pirrht.moving.distances import disc_of, piece_of
 from pirrht.steering.tuning import TUNING
 
 
@@ -65,56 +66,53 @@ def _serves(useful, box, goal, x, y, t):  # type: ignore[no-untyped-def]
     return inside and _is_of_use(useful, x, y, t) and math.hypot(goal[0] - x, goal[1] - y) > goal[2]
 
 
-@kernel
-def _write_draw(unhindered, traffic, box, goal, chances, tries, out):  # type: ignore[no-untyped-def]
-    """Write the place and time (3,) that numbers between 0 and 1 lead to, `chances` (9,) and `tries` (4 l,).
+@cache
+def _draws(moving: MovingKernels | None) -> Any:
+    """Build the kernel that writes a place and a time (k, 3) for every row of numbers between 0 and 1 (k, 9 + 4 l).
 
-    Args: `unhindered` usefulness; `box`, frame (x, y, X, Y) [m] of the workspace, horizon of draws [s], and limit of
-        speeds [m/s]; `goal`, its centre, its radius [m], and the share of draws that is moved into its disc.
+    Args of it: `useful`, unhindered; moving obstacles; `box`, frame (x, y, X, Y) [m] of the workspace, horizon of draws
+        [s], and limit of speeds [m/s]; `goal`, its centre, its radius [m], and the share of draws moved into its disc.
     """
-    most = (1.0 + TUNING.excess * chances[2] / max(1.0 - chances[2], 1e-3)) * unhindered.most
-    u = unhindered
-    useful = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most)
-    near = traffic.J > 0 and chances[1] < TUNING.near_share
-    if chances[0] < TUNING.uniform_share or not _found(useful, traffic, box, goal, tries, near, out):
-        x, y, far_x, far_y, horizon, _ = box
-        out[0], out[1] = x + (far_x - x) * chances[3], y + (far_y - y) * chances[4]
-        out[2] = useful.begin + horizon * chances[5]
-    if chances[6] < goal[3]:
-        angle, away = 2.0 * math.pi * chances[7], goal[2] * math.sqrt(chances[8])
-        out[0], out[1] = goal[0] + away * math.cos(angle), goal[1] + away * math.sin(angle)
+    among, disc = moving is not None, (moving or NOTHING_MOVES).disc
 
+    @inlined
+    def found(useful, traffic, box, goal, tries, near, out):  # type: ignore[no-untyped-def]
+        """Write the first place and time (3,) of use that numbers (4 l,) lead to; whether there is one.
 
-@inlined
-def _found(useful, traffic, box, goal, tries, near, out):  # type: ignore[no-untyped-def]
-    """Write the first place and time (3,) of use that numbers (4 l,) lead to; whether there is one.
-
-    They are uniform in the workspace off the goal, and in the time that is left, or `near` moving obstacles then.
-    """
-    x, y, far_x, far_y, horizon, speed = box
-    latest = min(max(useful.most / useful.q, 0.0), horizon)
-    for i in range(0, tries.shape[0], 4):
-        if near:
-            t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
-            px, py, _, _, _, _, _ = piece_of(traffic, j, t)
-            angle = 2.0 * math.pi * tries[i]
-            away = disc_of(traffic, j) + tries[i + 1] ** 2 * TUNING.near * traffic.robot
-            px, py = px + away * math.cos(angle), py + away * math.sin(angle)
-        else:
+        They are uniform in the workspace off the goal, and in the time that is left, or `near` moving obstacles then.
+        """
+        x, y, far_x, far_y, horizon, speed = box
+        latest = min(max(useful.most / useful.q, 0.0), horizon)
+        for i in range(0, tries.shape[0], 4):
             px, py = x + (far_x - x) * tries[i], y + (far_y - y) * tries[i + 1]
             soonest = math.hypot(px - useful.start[0], py - useful.start[1]) / speed
             t = useful.begin + soonest + tries[i + 2] * max(latest - soonest, 0.0)
-        if _serves(useful, box, goal, px, py, t):
-            out[0], out[1], out[2] = px, py, t
-            return True
-    return False
+            if among and near:
+                t, j = useful.begin + tries[i + 2] * latest, int(tries[i + 3] * traffic.J)
+                px, py, away = disc(traffic, j, t)
+                angle, away = 2.0 * math.pi * tries[i], away + tries[i + 1] ** 2 * TUNING.near * traffic.robot
+                px, py = px + away * math.cos(angle), py + away * math.sin(angle)
+            if _serves(useful, box, goal, px, py, t):
+                out[0], out[1], out[2] = px, py, t
+                return True
+        return False
 
+    @kernel
+    def write_draws(unhindered, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
+        u, (x, y, far_x, far_y, horizon, _) = unhindered, box
+        for i in range(out.shape[0]):
+            row, drawn = chances[i], out[i]
+            most = (1.0 + TUNING.excess * row[2] / max(1.0 - row[2], 1e-3)) * u.most
+            useful = Useful(u.start, u.begin, u.goal, u.q, u.r, u.meter, most)
+            near = row[1] < TUNING.near_share
+            if row[0] < TUNING.uniform_share or not found(useful, traffic, box, goal, row[9:], near, drawn):
+                drawn[0], drawn[1] = x + (far_x - x) * row[3], y + (far_y - y) * row[4]
+                drawn[2] = u.begin + horizon * row[5]
+            if row[6] < goal[3]:
+                angle, away = 2.0 * math.pi * row[7], goal[2] * math.sqrt(row[8])
+                drawn[0], drawn[1] = goal[0] + away * math.cos(angle), goal[1] + away * math.sin(angle)
 
-@kernel
-def _write_draws(useful, traffic, box, goal, chances, out):  # type: ignore[no-untyped-def]
-    """Write a place and a time (k, 3) for every row of numbers between 0 and 1 (k, 9 + 4 l)."""
-    for i in range(out.shape[0]):
-        _write_draw(useful, traffic, box, goal, chances[i, :9], chances[i, 9:], out[i])
+    return write_draws
 
 
 def drawn(
@@ -135,7 +133,8 @@ def drawn(
     (x, y), radius = scene.goal.center.tolist(), scene.goal.radius
     box = (*scene.lower.tolist(), *scene.upper.tolist(), horizon, numbers[2])
     useful = Useful.of(numbers, scene, origin, 1.0)
-    _write_draws(useful, space.moving, box, (x, y, radius, goal_share), rng.random((count, 9 + 4 * TUNING.tries)), out)
+    chances = rng.random((count, 9 + 4 * TUNING.tries))
+    _draws(space.moving.kernels)(useful, space.moving, box, (x, y, radius, goal_share), chances, out)
     return out
 
 

@@ -143,7 +143,7 @@ def _hits(a, b, box):
 
 
 @kernel
-def _certify(motions, i, around, prepared):
+def _certify(motions, i, around):
     for j in range(around.boxes.shape[0]):
         if _hits(motions.tails[i], motions.heads[i], around.boxes[j]):
             return BLOCKED
