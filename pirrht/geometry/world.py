@@ -75,7 +75,8 @@ NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 7)  # what kernels name 
 class Moving(Protocol):
     """J moving obstacles as a `World` queries them, lengths in [m] and times in [s].
 
-    Kernels take it as a NamedTuple of numbers. Among them are J and `speed`, the greatest of any point [m/s].
+    Kernels take it as a NamedTuple of numbers. Among them are J, `speed`, the greatest of any point [m/s], and
+    `robot`, the radius of that [m], minus which is the clearance deep inside.
     """
 
     @property
@@ -110,6 +111,7 @@ class NoMoving(NamedTuple):
 
     J: int = 0
     speed: float = 0.0
+    robot: float = 0.0
 
     @property
     def kernels(self) -> None:

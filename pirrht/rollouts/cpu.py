@@ -141,7 +141,8 @@ def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bo
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
         noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles),
         homing=as_jitable(_homing(problem, moving)), input_form=d.input_form, stratonovich=d.stratonovich,
-        anisotropic=d.n == d.m == 2 and not d.even, moving=moving, curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
+        anisotropic=d.n == d.m == 2 and not d.even, moving=moving,
+        curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
 
 
