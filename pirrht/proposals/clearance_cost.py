@@ -68,9 +68,9 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         return np.empty((STATIC + setup.world.moving.J, WALL)), watch(setup.world.moving)
 
     @borrowing
-    def walls_at(setup, task, step, t, room):  # type: ignore[no-untyped-def]
+    def walls_at(setup, task, step, t, space):  # type: ignore[no-untyped-def]
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
-        (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, room
+        (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, space
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
         count = static_walls(setup.world.field, task.margin, at, to, walls)
@@ -80,28 +80,28 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         return count, w
 
     @borrowing
-    def cost(setup, task, step, points, room):  # type: ignore[no-untyped-def]
+    def cost(setup, task, step, points, space):  # type: ignore[no-untyped-def]
         """Return the clearance cost of a step [cost] at some points, its end the last.
 
         A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
         """
-        total, walls = 0.0, room[0]
+        total, walls = 0.0, space[0]
         for k in range(1, points + 1):
-            count, _ = walls_at(setup, task, step, k / points, room)
+            count, _ = walls_at(setup, task, step, k / points, space)
             for i in range(count):
                 total += barrier(walls[i, 0], task)[0]
         return task.price * total * step[7] / points
 
     @borrowing
-    def expand(setup, task, step, points, room, g, H):  # type: ignore[no-untyped-def]
+    def expand(setup, task, step, points, space, g, H):  # type: ignore[no-untyped-def]
         """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 
         Returns: whether there are any walls; otherwise nothing is written.
         """
-        found, walls = False, room[0]
+        found, walls = False, space[0]
         for k in range(1, points + 1):
             t = k / points
-            count, w = walls_at(setup, task, step, t, room)
+            count, w = walls_at(setup, task, step, t, space)
             share, scale = (1.0 - t, t, w), task.price * step[7] / points
             for e in range(count):
                 if not found:

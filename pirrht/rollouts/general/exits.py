@@ -49,11 +49,11 @@ def ended_for(kind: KernelSpec) -> Any:
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @part
-    def in_plane(scratch, arena, dt, exit, share, variance, among, state):  # type: ignore[no-untyped-def]
-        """End a step whose noise is its displacement; `among`: row 0 of moving walls is met."""
+    def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
+        """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
         x, moved, f, y, B, deviation = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B, math.sqrt(variance)
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
-        if moving and among:
+        if moving and moving_wall:
             state, dx, dy = at_moving_wall(scratch.walls[0], (dx, dy), (f[0], f[1]), dt, share, deviation, state)
         else:
             state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, deviation, state)
@@ -87,10 +87,10 @@ def ended_for(kind: KernelSpec) -> Any:
         return state, dt * share
 
     @part
-    def ended(scratch, arena, dt, exit, share, rates, among, state):  # type: ignore[no-untyped-def]
+    def ended(scratch, arena, dt, exit, share, rates, moving_wall, state):  # type: ignore[no-untyped-def]
         xx, xy, yy = rates
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
-            return in_plane(scratch, arena, dt, exit, share, xx * dt, among, state)
+            return in_plane(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)
         if along_line and exit == GOAL:
             return on_line(scratch, arena, dt, share, rates, state)
         return state, dt
