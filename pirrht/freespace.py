@@ -11,13 +11,13 @@ from pirrht import formatting, implementation
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
+from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.geometry.survey import build_field
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued

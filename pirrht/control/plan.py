@@ -16,7 +16,7 @@ from pirrht.control.settings import TUNING
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Replay
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 
 

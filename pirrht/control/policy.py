@@ -19,7 +19,7 @@ from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Allocation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem

@@ -16,7 +16,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime

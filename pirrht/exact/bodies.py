@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, kernel
 from pirrht.moving.distances import clearance_of_solid, offset_of_solid

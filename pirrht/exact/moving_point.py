@@ -36,7 +36,7 @@ from pirrht.exact.grid import (
     largest_change,
 )
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem

@@ -13,8 +13,7 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry import solids
-from pirrht.geometry.motion import Mover
-from pirrht.geometry.obstacle import Kind, Obstacle
+from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
 __all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]

@@ -31,7 +31,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment
 from pirrht.geometry.field import Field, clearance, two_walls
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import inlined
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
-from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY

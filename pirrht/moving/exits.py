@@ -28,18 +28,20 @@ from pirrht.moving.distances import (
     restart_of,
     wall_facing,
 )
-from pirrht.moving.tuning import LISTING, NEAR, TUNING
+from pirrht.moving.tuning import LISTING, POSED, TUNING
 
 REACH, X, Y, SEEN, AFTER, SERVES, COUNT = range(LISTING)
-D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, KNOWN = range(NEAR)
+D, NX, NY, WX, WY, OX, OY, YAW, VX, VY, TURN, SINCE, UNTIL, COS, SIN, FACED, KNOWN = range(POSED)
 
 
 class Watch(NamedTuple):
     """Notes on J moving obstacles along one path."""
 
-    listing: Array  # (LISTING,) reach [m], beyond which all others are, place [m] and time of it, and when it holds [s]
+    listing: (
+        Array  # (LISTING,) distance [m], beyond which all others are, place [m] and time of it, and when it holds [s]
+    )
     candidates: NDArray[np.int64]  # (J,) those that may be near, ascending
-    near: Array  # (J, NEAR) where they are
+    near: Array  # (J, POSED) where they are
 
 
 WATCH: Any = Watch
@@ -48,7 +50,7 @@ WATCH: Any = Watch
 @inlined
 def watch(moving):  # type: ignore[no-untyped-def]
     """Allocate the notes of a path."""
-    notes = WATCH(np.empty(LISTING), np.empty(moving.J, np.int64), np.empty((moving.J, NEAR)))
+    notes = WATCH(np.empty(LISTING), np.empty(moving.J, np.int64), np.empty((moving.J, POSED)))
     begin(notes)
     return notes
 
@@ -72,8 +74,8 @@ def _serves(moving, notes, x, y, t, within):  # type: ignore[no-untyped-def]
 
 
 @borrowing
-def _list(moving, notes, x, y, t, reach):  # type: ignore[no-untyped-def]
-    """List the obstacles within a reach [m] of (x, y) [m] at t [s]."""
+def _list(moving, notes, x, y, t, within):  # type: ignore[no-untyped-def]
+    """List the obstacles within a distance [m] of (x, y) [m] at t [s]."""
     count, after, until = 0, -math.inf, math.inf
     for j in range(moving.J):
         restart = restart_of(moving, j, t)
@@ -81,11 +83,11 @@ def _list(moving, notes, x, y, t, reach):  # type: ignore[no-untyped-def]
         if restart < math.inf:
             after = max(after, restart - clock_of(moving, j)[1])
         ox, oy, _, _, _, _, _ = piece_of(moving, j, t)
-        if outside_of(moving, j, ox, oy, x, y) < reach:
+        if outside_of(moving, j, ox, oy, x, y) < within:
             notes.candidates[count] = j
             count += 1
     known = notes.listing
-    known[REACH], known[X], known[Y], known[SEEN] = reach, x, y, t
+    known[REACH], known[X], known[Y], known[SEEN] = within, x, y, t
     known[AFTER], known[SERVES], known[COUNT] = after, until, count
 
 
@@ -213,9 +215,9 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
     (x, y, mx, my), (line, weighed), near = way, rule, notes.near
     square = FAR * (cov[0] + cov[2] if line else max(cov[0], cov[2]))
     spread = math.sqrt(0.5 * square)
-    reach = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + spread + moving.speed * dt
-    if not _serves(moving, notes, x, y, t, reach):
-        _list(moving, notes, x, y, t, reach + TUNING.skin)
+    within = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y)) + spread + moving.speed * dt
+    if not _serves(moving, notes, x, y, t, within):
+        _list(moving, notes, x, y, t, within + TUNING.skin)
         _look(moving, notes, x, y, t, spread)
     alive, worst, which, from_, to, variance = 1.0, 2.0, np.int64(0), 0.0, 0.0, 0.0
     for k in range(int(notes.listing[COUNT])):
@@ -244,9 +246,9 @@ def sweep(moving, notes, step, t, dt, stop):  # type: ignore[no-untyped-def]
     """
     x, y, mx, my, turn = step
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
-    reach = length * (1.0 + abs(turn)) + moving.speed * dt
-    if not _serves(moving, notes, x, y, t, reach) or t + dt > notes.listing[SERVES]:
-        _list(moving, notes, x, y, t, reach + TUNING.skin)
+    within = length * (1.0 + abs(turn)) + moving.speed * dt
+    if not _serves(moving, notes, x, y, t, within) or t + dt > notes.listing[SERVES]:
+        _list(moving, notes, x, y, t, within + TUNING.skin)
         if t + dt > notes.listing[SERVES]:  # one is suddenly elsewhere meanwhile
             _list(moving, notes, x, y, t, math.inf)
     bow, rate, share = 0.5 * turn * length, length * math.sqrt(1.0 + 0.25 * turn * turn), 0.0

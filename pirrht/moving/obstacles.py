@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Scene, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.spans import BOX, boxes_of

@@ -30,10 +30,10 @@ class RowWidths(NamedTuple):
     table: int = 4  # form or -1, where its lattice begins in the table, and how many points that has along x and y
     # A wall (`geometry.world`), pose [m], [rad] and its rates, from when and until when these hold [s], cosine and sine
     # of a yaw, that yaw, and whether the wall is known: otherwise the clearance is only a lower bound.
-    near: int = 17
+    posed: int = 17
     # Reach of a list [m], from where [m] and when it is known, from and until when it serves [s], and its size.
     listing: int = 7
 
 
 TUNING = MovingTuning()
-BODY, PARTS, ROW, SOLID, TABLE, NEAR, LISTING = RowWidths()
+BODY, PARTS, ROW, SOLID, TABLE, POSED, LISTING = RowWidths()

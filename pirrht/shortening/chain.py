@@ -239,7 +239,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
     free, direct = edges.free[:count], edges.cost[:count]
     if edges.status[0] == UNSURE:
         free[0] = checker.motion.free(motions, 0, checker.space)
-    key = _keys(edges.turns, checker.around.weights)
+    key = keys_of(edges.turns, checker.around.weights)
     if free[0]:
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
@@ -251,7 +251,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
     return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
 
 
-def _keys(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
+def keys_of(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
     """Additive key of the turns of each of k motions, (k,)."""
     summed = np.concatenate([[0], np.cumsum(weights[turns.marker] * turns.turn)])
     return np.asarray(summed[turns.first[1:]] - summed[turns.first[:-1]])

@@ -11,7 +11,7 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint
 from pirrht.jit.jit import kernel
 from pirrht.topology.crossings import Cuts, spread, straight_turns

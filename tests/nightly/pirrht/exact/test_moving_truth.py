@@ -20,7 +20,7 @@ from pirrht.exact.boundaries import Surroundings, step_of
 from pirrht.exact.desirability import Desirability
 from pirrht.exact.gaussian_step import meet_boundaries, smooth, taps_along
 from pirrht.exact.grid import frame_at
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
     "crossing": (8.578, 8.752, 9.000),

@@ -9,7 +9,7 @@ from moving import moved
 
 from pirrht.control.blocked import Brake, BrakeSettings
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.spans import SPAN, boxes_of, keeps_off
 
 TIMES = 400  # moments of a way that are looked at

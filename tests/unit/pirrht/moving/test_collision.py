@@ -13,7 +13,7 @@ from tilted import RADIUS, solid
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 

@@ -11,7 +11,7 @@ from discs import block
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
 from pirrht.jit.jit import kernel
 from pirrht.moving.exits import watch
 from pirrht.shortening.shorten import resume, shorten
