@@ -19,8 +19,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
-from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import Legs
+from pirrht.steering.in_time import InTime, Legs
 from pirrht.topology.homology import Homology
 
 

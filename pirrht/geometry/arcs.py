@@ -200,10 +200,10 @@ def certify_point(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
+def certify_curve(field, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m]: certified discs must cover it.
 
-    Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
+    Where they do not, a `patient` walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
     """
     x, y, theta = start[0], start[1], start[2]
     verdict = FREE
@@ -215,29 +215,12 @@ def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-d
             if c < LEAST_STEP:
                 if refused(field, px, py) == BLOCKED:
                     return BLOCKED
-                verdict = UNSURE
-                c = 0.5 * field.spacing
+                if not patient:
+                    return UNSURE
+                verdict, c = UNSURE, 0.5 * field.spacing
             if s >= length[p]:
                 break
             s = min(s + c, length[p])
         if p + 1 < length.shape[0]:
             x, y, theta = along(x, y, theta, kappa, length[p])
     return verdict
-
-
-@kernel
-def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Return whether the field alone certifies a curve (3,), (P,) [1/m], (P,) [m]; blocked and unsure are one."""
-    x, y, theta = start[0], start[1], start[2]
-    for p in range(length.shape[0]):
-        kappa, total = curvature[p], length[p]
-        ux, uy = math.cos(theta), math.sin(theta)
-        s = 0.0
-        while s < total:
-            px, py = point_along(x, y, theta, ux, uy, kappa, s)
-            c = clearance(field, px, py)
-            if c < LEAST_STEP:
-                return False
-            s += c
-        x, y, theta = along(x, y, theta, kappa, total)
-    return clearance(field, x, y) >= LEAST_STEP

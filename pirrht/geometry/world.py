@@ -60,7 +60,6 @@ class MovingKernels(NamedTuple):
     sweep: Any
     clearance: Any  # (moving, x, y, t): clearance from the nearest [m]
     certify: Any  # (moving, (ax, ay, s, bx, by, t)): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t
-    disc: Any  # (moving, j, t): centre x, y and radius of a disc that obstacle j is inside of [m]
 
 
 @inlined
@@ -69,7 +68,7 @@ def unwatched(moving):  # type: ignore[no-untyped-def]
     return 0
 
 
-NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 7)  # what kernels name in place of None, and never call
+NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 6)  # what kernels name in place of None, and never call
 
 
 class Moving(Protocol):

@@ -34,13 +34,6 @@ def fastest_of(moving, j):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def disc(moving, j, t):  # type: ignore[no-untyped-def]
-    """Return centre x, y and radius of the disc outside of which the robot's centre is free of obstacle j, at t [s]."""
-    x, y, _, _, _, _, _ = piece_of(moving, j, t)
-    return x, y, disc_of(moving, j)
-
-
-@inlined
 def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when these hold [s].
 

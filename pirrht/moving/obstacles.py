@@ -17,11 +17,11 @@ from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.geometry.world import WALL, MovingKernels
 from pirrht.moving.certify import certify, note_unsure
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
-from pirrht.moving.distances import FASTEST, disc, moving_clearance
+from pirrht.moving.distances import FASTEST, moving_clearance
 from pirrht.moving.exits import begin, bridge, sweep, walls, walls_at, watch
 from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING
 
-KERNELS = MovingKernels(watch, begin, walls, bridge, sweep, moving_clearance, certify, disc)
+KERNELS = MovingKernels(watch, begin, walls, bridge, sweep, moving_clearance, certify)
 
 
 class ObstacleNumbers(NamedTuple):

@@ -162,7 +162,7 @@ _propose = caller((NO_EDGES, 0))
 def proposer(
     nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
 ) -> Callable[..., tuple[Edges, int]]:
-    """Make what `grow` calls of a steering method (`steering.Compiled`, `count` numbers) and its motions."""
+    """Make what `grow` calls of a `CompiledSteering` (`nearest_with`, optimum, `count` numbers) and its motions."""
     judge = judge_with(motion)
 
     def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]

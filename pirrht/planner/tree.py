@@ -28,7 +28,7 @@ from pirrht.planner.rewire import SearchRules, reaches, relax
 from pirrht.planner.tuning import TUNING, PlannerTuning
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
 from pirrht.steering.motion import Motions
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.steering import CompiledSteering, Steering, nearest_with
 
 
 class HomologyTree:
@@ -87,7 +87,6 @@ class HomologyTree:
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
-        self._compiled = steering.compiled
         self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
@@ -271,9 +270,9 @@ class HomologyTree:
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
-        if self._compiled is None:
+        if not isinstance(self.steering, CompiledSteering):
             return i, STATUS.ask
-        values, storage = np.array(self._compiled.numbers), self.storage
+        values, storage = np.array(self.steering.numbers), self.storage
         places, vertices = storage.places, storage.vertices
         return cast(
             tuple[int, int], grow(self._propose, places, vertices, draws, i, self._remembering, values, self.rules)
@@ -282,10 +281,12 @@ class HomologyTree:
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        nearest, connect, numbers = cast(Compiled, self._compiled)
-        known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
-        given = (self.storage.vertices, 1, self.states[0], *known, True, False, straight)
-        return address_of(proposer(nearest, connect, len(numbers), self.checker.motion.kernels), given)
+        steering = cast(CompiledSteering, self.steering)
+        numbers, kind = np.array(steering.numbers), type(steering)
+        straight = np.empty(self.homology.M)
+        given = (self.storage.vertices, 1, self.states[0], self._remembering, numbers, True, False, straight)
+        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
+        return address_of(proposer(*kernels), given)
 
     @cached_property
     def passages(self) -> Passages:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import LEAST_STEP, UNSURE
+from pirrht.geometry.arcs import FREE, LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
@@ -71,7 +71,7 @@ def _compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: An
 
 def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, part: Any) -> Callable[..., Array]:
     """Build (around, numbers, states (k, n), moves, tuning) -> the vertices (l, n) of a path that costs no more."""
-    entry, cut, _, sure, pairs, most, between = motion
+    entry, cut, certify, pairs, most, between = motion
 
     @part
     def measure(around, motions, last, scratch):  # type: ignore[no-untyped-def]
@@ -87,7 +87,8 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     @part
     def admissible(around, motions, last):  # type: ignore[no-untyped-def]
         """Tell whether a single motion is certified, and outside the goal or, cut there, the last one."""
-        return (last or entry(motions, 0, around) == np.inf) and sure(motions, 0, around)
+        outside = last or entry(motions, 0, around) == np.inf
+        return outside and certify(motions, 0, around, False) == FREE
 
     @part
     def stations_of(around, numbers, states, count, tuning, scratch, out):  # type: ignore[no-untyped-def]

@@ -20,8 +20,7 @@ from pirrht.jit.jit import kernel
 from pirrht.shortening.timed_relaxation import relaxation
 from pirrht.shortening.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import LATE, InTime
-from pirrht.steering.legs import Legs, entered, free_leg
+from pirrht.steering.in_time import LATE, InTime, Legs, entered, free_leg
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 

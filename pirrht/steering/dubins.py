@@ -24,31 +24,6 @@ from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
 
-
-class PoseSteering(CompiledSteering):
-    """A steering method whose vertices are poses x, y [m] and heading [rad], (3,)."""
-
-    n = 3
-    symmetric = False
-
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
-        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
-
-    def states_along(self, path: Array, scene: Scene) -> Array:
-        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
-        states = np.repeat(path, 2, axis=0)
-        states[1::2, 2] += np.pi
-        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
-        return states
-
-    def roots(self, goal: Array) -> Array:
-        """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
-        count = TUNING.root_headings
-        headings = np.arange(count) * (TWO_PI / count) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (count, 2)), headings])
-
-
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
 
@@ -118,37 +93,22 @@ def _ends(tail, head, radius):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def length_between(tail, head, radius, limit):  # type: ignore[no-untyped-def]
-    """Length [m] of the shortest curve between two states (3,), radius [m]; infinity if it is not below `limit` [m]."""
+def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
+    """Find the shortest curve between two states (3,): its length [m], curvatures (3) [1/m] and pieces (3) [m].
+
+    It is of infinite length if it is not below `limit` [m].
+    """
+    ends, sa, ca, sb, cb = _ends(tail, head, radius)
     most = limit / radius
-    ends, sa, ca, sb, cb = _ends(tail, head, radius)
-    best = min(most, _same_turns(1.0, ends, sb - sa, cb - ca, most)[0])
-    best = min(best, _same_turns(-1.0, ends, sb - sa, cb - ca, best)[0])
-    best = min(best, _opposite_turns(1.0, ends, sb + sa, cb + ca, best)[0])
-    best = min(best, _opposite_turns(-1.0, ends, sb + sa, cb + ca, best)[0])
-    return best * radius if best < most else np.inf
-
-
-@kernel
-def shortest(tail, head, radius, curvature, length):  # type: ignore[no-untyped-def]
-    """Write the shortest curve between states (3,), curvature (3,) [1/m], length (3,) [m]; returns its length [m]."""
-    ends, sa, ca, sb, cb = _ends(tail, head, radius)
-    best = np.inf
+    best, bends, pieces = most, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for s in (1.0, -1.0):
         total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, best)
         if total < best:
-            best = total
-            length[0], length[1], length[2] = t, p, q
-            curvature[0], curvature[1], curvature[2] = s, -s if arcs else 0.0, s
+            best, bends, pieces = total, (s, -s if arcs else 0.0, s), (t, p, q)
         total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, best)
         if total < best:
-            best = total
-            length[0], length[1], length[2] = t, p, q
-            curvature[0], curvature[1], curvature[2] = s, 0.0, -s
-    for i in range(3):
-        length[i] *= radius
-        curvature[i] /= radius
-    return best * radius
+            best, bends, pieces = total, (s, 0.0, -s), (t, p, q)
+    return best * radius if best < most else np.inf, bends, pieces
 
 
 @inlined
@@ -164,7 +124,7 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
     """Cost of the shortest curve; infinity if it is not below `limit`. The chord is a lower bound."""
     gap = math.sqrt((head[0] - tail[0]) ** 2 + (head[1] - tail[1]) ** 2)
     most = limit / numbers[1]
-    return np.inf if gap - 4.0 * EPS * numbers[0] > most else numbers[1] * length_between(tail, head, numbers[0], most)
+    return np.inf if gap - 4.0 * EPS * numbers[0] > most else numbers[1] * shortest(tail, head, numbers[0], most)[0]
 
 
 @kernel
@@ -174,13 +134,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
     for i in range(k):
         copy_row(tails[i], start[i])
-        shortest(tails[i], heads[i], radius, curvature[i], length[i])
-        cost[i] = numbers[1] * length[i].sum()
+        _, bends, pieces = shortest(tails[i], heads[i], radius, np.inf)
+        for p in range(3):
+            curvature[i, p], length[i, p] = bends[p] / radius, pieces[p] * radius
+        cost[i] = numbers[1] * (length[i, 0] + length[i, 1] + length[i, 2])
     return Curves(start, curvature, length, cost, tails, heads)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dubins(PoseSteering):
+class Dubins(CompiledSteering):
     """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
 
     Raises:
@@ -190,6 +152,8 @@ class Dubins(PoseSteering):
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
 
+    n = 3
+    symmetric = False
     cost = _cost
     optimum = _connect
     shift = sideways
@@ -234,3 +198,20 @@ class Dubins(PoseSteering):
         """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
         u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
         return u
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
+        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
+
+    def states_along(self, path: Array, scene: Scene) -> Array:
+        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
+        states = np.repeat(path, 2, axis=0)
+        states[1::2, 2] += np.pi
+        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
+        return states
+
+    def roots(self, goal: Array) -> Array:
+        """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
+        count = TUNING.root_headings
+        headings = np.arange(count) * (TWO_PI / count) - np.pi
+        return np.column_stack([np.broadcast_to(goal, (count, 2)), headings])

@@ -89,7 +89,7 @@ class EdgeChecker:
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """Build the kernel (around, motions, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
-    entry, cut, certify, _, pairs, most, _ = kernels
+    entry, cut, certify, pairs, most, _ = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
@@ -109,7 +109,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
                 if not into_goal[i]:
                     continue
                 cut(motions, i, s)
-            status[i] = certify(motions, i, around)
+            status[i] = certify(motions, i, around, True)
             unsure += status[i] == UNSURE
             if status[i] == BLOCKED:
                 continue
@@ -121,5 +121,5 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
         turns = Turns(first, marker[:used].copy(), turn[:used].copy())
         return Edges(near, status, motions.cost, turns), unsure
 
-    judging: Callable[..., tuple[Edges, int]] = judged
-    return judging
+    found: Callable[..., tuple[Edges, int]] = judged
+    return found

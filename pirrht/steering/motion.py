@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
+from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, truncate
 from pirrht.geometry.field import Field
 from pirrht.geometry.world import Moving
-from pirrht.jit.jit import kernel, part
+from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
 from pirrht.topology.crossings import Cuts, pairs_of_curve
 from pirrht.topology.homology import Homology
@@ -55,9 +55,9 @@ class Trajectory:
 
     def tape(self, times: Array) -> Array:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
-        out = np.zeros((len(times) - 1, self.controls.shape[1]))
-        _resample(np.ascontiguousarray(self.controls), self.durations, times, out)  # compiled for one layout
-        return out
+        ends = np.append(0.0, np.cumsum(self.durations))
+        sums = np.vstack([np.zeros(self.controls.shape[1]), np.cumsum(self.controls * self.durations[:, None], axis=0)])
+        return np.diff([np.interp(times, ends, each) for each in sums.T]).T / np.diff(times)[:, None]
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
@@ -74,23 +74,6 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
         tail = x[2:]
         rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
     return float(np.sum((rate + effort) * trajectory.durations))
-
-
-@kernel
-def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
-    steps, m = out.shape
-    now, i = 0.0, 0
-    for p in range(durations.shape[0]):
-        end = now + durations[p]
-        while i < steps:
-            overlap = min(end, times[i + 1]) - max(now, times[i])
-            if overlap > 0.0:
-                for j in range(m):
-                    out[i, j] += controls[p, j] * overlap / (times[i + 1] - times[i])
-            if times[i + 1] > end:
-                break
-            i += 1
-        now = end
 
 
 class Surroundings(NamedTuple):
@@ -142,18 +125,23 @@ class Motions(Protocol):
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
 
 
+_unknown = inlined(lambda motions, i, share, out: False)
+
+
 class MotionKernels(NamedTuple):
     """Kernels of one kind of motions. Places on a motion are numbers of a measure of its own: [m], [s] or a share."""
 
     entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
     cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
-    certify: Callable[..., int]  # (motions, i, around): FREE, BLOCKED or UNSURE by the clearance field
-    sure: Callable[..., bool]  # (motions, i, around): whether that is FREE; it need not tell blocked from unsure
+    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by the clearance field; without `patient` what is not FREE
+    # may be either of the others.
+    certify: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]
     most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
-    between: Callable[..., bool]  # (motions, i, share, out (n,)): write the state after a share of it, if that is known
+    # (motions, i, share, out (n,)): write the state after a share of it, if that is known
+    between: Callable[..., bool] = _unknown
 
 
 class Motion(NamedTuple):
@@ -191,24 +179,14 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
 
 
 @part
-def _certify(curves, i, around):  # type: ignore[no-untyped-def]
-    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i])
-
-
-@part
-def _sure(curves, i, around):  # type: ignore[no-untyped-def]
-    return surely_free(around.field, curves.start[i], curves.curvature[i], curves.length[i])
+def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
+    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
 
 @part
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
     return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
-
-
-@part
-def _most(curves):  # type: ignore[no-untyped-def]
-    return curves.length.shape[1]
 
 
 @kernel
@@ -258,4 +236,5 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     )  # fmt: skip
 
 
-ARCS = Motion(MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between), _free, _trajectory)
+_most = inlined(lambda curves: curves.length.shape[1])
+ARCS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)

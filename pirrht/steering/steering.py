@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,14 +17,6 @@ from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
 from pirrht.steering.motion import ARCS, Motion, Motions, Surroundings, Trajectory
-
-
-class Compiled(NamedTuple):
-    """A steering method as kernels, for growth that need not come back to Python."""
-
-    nearest: Callable[..., None]  # (states (k, n), x (n,), numbers, forward, chosen (c,), work (c,)): as `nearest`
-    connect: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): optimal motions
-    numbers: tuple[float, ...]  # parameters of both
 
 
 @inlined
@@ -43,7 +36,9 @@ class Steering(ABC):
 
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
-    drives: bool = True  # whether references come with the controls that drive them; else proposals must find those
+    drives: bool = True  # whether references come with the controls that drive them; else proposals must find those ...
+    m: int  # ... (m,), and the system
+    slack: float  # may take this time to get under way [s]
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
     motion: Motion = ARCS  # kind of what `connect` makes
@@ -106,13 +101,9 @@ class Steering(ABC):
         return states
 
     def draws(
-        self,
-        space: FreeSpace,
-        rng: np.random.Generator,
-        count: int,
-        origin: Array | None = None,
+        self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
         goal_share: float = 0.0,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Draw states (count, n) of an examined scene for a tree, equal in parts and at once; here uniform ones.
 
         Args:
@@ -145,14 +136,12 @@ class Steering(ABC):
         chosen = np.argpartition(cost, count)[:count]
         return np.asarray(chosen[np.argsort(cost[chosen], kind="stable")])
 
-    @property
-    def compiled(self) -> Compiled | None:
-        """Return `nearest` and `connect` as kernels, with which a tree grows faster; None if there are none."""
-        return None
-
     def trajectory(self, path: Any) -> Trajectory:
-        """Return the controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
-        return self.motion.trajectory(self, path)
+        """Return controls (l, m) along a path of consecutive motions, 0 if they are unknown, and durations (l,) [s]."""
+        found = self.motion.trajectory(self, path)
+        if self.drives:
+            return found
+        return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
 
 
 class CompiledSteering(Steering):
@@ -168,11 +157,6 @@ class CompiledSteering(Steering):
     def numbers(self) -> tuple[float, ...]:
         """Return the parameters of both kernels."""
 
-    @property
-    def compiled(self) -> Compiled:
-        """Return the method as kernels."""
-        return Compiled(nearest_with(type(self).cost, self.n), type(self).optimum, self.numbers)
-
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""
         tails, heads = (np.array(states, dtype=float) for states in np.broadcast_arrays(tails, heads))
@@ -187,7 +171,7 @@ class CompiledSteering(Steering):
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from."""
         chosen = np.empty(min(count, len(states)), dtype=np.int64)
-        self.compiled.nearest(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
+        nearest_with(type(self).cost, self.n)(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
         return chosen
 
 
@@ -198,11 +182,11 @@ def rows(states: Array, n: int) -> Array:
 
 @cache
 def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
-    """Build the kernel that finds the states of (k, n) of least cost, cheapest first; of equal ones the earlier."""
+    """Build the kernel (states (k, n), x (n,), numbers, forward, chosen (c,), least (c,)) of `Steering.nearest`."""
 
     @borrowing
     def nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
-        """Write the indices to `chosen` (c,) and their costs to `least` (c,)."""
+        """Write indices of the states of least cost and these costs, cheapest first; of equal ones the earlier."""
         count, found, here = chosen.shape[0], 0, as_tuple(x, n)
         for i in range(states.shape[0]):
             limit, there = least[count - 1] if found == count else np.inf, as_tuple(states[i], n)

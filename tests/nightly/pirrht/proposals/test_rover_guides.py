@@ -21,7 +21,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import Trajectory
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover, towards_goal
 
 X = np.array([0.5, 1.5, 0.3])

@@ -29,7 +29,7 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import running_cost
 from pirrht.steering.steering import Steering
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.second_order_car import SecondOrderCar, cruising, towards_goal
 from pirrht.systems.single_integrator import SingleIntegrator

@@ -17,8 +17,7 @@ from pirrht.moving.exits import watch
 from pirrht.shortening.shorten import resume, shorten
 from pirrht.shortening.timed_relaxation import BAND, model
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import Legs
+from pirrht.steering.in_time import InTime, Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
@@ -138,7 +137,8 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
         STEERING,
         EdgeChecker.of(space, STEERING),
     )
-    return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
+    place = [np.interp(0.4, path.knots[:, 2], path.knots[:, k]) for k in (0, 1)]
+    return space, path, np.array([*np.add(place, aside), 0.4])
 
 
 @pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])

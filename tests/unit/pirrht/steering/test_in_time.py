@@ -145,9 +145,6 @@ def test_waiting_is_no_control_for_a_while():
     assert found.cost == pytest.approx(1.25 + 0.5 * (1.0 + 4.0))
     assert found.slack is None
     assert path.knots == pytest.approx(knots)
-    assert path.places(np.array([0.0, 1.0, 2.0, 9.0])) == pytest.approx(
-        np.array([[1.0, 2.5], [1.0, 2.5], [1.5, 2.5], [2.0, 2.5]])
-    )
 
 
 def test_a_point_is_steered_by_its_own_cost_and_other_systems_track_at_their_pace():
