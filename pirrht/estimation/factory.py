@@ -16,10 +16,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.problem import Problem
-from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
-from pirrht.proposals.desirability_tube import tube_of
+from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import (
@@ -68,11 +67,6 @@ class ProposalFactory:
         self._law_width = 0 if guidance is None else guidance.law_width
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
-    @property
-    def tracks(self) -> bool:
-        """Check whether references need no controls, since samples climb or follow what optimises them."""
-        return self.climbs or DDPGuidance.suits(self.problem)
-
     @cached_property
     def nominal(self) -> DDPGuidance:
         """Optimiser of trajectories whose nominal controls open-loop samples follow along tracked references."""
@@ -115,7 +109,7 @@ class ProposalFactory:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
         push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
-        return DesirabilityAscent(tube_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        return DesirabilityAscent.of(self._soft, line, x, scales.decay, push)
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the ascent of a point next to its guide among moving obstacles; None of other systems.

@@ -43,7 +43,7 @@ class MovingKernels(NamedTuple):
     """Kernels that rollouts, proposals and edges call among moving obstacles; all take their numbers (`Moving`) first.
 
     `watch` is scratch of one path after another; only the kernels know its fields. Rows of walls are clearance [m],
-    unit vector (x, y) away and velocity there (x, y) [m/s]. Places are (x, y) [m], times in [s].
+    unit vector (x, y) away, zero inside, and velocity there (x, y) [m/s]. Places are (x, y) [m], times in [s].
     """
 
     watch: Any  # (moving): allocate scratch
@@ -74,8 +74,7 @@ NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 6)  # what kernels name 
 class Moving(Protocol):
     """J moving obstacles as a `World` queries them, lengths in [m] and times in [s].
 
-    Kernels take it as a NamedTuple of numbers. Among them are J, `speed`, the greatest of any point [m/s], and
-    `robot`, the radius of that [m], minus which is the clearance deep inside.
+    Kernels take it as a NamedTuple of numbers. Among them are J and `speed`, the greatest of any point [m/s].
     """
 
     @property
@@ -110,7 +109,6 @@ class NoMoving(NamedTuple):
 
     J: int = 0
     speed: float = 0.0
-    robot: float = 0.0
 
     @property
     def kernels(self) -> None:

@@ -159,8 +159,7 @@ def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-
 def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """Return clearance, unit vector (x, y) away from obstacle j's nearest point, and the vector (x, y) from there [m].
 
-    It is at (ox, oy) [m] and a yaw of cosine c and sine s. Inside, the nearest point is (x, y) itself, and away is away
-    from its origin; beyond the cutoff both vectors are zero.
+    It is at (ox, oy) [m] and a yaw of cosine c and sine s. Both vectors are zero inside of it and beyond the cutoff.
     """
     dx, dy = x - ox, y - oy
     u, v, best, which = c * dx + s * dy, c * dy - s * dx, moving.cutoff, -1
@@ -171,8 +170,6 @@ def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0
     ex, ey, gx, gy = offset_of_solid(moving, which, u, v)
-    if gx == 0.0 and gy == 0.0:
-        gx, gy = u, v
     size = max(math.sqrt(gx * gx + gy * gy), 1e-300)
     gx, gy = gx / size, gy / size
     return best, c * gx - s * gy, s * gx + c * gy, c * ex - s * ey, s * ex + c * ey

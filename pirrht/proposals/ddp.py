@@ -30,8 +30,7 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    velocity, _, _, forward = forward_pass(kind)
-    backward = backward_pass(kind)
+    (velocity, _, _, forward), backward = forward_pass(kind), backward_pass(kind)
     n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving is not None
     among = kind.moving or NOTHING_MOVES
     watch, sweep = among.watch, among.sweep
@@ -110,6 +109,7 @@ def optimiser(kind: KernelSpec) -> Any:
             whether it is of its class and touches nothing.
         """
         states, control, gains, share, inverse, volume, change, aims = course
+        flat = not noisy_position and control.shape[1] > m
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
         trial = COURSE(other, tried, gains, share, inverse, volume, change, aims)
         copy_row(states[0], other[0])
@@ -120,7 +120,6 @@ def optimiser(kind: KernelSpec) -> Any:
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         copy_rows(tried, control)
         copy_rows(other, states)
-        flat = not noisy_position and control.shape[1] > m
         problem = setup, task, times, key, flat
         right, sound = _judge(problem, states, steps)
         found = steps, cost, priced, right, sound

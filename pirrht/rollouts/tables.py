@@ -87,7 +87,7 @@ class ProposalTables(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T FINER, law_width) and more columns of a point's half-spaces: `LawRows`
+    law: Array  # (H, T FINER, law_width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
     law_weight: float = (

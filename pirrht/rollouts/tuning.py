@@ -18,10 +18,6 @@ class RolloutTuning(NamedTuple):
     # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes more.
     negligible: float = 30.0
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
-    half_spaces: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
-    mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
-    mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
-    mills_rows: int = 16  # rows of it per unit of z: more than 1e-4 of itself is not needed
     abreast: int = 8  # steps whose noise is drawn at once, where no other draws come between
     lanes: int = 512  # paths of a block of points: all rows of numbers together stay within the nearest cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended

@@ -54,9 +54,6 @@ def model(moving: MovingKernels | None) -> Any:
         field, count = around.field, 0
         if among:
             count, _ = moving_walls(around.traffic, notes, x, y, t, margin, walls)
-            for k in range(count):
-                if walls[k, 0] <= -around.traffic.robot:  # inside, clearances do not change
-                    walls[k, 1], walls[k, 2] = 0.0, 0.0
         c = clearance(field, x, y)
         if c < margin:
             h = 0.5 * field.spacing

@@ -1,8 +1,7 @@
 """Steer in space and time: a point that may go at any speed up to a limit, and wait, among moving obstacles.
 
-Vertices are x, y [m] and t [s] on the tree's clock, joined by legs: straight lines at a constant speed, forward in
-time, that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where nothing is in the way the
-point goes there at the best speed, sqrt(2 q / r).
+Vertices are x, y [m] and t [s] on a tree's clock, joined by legs: straight lines at a constant speed, forward in time,
+that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and the best speed there is sqrt(2 q / r).
 """
 
 from __future__ import annotations

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from guides import best
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
 from pirrht.moving.exits import sweep, watch
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, Track
+from pirrht.proposals.guide import DDPGuide, LinearFeedback, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.steering.motion import Trajectory
@@ -102,7 +102,7 @@ def guided(
     assert known, "no way is free"
     times = integral.grid(max(one.cost for one in known.values()))
     keys = {integral.homology.key(winding): winding for winding in known}
-    made = [(key, guidance.improve(x, times, key, known[winding], time=t)) for key, winding in keys.items()]
+    made = [(key, best(guidance, x, times, key, known[winding], time=t)) for key, winding in keys.items()]
     kept = [(key, guide) for key, guide in made if guide is not None]
     if not kept:
         key, winding = next(iter(keys.items()))

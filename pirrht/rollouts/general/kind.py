@@ -72,7 +72,7 @@ class KernelSpec(NamedTuple):
 
     @property
     def gated(self) -> bool:
-        """Tell whether walls yet to be passed bend its law (`law`): of a point among moving obstacles."""
+        """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
         return self.moving is not None and self.n == self.m == 2 and not self.input_form
 
     @property

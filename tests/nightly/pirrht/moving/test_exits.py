@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from discs import disc
+from guides import best
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array
@@ -21,9 +22,8 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import sweep, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -94,7 +94,7 @@ def through(
     key = integral.homology.key(integral.homology.winding(np.column_stack([corners, passed])))
     guidance = integral.guidance
     assert isinstance(guidance, DDPGuidance)
-    return guidance.improve(x, integral.grid(8.0), key, trajectory)
+    return best(guidance, x, integral.grid(8.0), key, trajectory)
 
 
 CASES = {

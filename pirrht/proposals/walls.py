@@ -1,4 +1,4 @@
-"""Cost of the clearance along one step of a guide, from static and from moving obstacles, with two derivatives.
+"""Walls next to guides: the cost of clearance along a step with two derivatives, and the wall drift of a point.
 
 A step leads from one position to another, and where its velocity changes by b, along the parabola that bows by b dt / 8
 from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) b dt / 2 with b = v_0 - v_1. Moving
@@ -12,9 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import border, with_slope
-from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
+from pirrht.geometry.field import border, two_walls, with_slope
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, with_walls
 from pirrht.jit.jit import borrowing, inlined, kernel
+from pirrht.proposals.tuning import TUNING
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
 
@@ -41,13 +42,12 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     They are the two nearest components and the sides of the border; all at most STATIC.
     """
     count = 0
-    if border(field, x, y) < margin:
-        for side in range(4):
-            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-            if c < margin:
-                walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
-                walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
-                count += 1
+    for side in range(4 if border(field, x, y) < margin else 0):
+        c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
+        if c < margin:
+            walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
+            walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
+            count += 1
     for k in range(2):
         c, nx, ny = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         if c >= margin:
@@ -64,7 +64,7 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
-        """Allocate room for the walls at one place, and notes on moving obstacles."""
+        """Allocate the walls at one place, and notes on moving obstacles."""
         return np.empty((STATIC + setup.world.moving.J, WALL)), watch(setup.world.moving)
 
     @borrowing
@@ -121,3 +121,35 @@ def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
         return found
 
     return scratch, cost, expand
+
+
+@cache
+def drift_along(moving: MovingKernels) -> Any:
+    """Build the kernel (setup, places (k, 2), times (k,), offset) of wall drift along a guide.
+
+    It returns the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2],
+    at places [m] and at times [s] on the clock of moving obstacles.
+    """
+    watch, near = moving.watch, moving.walls
+
+    @kernel
+    def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
+        k, notes, rows = places.shape[0], watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
+        slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
+        for i in range(k):
+            x, y = places[i]
+            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
+            c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), rows, count, 0.0)
+            for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+                least = max(float(gap), TUNING.drift_gap * offset)
+                push = offset / (least * (least + offset))
+                fall = -push * (1.0 / least + 1.0 / (least + offset))
+                slopes[i, 0] += push * wx
+                slopes[i, 1] += push * wy
+                bends[i, 0, 0] += fall * wx * wx
+                bends[i, 0, 1] += fall * wx * wy
+                bends[i, 1, 0] += fall * wx * wy
+                bends[i, 1, 1] += fall * wy * wy
+        return slopes, bends
+
+    return drift
