@@ -61,6 +61,11 @@ class Legs(NamedTuple):
         """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
         return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
 
+    def places(self, times: Array) -> Array:
+        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        knots = self.knots
+        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+
 
 @inlined
 def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
@@ -236,21 +241,16 @@ class InTime(CompiledSteering):
         q = 0.5 * lines.cost_per_meter * lines.pace
         return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
 
-    @property
-    def drives(self) -> bool:  # type: ignore[override]
-        """Tell whether the legs are a point's own, with the velocities that drive it."""
-        return self.m == 0
+    drives = property(
+        lambda self: self.m == 0, doc="Whether the legs are a point's own, with velocities that drive it."
+    )
+    limit = property(lambda self: self.speed or TUNING.fastest * self.pace, doc="The limit of speeds [m/s].")
 
     @property
     def pace(self) -> float:
         """The best speed, or the limit if that is less [m/s]."""
         best = math.sqrt(2.0 * self.q / self.r)
         return min(best, self.speed) if self.speed else best
-
-    @property
-    def limit(self) -> float:
-        """The limit of speeds [m/s]."""
-        return self.speed or TUNING.fastest * self.pace
 
     @property
     def cost_per_meter(self) -> float:
