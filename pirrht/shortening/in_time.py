@@ -20,7 +20,8 @@ from pirrht.jit.jit import kernel
 from pirrht.shortening.timed_relaxation import relaxation
 from pirrht.shortening.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import LATE, InTime, Legs, entered, free_leg
+from pirrht.steering.in_time import LATE, InTime, entered, free_leg
+from pirrht.steering.motion import Legs
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 

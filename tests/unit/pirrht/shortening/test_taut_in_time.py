@@ -17,7 +17,8 @@ from pirrht.moving.exits import watch
 from pirrht.shortening.shorten import resume, shorten
 from pirrht.shortening.timed_relaxation import BAND, model
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime, Legs
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
