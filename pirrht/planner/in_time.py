@@ -14,6 +14,8 @@ well only outside of solids: no step is longer than the robot.
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -21,14 +23,14 @@ from pirrht.arrays import Array
 from pirrht.geometry.arcs import FREE
 from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Goal
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.moving.distances import FASTEST, of_body, outside_of, pose_of, walls_of_some
-from pirrht.moving.tuning import WALL
 from pirrht.planner.chain import keys_of, shortcut_with
 from pirrht.planner.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import LATE, InTime, Legs, entered, free_leg
+from pirrht.steering.in_time import LATE, InTime, entered, free_leg
+from pirrht.steering.motion import Legs
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
@@ -37,7 +39,7 @@ BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
 
 def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
     """Shorten a path into the goal's disc inside its class, at no more cost."""
-    best, key = path, _judged(path, checker)[1]
+    best, key, relax = path, _judged(path, checker)[1], relaxation(checker.space.moving.kernels)
     joined, _ = _joined(path.knots, steering, checker, far=True)
     if joined is not None and joined.cost.sum() <= path.cost.sum():
         best = joined
@@ -65,6 +67,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
     for margin in TUNING.margins_again:
         moved = knots.copy()
         if margin > 0.0:
+            relax = relaxation(checker.space.moving.kernels)
             relax(checker.around, steering.numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
@@ -90,7 +93,8 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     """Join some of the knots (k, 3) by legs up to the goal's disc; the path, None if a leg is not free, and its key."""
     kept = knots.copy()
     kept[-1, :2] = _into(kept[-1, :2], checker.space.scene.goal)
-    kept = kept[: _shortcut(checker.around, steering.numbers, kept, len(kept) if far else TUNING.patience)]
+    shortcut = shortcuts(checker.space.moving.kernels)
+    kept = kept[: shortcut(checker.around, steering.numbers, kept, len(kept) if far else TUNING.patience)]
     path: Legs = checker.until_goal(steering.connect(kept[:-1], kept[1:]))
     free, key = _judged(path, checker)
     return path if free else None, key
@@ -122,20 +126,24 @@ def _key_of_leg(around, a, b, to_goal):  # type: ignore[no-untyped-def]
     return key_of_pairs(marker, turn, 0, count, around.weights)
 
 
-@kernel
-def _joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
-    """Return whether the straight line from a to b, 2 x (3,), is free, within the limit of speeds and has a key."""
-    dt, square = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
-    return (
-        dt > 0.0
-        and square <= (numbers[2] * dt) ** 2 * (1.0 + LATE)
-        and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
-        and _key_of_leg(around, a, b, last) == key
-        and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
-    )
+@cache
+def shortcuts(moving: MovingKernels | None) -> Any:
+    """Build the kernel that leaves out knots, by kernels of moving obstacles."""
+    free = free_leg(moving)
 
+    @kernel
+    def joins(around, numbers, a, b, last, key):  # type: ignore[no-untyped-def]
+        """Return whether the straight line from a to b, 2 x (3,), is free, within the limit of speeds and has a key."""
+        dt, square = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2
+        return (
+            dt > 0.0
+            and square <= (numbers[2] * dt) ** 2 * (1.0 + LATE)
+            and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
+            and _key_of_leg(around, a, b, last) == key
+            and free(around, (a[0], a[1], a[2], b[0], b[1], b[2])) == FREE
+        )
 
-_shortcut = shortcut_with(_key_of_leg, _joins)
+    return shortcut_with(_key_of_leg, joins)
 
 
 @inlined
@@ -158,78 +166,72 @@ def _add(model, first, value, weight, *along):  # type: ignore[no-untyped-def]
     border[last] += weight * along[4] * along[4]
 
 
-@kernel
-def _around(around, knots, near):  # type: ignore[no-untyped-def]
-    """Write the bodies that come so near to a path that they may matter to `near` (J,); how many do."""
-    traffic, count = around.traffic, 0
-    for j in range(traffic.J):
-        for i in range(knots.shape[0]):
-            ox, oy, _ = pose_of(traffic, j, knots[i, 2])
-            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < TUNING.neighbourhood:
-                near[count] = j
-                count += 1
-                break
-    return count
+@cache
+def model(moving: MovingKernels | None) -> Any:
+    """Build the kernel that computes the cost of a path and its penalties, by kernels of moving obstacles."""
+    among, moving_walls = moving is not None, (moving or NOTHING_MOVES).walls
 
+    @inlined
+    def near_walls(around, notes, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
+        """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL); how many."""
+        field, count = around.field, 0
+        if among:
+            count, _ = moving_walls(around.traffic, notes, x, y, t, margin, walls)
+        c = clearance(field, x, y)
+        if c < margin:
+            h = 0.5 * field.spacing
+            walls[count, 0], walls[count, 3], walls[count, 4] = c, 0.0, 0.0
+            walls[count, 1] = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
+            walls[count, 2] = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
+            count += 1
+        return count
 
-@inlined
-def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
-    """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
-    field, count = around.field, walls_of_some(around.traffic, near, near.shape[0], x, y, t, margin, walls)
-    c = clearance(field, x, y)
-    if c < margin:
-        h = 0.5 * field.spacing
-        walls[count, 0], walls[count, 3], walls[count, 4] = c, 0.0, 0.0
-        walls[count, 1] = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
-        walls[count, 2] = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
-        count += 1
-    return count
+    @kernel
+    def modelled(around, notes, numbers, knots, weight, margin, model, filled):  # type: ignore[no-untyped-def]
+        """Cost of a path and its penalties; if `filled`, write the slope and the matrix of it.
 
-
-@kernel
-def modelled(around, near, numbers, knots, weight, margin, model, filled):  # type: ignore[no-untyped-def]
-    """Cost of a path and its penalties; if `filled`, write the slope and the matrix of it.
-
-    Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
-        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, as in `_add`.
-    """
-    q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
-    walls, total = np.empty((around.traffic.J + 1, WALL)), 0.0
-    (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
-    if filled:
-        matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
-    for i in range(last):
-        dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
-        vx, vy, part = dx / dt, dy / dt, dt / whole
-        rate = q + 0.5 * r * (vx * vx + vy * vy)
-        total += dt * rate
-        lacking = math.hypot(dx, dy) - limit * dt
+        Args: `Surroundings`; `notes` on moving obstacles; numbers q, r and the limit of speeds; knots (N + 1, 3)
+            [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, as in `_add`.
+        """
+        q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
+        walls, total = np.empty((around.traffic.J + 1, WALL)), 0.0
+        (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
+        if filled:
+            matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
+        for i in range(last):
+            dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
+            vx, vy, part = dx / dt, dy / dt, dt / whole
+            rate = q + 0.5 * r * (vx * vx + vy * vy)
+            total += dt * rate
+            lacking = math.hypot(dx, dy) - limit * dt
+            if lacking > 0.0:
+                total += 0.5 * weight * lacking * lacking
+            if filled:
+                slope[slope.shape[0] - 1] += rate * part
+                _add(model, i, dx, r / dt, -1.0, 0.0, 1.0, 0.0, -vx * part)
+                _add(model, i, dy, r / dt, 0.0, -1.0, 0.0, 1.0, -vy * part)
+                if lacking > 0.0:
+                    ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
+                    _add(model, i, lacking, weight, -ux, -uy, ux, uy, -limit * part)
+            for share in TUNING.leg_points:
+                x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
+                for k in range(near_walls(around, notes, x, y, t, margin, walls)):
+                    lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
+                    total += 0.5 * weight * lacking * lacking
+                    if filled:
+                        later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
+                        own = share - 1.0
+                        _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
+        gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
+        away = math.sqrt(gx * gx + gy * gy)
+        lacking = away - around.goal_radius * (1.0 - TUNING.inside)
         if lacking > 0.0:
             total += 0.5 * weight * lacking * lacking
-        if filled:
-            slope[slope.shape[0] - 1] += rate * part
-            _add(model, i, dx, r / dt, -1.0, 0.0, 1.0, 0.0, -vx * part)
-            _add(model, i, dy, r / dt, 0.0, -1.0, 0.0, 1.0, -vy * part)
-            if lacking > 0.0:
-                ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
-                _add(model, i, lacking, weight, -ux, -uy, ux, uy, -limit * part)
-        for share in TUNING.leg_points:
-            x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
-            for k in range(_walls(around, near, x, y, t, margin, walls)):
-                lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
-                total += 0.5 * weight * lacking * lacking
-                if filled:
-                    later = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
-                    own = share - 1.0
-                    _add(model, i, lacking, weight, own * nx, own * ny, -share * nx, -share * ny, later)
-    gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
-    away = math.sqrt(gx * gx + gy * gy)
-    lacking = away - around.goal_radius * (1.0 - TUNING.inside)
-    if lacking > 0.0:
-        total += 0.5 * weight * lacking * lacking
-        if filled:
-            _add(model, last - 1, lacking, weight, 0.0, 0.0, gx / away, gy / away, 0.0)
-    return total
+            if filled:
+                _add(model, last - 1, lacking, weight, 0.0, 0.0, gx / away, gy / away, 0.0)
+        return total
+
+    return modelled
 
 
 @kernel
@@ -285,32 +287,36 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
     return share
 
 
-@kernel
-def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
-    """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
+@cache
+def relaxation(moving: MovingKernels | None) -> Any:
+    """Build the kernel that moves the knots of a path to where it costs least, by kernels of moving obstacles."""
+    modelled, watch = model(moving), (moving or NOTHING_MOVES).watch
 
-    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin, the
-        clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight, the last for a nearly optimal path.
-    """
-    n, fastest = 2 * (knots.shape[0] - 1), 0.0
-    model = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
-    step, moved, bodies = np.empty(n + 1), knots.copy(), np.empty(around.traffic.J, np.int64)
-    for j in range(around.traffic.J):
-        fastest = max(fastest, of_body(around.traffic, j, FASTEST))
-    for k in range(first, len(TUNING.weights)):
-        weight = TUNING.weights[k]
-        near = bodies[: _around(around, knots, bodies)]
-        for _ in range(TUNING.steps):
-            before, after = modelled(around, near, numbers, knots, weight, margin, model, True), np.inf
-            _newton(model, 1e-9 * weight, step)
-            share = _allowed(knots, step, TUNING.longest_step * thin, fastest)
-            for _ in range(TUNING.halvings):
-                _moved(knots, step, share, moved)
-                after = modelled(around, near, numbers, moved, weight, margin, model, False)
+    @kernel
+    def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
+        """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
+
+        Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
+            the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight, the last if nearly optimal.
+        """
+        n, notes = 2 * (knots.shape[0] - 1), watch(around.traffic)
+        model = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
+        step, moved = np.empty(n + 1), knots.copy()
+        for k in range(first, len(TUNING.weights)):
+            weight = TUNING.weights[k]
+            for _ in range(TUNING.steps):
+                before, after = modelled(around, notes, numbers, knots, weight, margin, model, True), np.inf
+                _newton(model, 1e-9 * weight, step)
+                share = _allowed(knots, step, TUNING.longest_step * thin, around.traffic.speed)
+                for _ in range(TUNING.halvings):
+                    _moved(knots, step, share, moved)
+                    after = modelled(around, notes, numbers, moved, weight, margin, model, False)
+                    if after < before:
+                        break
+                    share *= 0.5
                 if after < before:
+                    copy_rows(moved, knots)
+                if not after < before * (1.0 - TUNING.settled):
                     break
-                share *= 0.5
-            if after < before:
-                copy_rows(moved, knots)
-            if not after < before * (1.0 - TUNING.settled):
-                break
+
+    return relax

@@ -74,7 +74,6 @@ class TimedTuning(NamedTuple):
     soon: float = 0.5  # a knot that is as near in time is left out, in mean durations of legs
     patience: int = 2  # knots that are tried without success before a straight leg is as long as it gets
     bends: float = 0.6  # share of the knots of a round that go where the path bends
-    neighbourhood: float = 0.6  # obstacles that stay so far from all knots are left out while these move [m]
     # Weights of squares of what is lacking, one after the other [cost/m^2]: the last one leaves a millimetre.
     weights: tuple[float, ...] = (1e2, 3e3, 1e5)
     steps: int = 12  # Newton steps for each weight
