@@ -59,18 +59,25 @@ _shortcut = chain.shortcut_with(_key, _joins)
 
 
 @borrowing
-def _cut(around, corner):  # type: ignore[no-untyped-def]
-    """Cut a corner (before, corner, after), (3, 2), by the most of both legs; rows 0 and 2 become the new piece."""
-    x, y, low, high = corner[1, 0], corner[1, 1], 0.0, 1.0
+def _cut(around, corner, first, last, halvings):  # type: ignore[no-untyped-def]
+    """Cut a corner (before, corner, after), (3, 2), as far as the piece across it stays free; the share of its legs.
+
+    Rows 0 and 2 become the ends of the piece; of these, `first` and `last` tell which come from the corner.
+    """
+    x, y = corner[1, 0], corner[1, 1]
     ax, ay, bx, by = corner[0, 0] - x, corner[0, 1] - y, corner[2, 0] - x, corner[2, 1] - y
-    for k in range(TUNING.halvings + 1):
-        t = 0.5 * (low + high) if k < TUNING.halvings else low
-        corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1] = x + t * ax, y + t * ay, x + t * bx, y + t * by
+    low, high, share = 0.0, 1.0, 0.5
+    for k in range(halvings + 1):
+        share = low if k == halvings else 0.5 * (low + high)
+        s, r = share if first else 1.0, share if last else 1.0
+        corner[0, 0], corner[0, 1], corner[2, 0], corner[2, 1] = x + s * ax, y + s * ay, x + r * bx, y + r * by
+        if k == halvings:
+            break
         key = _key(around, corner[0], corner[1], False) + _key(around, corner[1], corner[2], False)
-        if k < TUNING.halvings and _joins(around, 0, corner[0], corner[2], False, key):
-            low = t
+        if _joins(around, 0, corner[0], corner[2], False, key):
+            low = share
         else:
-            high = t
+            high = share
     return low
 
 
@@ -93,7 +100,7 @@ def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore
         t, turn = 0.0, abs(math.atan2(ax * by - ay * bx, ax * bx + ay * by))
         wanted = turn > least or (turn > TUNING.straight_turn and not _touches(around, points[i, 0], points[i, 1]))
         if wanted and n + 2 + count - i < capacity:
-            t = _cut(around, corner)
+            t = _cut(around, corner, True, True, TUNING.halvings)
         if t > 0.0:
             copy_rows(corner[::2], out[n : n + 2])
             n += 2
@@ -102,6 +109,20 @@ def _blunt_corners(around, points, count, least, capacity, out):  # type: ignore
             n += 1
     out[n, 0], out[n, 1] = points[count - 1, 0], points[count - 1, 1]
     return n + 1
+
+
+@kernel
+def _slide_corners(around, points, count):  # type: ignore[no-untyped-def]
+    """Slide every corner that touches nothing along both of its legs until it does; whether there was one."""
+    loose, corner = False, np.empty((3, 2))
+    for i in range(1, count - 1):
+        for end in (2, 0):
+            if not _touches(around, points[i, 0], points[i, 1]):
+                loose = True
+                copy_rows(points[i - 1 : i + 2], corner)
+                _cut(around, corner, end == 0, end == 2, TUNING.slide_halvings)
+                points[i, 0], points[i, 1] = corner[end, 0], corner[end, 1]
+    return loose
 
 
 @kernel
@@ -118,11 +139,11 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
         before, count = length, _blunt_corners(around, out, count, TUNING.flat_turn, capacity, work)
         copy_rows(work[:count], out[:count])
     for _ in range(TUNING.loose_rounds):
-        loose = _blunt_corners(around, out, count, np.pi, out.shape[0], work)
-        if loose == count:
+        if not _slide_corners(around, out, count):
             break
-        copy_rows(work[:loose], out[:loose])
-        count = _shortcut(around, 0, out[:loose], TUNING.patience)
+        count = _shortcut(around, 0, out[:count], TUNING.patience)
+        count = _blunt_corners(around, out, count, np.pi, out.shape[0], work)
+        copy_rows(work[:count], out[:count])
     for i in range(count - 1):
         ax, ay, dx, dy = out[i, 0], out[i, 1], out[i + 1, 0] - out[i, 0], out[i + 1, 1] - out[i, 1]
         share = entered(around, ax, ay, ax + dx, ay + dy)

@@ -63,6 +63,7 @@ class PolylineTuning(NamedTuple):
     loose_rounds: int = 8  # for corners that touch nothing
     loose_capacity: int = 256  # room for theirs
     halvings: int = 6  # of the legs of a corner that is cut: to 2 %
+    slide_halvings: int = 12  # of the leg along which a corner slides: to 0.02 %
 
 
 class TimedTuning(NamedTuple):
