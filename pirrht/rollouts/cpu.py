@@ -18,10 +18,10 @@ from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
-from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.law import straight_home
-from pirrht.rollouts.general.path import Kept, any_path
+from pirrht.rollouts.law import straight_home
+from pirrht.rollouts.path import Kept, any_path
 from pirrht.rollouts.point_block import replay, sample
+from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
@@ -37,31 +37,27 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     @kernel
     def sample(setup, tables, origin, start, stop, paths):  # type: ignore[no-untyped-def]
         times, window, first, scratch, h = tables.times, tables.window, tables.first, scratch_of(setup, tables), 0
-        applied, led_by, base = np.zeros((window, m)), np.zeros((window, m)), np.zeros(m)
+        now = np.zeros((2, m))
         for s in range(start, stop):
             while s >= first[h + 1]:
                 h += 1
-            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), applied, led_by, base)
+            now[:] = 0.0
+            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), np.empty((0, m)), now)
             work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
-            paths.log_survival[s] = lasting
+            span = times[taken - 1] + last if taken <= window else times[window]
+            paths.log_survival[s], paths.span[s] = lasting, span
             for j in range(m):
-                paths.start_control[s, j] = base[j]
-            for i in range(min(taken, window)):
-                dt = times[i + 1] - times[i]
-                under_way = last if i == taken - 1 else dt
-                paths.span[s] += under_way
-                for j in range(m):
-                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
+                paths.now[s, j], paths.start_control[s, j] = now[0, j] + span * now[1, j], now[1, j]
 
     @kernel
     def replay(setup, tables, origin, number, states, applied, steps):  # type: ignore[no-untyped-def]
-        first, scratch, base = tables.first, scratch_of(setup, tables), np.zeros(m)
+        first, scratch = tables.first, scratch_of(setup, tables)
         for c in range(number.shape[0]):
             h = 0
             while number[c] >= first[h + 1]:
                 h += 1
-            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)), base)
+            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)))
             _, _, _, steps[c], _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
 
     return Kernels(sample, replay, TUNING.alone)

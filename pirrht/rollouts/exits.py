@@ -23,7 +23,7 @@ from pirrht.rollouts.first_exit import (
     rim_along,
     sweep_onward,
 )
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
 
 
 @cache
