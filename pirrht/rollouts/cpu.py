@@ -126,24 +126,20 @@ def kernels_for(problem: Problem, *, fitted: bool = True) -> Kernels:
 
 def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:
     """Describe a problem for which kernels are compiled, and whether steps are `Sampling.fitted`."""
-    d = problem.dynamics
+    d, moving = problem.dynamics, bool(problem.scene.movers)
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
+    # For samples that outlive their law; among moving obstacles points have one too.
+    pointlike = moving and d.n == d.m == 2 and not d.input_form and d.homing is no_homing
+    homing = straight_home if pointlike else d.homing
     return KernelSpec(
         drift=as_jitable(d.drift),
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(homing),
         input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
-        moving=bool(problem.scene.movers), curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
+        moving=moving, curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
-
-
-def _homing(problem: Problem) -> Callable[..., None]:
-    """Choose the control of samples that outlive their law; among moving obstacles points have one too."""
-    d = problem.dynamics
-    point = problem.scene.movers and d.n == d.m == 2 and not d.input_form
-    return straight_home if point and d.homing is no_homing else d.homing
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

@@ -11,19 +11,11 @@ from pirrht.jit.streams import FAR, normals
 from pirrht.moving.broad_phase import list_around, list_everybody
 from pirrht.moving.distances import moving_clearance
 from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_path
-from pirrht.rollouts.first_exit import (
-    COLLISION,
-    GOAL,
-    INSIDE,
-    at_crossing,
-    bridge_exit,
-    distances,
-    endpoint_exit,
-    line_of,
-    rim_along,
-    sweep_onward,
-)
 from pirrht.rollouts.step import KernelSpec
+
+from pirrht.rollouts.first_exit import (  # isort: skip
+    COLLISION, GOAL, INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, line_of, rim_along, sweep_onward,
+)  # fmt: skip
 
 
 @cache

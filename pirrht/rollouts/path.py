@@ -36,20 +36,14 @@ from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
 from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
-from pirrht.rollouts.step import (
-    NO_WALLS,
-    KernelSpec,
-    covariance_of,
-    diffusion_of,
-    length_for,
-    motion,
-    noise_for,
-    walls_for,
-)  # fmt: skip
 from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
+
+from pirrht.rollouts.step import (  # isort: skip
+    NO_WALLS, KernelSpec, covariance_of, diffusion_of, length_for, motion, noise_for, walls_for,
+)  # fmt: skip
 
 
 @cache
