@@ -35,7 +35,8 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, of all modes."""
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
-    takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
+    takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
+    moving = kind.moving is not None
     fixed, homing_of, affine, clip = n - rows, kind.homing, vectors.affine(n, modes), vectors.clip(modes)
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 

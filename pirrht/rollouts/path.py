@@ -26,13 +26,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.world import NOTHING_MOVES, WALL
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel, load_float64, part
 from pirrht.jit.streams import antithetic, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
-from pirrht.moving.broad_phase import begin_list
-from pirrht.moving.exits import look_anew
-from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
 from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
@@ -179,9 +177,8 @@ class Scratch(NamedTuple):
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
     fresh: Array  # normals of the next steps
-    held: NDArray[np.int64]  # (CELL_STATE,) of which moving obstacles are listed
-    candidates: NDArray[np.int64]  # (J,) those within reach
-    near: Array  # (J, NEAR_WIDTH) where they are
+    watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
+    walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
     spot: Array  # (SPOT,) where that was evaluated
     tube: NDArray[np.float32]  # (NUMBERS,) of a tube at the state
@@ -193,18 +190,18 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes, moving, steps = kind.n, kind.m, kind.rows, kind.modes, kind.moving, TUNING.abreast
+    n, m, rows, modes, steps = kind.n, kind.m, kind.rows, kind.modes, TUNING.abreast
+    watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
         H = tables.control.shape[0]
-        J = setup.world.moving.J if moving else 0
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
             np.empty((rows, m)), np.zeros((H, modes)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)), np.zeros(m), np.zeros(modes), np.zeros(modes),
-            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), np.empty(CELL_STATE, np.int64),
-            np.empty(J, np.int64), np.empty((J, NEAR_WIDTH)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
+            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
+            np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
             np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
@@ -216,7 +213,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
     varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
-    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving
+    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving is not None
+    begin_watch = (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = covariance_of(kind), motion(kind)
@@ -235,13 +233,12 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         copy_row(origin.x, x)
         copy_row(origin.x, scratch.moved)
         if moving:
-            begin_list(scratch.held)
-            look_anew(scratch.near)
+            begin_watch(scratch.watch)
             open_sides(tables.marks, setup.world.goal, x[0], x[1], scratch.side, scratch.spot)
 
     @part
-    def evaluate(setup, tables, scratch, known, clear, left, now, i):  # type: ignore[no-untyped-def]
-        """Evaluate B, B^-1 G and drift at the state: covariance per second, step, moving obstacles, nearest walls."""
+    def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
+        """Evaluate B, B^-1 G and drift at the state: covariance per second, step, nearest walls."""
         (rates, drifted, walls), x, p = known, scratch.x, setup.parameters
         if varying:
             noise_at(x, p, setup.inverse, scratch.G, scratch.B)
@@ -251,10 +248,10 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             solve(scratch.B, scratch.G, scratch.D)
         if drifting and not drifted:
             drift(x, p, scratch.f)
-        dt, close = length_of(setup, tables, scratch, rates, clear, left, now, i)
+        dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
-        return rates, dt, close, walls
+        return rates, dt, walls
 
     @part
     def turned(setup, tables, scratch, i, share):  # type: ignore[no-untyped-def]
@@ -284,13 +281,13 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = np.int64(tables.marks.opening if moving else 0)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
-        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0, 0)
+        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             while left > 0.0 and exit == INSIDE:
                 now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
-                rates, dt, close, walls = evaluate(setup, tables, scratch, known, clear, left, now, i)
+                rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, setup.inverse, scratch, h, tables.counted, owed)
@@ -299,7 +296,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
                 state, exit, share, until, missed, clear = judge(
-                    setup, tables, scratch, (dt, now, i), motion_of, (clear[0], clear[1], close), state
+                    setup, tables, scratch, (dt, now), motion_of, clear, state
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
