@@ -30,14 +30,11 @@ class Edges(NamedTuple):
     @property
     def free(self) -> NDArray[np.bool_]:
         """Mask of the edges, (k,)."""
-        free: NDArray[np.bool_] = self.status == FREE
-        return free
+        return np.asarray(self.status == FREE)
 
 
-NO_EDGES = Edges(
-    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0),
-    Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16)),
-)  # fmt: skip
+_NO_TURNS = Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16))
+NO_EDGES = Edges(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0), _NO_TURNS)
 
 
 def concatenated(parts: Sequence[Edges]) -> Edges:
@@ -61,7 +58,7 @@ class EdgeChecker:
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
         """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, around=steering.surroundings(space), motion=steering.motion)
+        return cls(space=space, around=steering.surroundings(space), motion=steering.motion_in(space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
