@@ -1,8 +1,7 @@
 """Count the whole turns of straight legs and of sampled paths about moving markers, at rays that they cross.
 
 Legs: seen from a marker, a leg, the base of its head and the base of its tail backwards are closed. That winds as often
-as it crosses one ray. As legs begin and end at the same states many times while a graph grows, `BaseCache` keeps the
-bases of as many states as it has rows; a state whose row is taken is computed again.
+as it crosses one ray. Of most legs a marker is outside the triangle with the goal point, and they cross nothing.
 
 Sampled paths: the ray of a marker leaves it away from the goal point, and moves along. A path completed straight to the
 goal point, where it waits, crosses it as often, counter-clockwise positive, as its class differs from that of the goal
@@ -16,7 +15,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.spans import BOX, span_at
@@ -148,50 +146,6 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
     return a * x + b * y - c > TUNING.outside_margin
-
-
-class BaseCache(NamedTuple):
-    """Bases of states (R,) as they are seen from J markers that move; without rows nothing is kept."""
-
-    state: Array  # (R, 3) x, y [m], t [s]; not a number where none is kept
-    seen: Array  # (R, J, 2) where the state is seen [m]
-    crossings: NDArray[np.int64]  # (R, J) as `crossings_of_base` has them
-
-    @classmethod
-    def empty(cls, J: int, rows: int = TUNING.cached_bases) -> BaseCache:
-        """Allocate bases of so many states, none of which is known."""
-        return cls(np.full((rows, 3), np.nan), np.empty((rows, J, 2)), np.empty((rows, J), np.int64))
-
-
-@kernel
-def row_of(bases, tracks, goal, speed, x, y, t, keep):  # type: ignore[no-untyped-def]
-    """Find the row of the base from (x, y) [m] at t [s], written unless it is known; not row `keep`.
-
-    Tracks, goal and speed are as of `whole_turns`.
-    """
-    R, state = bases.state.shape[0], bases.state
-    # Large primes, not whole, spread states over rows.
-    row = int(abs(x * 7919.3 + y * 104729.7 + t * 1299709.1)) % R
-    if row == keep:
-        row = (row + 1) % R
-    if state[row, 0] == x and state[row, 1] == y and state[row, 2] == t:
-        return row
-    state[row, 0], state[row, 1], state[row, 2] = x, y, t
-    for j in range(tracks.J):
-        fx, fy = seen_from(tracks, j, x, y, t)
-        bases.seen[row, j, 0], bases.seen[row, j, 1] = fx, fy
-        bases.crossings[row, j] = crossings_of_base(tracks, j, goal, speed, (x, y, t), (fx, fy))
-    return row
-
-
-@kernel
-def turns_between(bases, tracks, j, one, two):  # type: ignore[no-untyped-def]
-    """`whole_turns` about marker j of the edge between the states of two rows."""
-    a, b = bases.state[one], bases.state[two]
-    first, last = bases.seen[one, j], bases.seen[two, j]
-    tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
-    own = crossings_of_step(tracks, j, tail, head, (first[0], first[1]), (last[0], last[1]))
-    return own + bases.crossings[two, j] - bases.crossings[one, j]
 
 
 class RayTable(NamedTuple):
