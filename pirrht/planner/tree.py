@@ -87,7 +87,6 @@ class HomologyTree:
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
-        self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
@@ -269,7 +268,7 @@ class HomologyTree:
         if not isinstance(self.steering, CompiledSteering):
             return i, STATUS.ask
         values, at = np.array(self.steering.numbers), (self.storage.places, self.storage.vertices)
-        return cast(tuple[int, int], grow(self._propose, *at, draws, i, self._remembering, values, self.rules))
+        return cast(tuple[int, int], grow(self._propose, *at, draws, i, self.checker.around, values, self.rules))
 
     @cached_property
     def _propose(self) -> Any:
@@ -277,7 +276,7 @@ class HomologyTree:
         steering = cast(CompiledSteering, self.steering)
         numbers, kind = np.array(steering.numbers), type(steering)
         straight = np.empty(self.homology.M)
-        given = (self.storage.vertices, 1, self.states[0], self._remembering, numbers, True, False, straight)
+        given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
         kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
         return address_of(proposer(*kernels), given)
 
