@@ -176,21 +176,8 @@ def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def value_at(field, i, j):  # type: ignore[no-untyped-def]
-    """Return the clearance from the nearest solid [m] at a point (i, j) of the finest grid."""
-    if field.table == 0:
-        return load_float32(field.nearest, i * field.ny + j)
-    return interpolate(field, field.nearest, field.x0 + i * field.spacing, field.y0 + j * field.spacing)
-
-
-@inlined
 def closest(field, x, y):  # type: ignore[no-untyped-def]
     """Return the index of the point closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
-    if field.table == 0:
-        i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
-        j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
-        dx, dy = x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing
-        return i * field.ny + j, dx, dy, field.spacing
     at, u, v, per = cell_of(field, x, y)
     i, j = (1 if u >= 0.5 else 0), (1 if v >= 0.5 else 0)
     return at + i * field.stride + j, (u - i) / per, (v - j) / per, 1.0 / per

@@ -24,7 +24,7 @@ import numpy as np
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, clearance, value_at
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, clearance, interpolate
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
@@ -110,7 +110,7 @@ def _greatest(field, i, j, stride):  # type: ignore[no-untyped-def]
     for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
         for m in range(j, min(j + stride + (1 if wide else 0), field.ny), step):
             x, y = field.x0 + k * h, field.y0 + m * h
-            c = min(border(field, x, y), value_at(field, k, m))
+            c = min(border(field, x, y), interpolate(field, field.nearest, x, y))
             if c > best:
                 best, at_x, at_y = c, x, y
     return best, at_x, at_y

@@ -21,10 +21,11 @@ def cover(occupied: Cells) -> Rectangles:
     """Return rectangles (k, 4) of cells, largest first: first row, row after the last, and so for columns."""
     turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
     found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
-    found = found[np.argsort(-_areas(found), kind="stable")]
-    found = found[_taken(found, occupied)]
-    found = found[::-1][_taken(found[::-1], occupied)]
-    return _needed(found, occupied.shape)[::-1]
+    areas = np.prod(found[:, 1::2] - found[:, ::2], axis=1)
+    found = found[np.argsort(-areas, kind="stable")]
+    for _ in range(2):  # largest first, then smallest first
+        found = found[_taken(found, occupied)][::-1]
+    return _needed(found[::-1], occupied.shape)[::-1]
 
 
 def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
@@ -36,11 +37,6 @@ def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
     for axis in (0, 1):
         np.cumsum(depth, axis=axis, out=depth)
     return depth[:-1, :-1]
-
-
-def _areas(rectangles: Rectangles) -> NDArray[np.int64]:
-    areas: NDArray[np.int64] = np.prod(rectangles[:, 1::2] - rectangles[:, ::2], axis=1)
-    return areas
 
 
 def _stretched(occupied: Cells) -> Rectangles:

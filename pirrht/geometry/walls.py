@@ -58,43 +58,24 @@ class Bins(NamedTuple):
     member: NDArray[np.int64]  # (k,) solids, in the order of their indices within a cell
 
 
-def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, cutoff: float) -> Bins:
+def bins_of(solids: Solids, members: IntArray, points: Array, cutoff: float) -> Bins:
     """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
-    corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
+    corner, end = points.min(axis=0), points.max(axis=0)
     width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
     counts = ((end - corner) / width).astype(np.int64) + 1
     wide = cutoff * (1.0 + 1e-9) + 1e-9
     low = np.floor((solids.low[members] - wide - corner) / width)
     high = np.floor((solids.high[members] + wide - corner) / width)
     here = np.all((high >= 0) & (low < counts), axis=1)
-    low, high = np.clip(low[here], 0, counts - 1), np.clip(high[here], 0, counts - 1)
-    first = np.zeros(counts.prod() + 1, dtype=np.int64)
-    low, high = low.astype(np.int64), high.astype(np.int64)
-    _count(low, high, int(counts[1]), first)
-    np.cumsum(first, out=first)
-    member = np.empty(first[-1], dtype=np.int64)
-    _sort_in(low, high, members[here], int(counts[1]), first[:-1].copy(), member)
+    low = np.clip(low[here], 0, counts - 1).astype(np.int64)
+    sides = np.clip(high[here], 0, counts - 1).astype(np.int64) - low + 1
+    covered = sides.prod(axis=1)
+    m = np.repeat(np.arange(len(covered)), covered)
+    i, j = np.divmod(np.arange(len(m)) - (np.cumsum(covered) - covered)[m], sides[m, 1])
+    cell = (low[m, 0] + i) * counts[1] + low[m, 1] + j
+    first = np.cumsum(np.bincount(cell + 1, minlength=counts.prod() + 1))
+    member = members[here][m[np.argsort(cell, kind="stable")]]
     return Bins(float(corner[0]), float(corner[1]), width, int(counts[0]), int(counts[1]), first, member)
-
-
-@kernel
-def _count(low, high, rows, first):  # type: ignore[no-untyped-def]
-    """Count the rectangles of cells that cover each cell, written one place later."""
-    for m in range(len(low)):
-        for i in range(low[m, 0], high[m, 0] + 1):
-            for j in range(low[m, 1], high[m, 1] + 1):
-                first[i * rows + j + 1] += 1
-
-
-@kernel
-def _sort_in(low, high, members, rows, free, member):  # type: ignore[no-untyped-def]
-    """Write each solid into the cells that it covers, from the places that are `free` there on."""
-    for m in range(len(low)):
-        for i in range(low[m, 0], high[m, 0] + 1):
-            for j in range(low[m, 1], high[m, 1] + 1):
-                at = i * rows + j
-                member[free[at]] = members[m]
-                free[at] += 1
 
 
 @inlined
