@@ -60,6 +60,11 @@ class Legs(NamedTuple):
         """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
         return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
 
+    def places(self, times: Array) -> Array:
+        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        knots = self.knots
+        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+
 
 @inlined
 def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]

@@ -25,7 +25,7 @@ class CutTable(NamedTuple):
 
     goal_x: float  # goal point [m]
     goal_y: float  # [m]
-    M: int  # number of markers
+    M: int
     buckets: int  # B sectors of equal width; 1: all markers are always asked
     start: int  # address of int32 (2B+1,): first marker of each sector, twice around
     x: int  # address of float64 (2M,): markers by direction, twice around [m]
