@@ -33,8 +33,7 @@ from pirrht.proposals.wall_drift import (
     window,
 )
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
-from pirrht.rollouts.ways import no_ways
+from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables, no_tubes
 from pirrht.steering.motion import Trajectory
 
 
@@ -198,7 +197,7 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
+            ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
             set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,

@@ -93,6 +93,39 @@ def clip(width: int) -> Any:
     return _by_rows("clip", width)
 
 
+def _blended() -> Any:
+    """Make the function of `blended`; uncompiled, it reads views of memory."""
+    if DISABLED:
+
+        def plain(first: int, second: int, one: Any, other: Any, along: Any) -> tuple[Any, ...]:
+            (a, b), (c, d) = (np.ctypeslib.as_array((ctypes.c_float * 8).from_address(int(at))).reshape(2, 4)
+                              for at in (first, second))  # fmt: skip
+            low, high = a * (1 - one) + b * one, c * (1 - other) + d * other
+            return tuple(low + along * (high - low))
+
+        return plain
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def blend(typing_context: Any, *kinds: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            to = _Vectors(builder, 4, ir.FloatType())
+
+            def between(low: Any, high: Any, share: Any) -> Any:
+                rest = builder.fsub(ir.Constant(ir.FloatType(), 1.0), share)
+                return builder.fadd(builder.fmul(low, to.fill(rest)), builder.fmul(high, to.fill(share)))
+
+            first, second, one, other, along = cgutils.unpack_tuple(builder, values[0])
+            low = between(to.load(first), to.load(first, 4), one)
+            high = between(to.load(second), to.load(second, 4), other)
+            row = builder.fadd(low, builder.fmul(to.fill(along), builder.fsub(high, low)))
+            numbers = [builder.extract_element(row, ir.Constant(ir.IntType(32), k)) for k in range(4)]
+            return context.make_tuple(builder, signature.return_type, numbers)
+
+        return types.UniTuple(types.float32, 4)(types.StarArgTuple((_A, _A, *3 * [types.float32]))), generate
+
+    return blend
+
+
 def _by_rows(name: str, *shape: int) -> Any:
     """Make the intrinsic of a name; uncompiled, the function on views of memory.
 
@@ -115,12 +148,13 @@ def _by_rows(name: str, *shape: int) -> Any:
 class _Vectors:
     """Write LLVM IR on rows of one width."""
 
-    def __init__(self, builder: ir.IRBuilder, width: int) -> None:
-        self.builder, self.width, self.kind = builder, width, ir.VectorType(ir.DoubleType(), width)
+    def __init__(self, builder: ir.IRBuilder, width: int, number: Any = None) -> None:
+        self.number = number or ir.DoubleType()
+        self.builder, self.width, self.kind = builder, width, ir.VectorType(self.number, width)
 
     def load(self, address: Any, index: int = 0) -> Any:
         """Load the row that begins at an index."""
-        return self.builder.load(self.builder.bitcast(self._at(address, index), self.kind.as_pointer()), align=8)
+        return self.builder.load(self.builder.bitcast(self._at(address, index), self.kind.as_pointer()), align=4)
 
     def store(self, address: Any, row: Any) -> None:
         """Store a row."""
@@ -138,7 +172,7 @@ class _Vectors:
         return [self.builder.fmul(self.load(rows, k * self.width), number) for k, number in enumerate(numbers)]
 
     def _at(self, address: Any, index: int) -> Any:
-        pointer = self.builder.inttoptr(address, ir.DoubleType().as_pointer())
+        pointer = self.builder.inttoptr(address, self.number.as_pointer())
         return self.builder.gep(pointer, [ir.Constant(ir.IntType(64), index)])
 
 
@@ -182,3 +216,6 @@ _SUMS: dict[str, tuple[tuple[Any, ...], Any, Any]] = {  # types of arguments, pl
     "matvec": ((_A, _A, _A), _plain_sum, _write_sum),
     "clip": ((_A, _F), _plain_clip, _write_clip),
 }
+# (first, second, one, other, along): four float32 between rows of four. At two addresses lie two rows each; between
+# these a share each is taken, and a share `along` between the results.
+blended = _blended()

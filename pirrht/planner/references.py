@@ -156,7 +156,7 @@ class ReferenceQuery(NamedTuple):
         times = np.linspace(x[2], paths[0].knots[-1, 2], TUNING.stations)
         chosen: list[tuple[Any, Array]] = []
         for path in paths:
-            places = path.places(times)
+            places = np.column_stack([np.interp(times, path.knots[:, 2], axis) for axis in path.knots.T[:2]])
             if all(np.hypot(*(places - other).T).max() > far for _, other in chosen):
                 chosen.append((path, places))
         return [path for path, _ in chosen[: TUNING.optima]]

@@ -7,7 +7,7 @@ back from the goal. Walls on both sides take off what would come from their mirr
 settle to its slowest mode at its own decay, and behind a corner psi is diffracted.
 
 A cross-section is a straight line across the reference, square to it, or along the bisector of a corner, to walls or
-as far as noise carries paths. Samples follow the slope of log psi at its nodes (`rollouts.ways`); towards a wall at a
+as far as noise carries paths. Samples follow the slope of log psi at its nodes (`rollouts.tables`); towards a wall at a
 distance c it is known by the length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
 The loop over the nodes has no branches and single precision: it compiles to vector instructions.
 """
@@ -29,8 +29,7 @@ from pirrht.jit.vectors import copy_row
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.wall_drift import WallDrift
-from pirrht.rollouts.tables import ProposalTables
-from pirrht.rollouts.ways import KNOWN, PLACE, DesirabilityTubes, slope_along
+from pirrht.rollouts.tables import KNOWN, PLACE, DesirabilityTubes, ProposalTables, slope_along
 
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
 # Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.

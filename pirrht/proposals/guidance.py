@@ -27,7 +27,7 @@ from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
 from pirrht.proposals.walls import drift_along
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_columns
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
 
@@ -88,7 +88,7 @@ class DDPGuidance:
     @property
     def law_width(self) -> int:
         """Numbers of the law of a step."""
-        return law_width(self.problem.dynamics.n, self.width)
+        return law_columns(self.problem.dynamics.n, self.width)[-1]
 
     @staticmethod
     def suits(problem: Problem) -> bool:

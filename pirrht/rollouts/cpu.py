@@ -21,7 +21,7 @@ from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.point.block import replay, sample
+from pirrht.rollouts.point_block import replay, sample
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing

@@ -40,15 +40,15 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
 class Cubic(NamedTuple):
-    """One path of constant jerk, as numbers."""
+    """One path of constant jerk, as numbers: p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3]."""
 
-    x: float  # [m]
+    x: float
     y: float
-    vx: float  # [m/s]
+    vx: float
     vy: float
-    ax: float  # c0 [m/s^2]
+    ax: float
     ay: float
-    jx: float  # c1 [m/s^3]
+    jx: float
     jy: float
 
 
@@ -114,8 +114,7 @@ class Cubics(NamedTuple):
 
 @inlined
 def _cubic(motions, i):  # type: ignore[no-untyped-def]
-    p = motions.path
-    return Cubic(p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5], p[i, 6], p[i, 7])
+    return Cubic(*as_tuple(motions.path[i], 8))
 
 
 @kernel

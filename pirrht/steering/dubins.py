@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -34,23 +33,14 @@ def _turn(angle):  # type: ignore[no-untyped-def]
     return 0.0 if angle > TWO_PI - EPS else angle
 
 
-class _Ends(NamedTuple):
-    """Two states in turning radii: (dx, dy) leads from one to the other, a and b are their headings."""
-
-    dx: float
-    dy: float
-    a: float
-    b: float
-
-
 @kernel
-def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _same_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
     """Words whose first and last arc turn to one side s, 1 left or -1 right: (length, whether CCC, t, p, q).
 
-    All in turning radii: across = sin b - sin a and ahead = cos b - cos a; t, p, q are the pieces. Words certainly
-    longer than `limit` may be left out.
+    All in turning radii: the gap (2) leads from state to state, a and b are their headings, across = sin b - sin a and
+    ahead = cos b - cos a; t, p, q are the pieces. Words certainly longer than `limit` may be left out.
     """
-    vx, vy, a, b = ends.dx - s * across, ends.dy + s * ahead, ends.a, ends.b
+    vx, vy = gap[0] - s * across, gap[1] + s * ahead
     d = math.sqrt(vx * vx + vy * vy)
     if d > limit and (d >= 4.0 or limit < np.pi):
         return np.inf, False, 0.0, 0.0, 0.0
@@ -70,26 +60,19 @@ def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _opposite_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _opposite_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
     """Word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
 
     Arguments as of `_same_turns`, but across = sin b + sin a and ahead = cos b + cos a.
     """
-    vx, vy = ends.dx + s * across, ends.dy - s * ahead
+    vx, vy = gap[0] + s * across, gap[1] - s * ahead
     square = vx * vx + vy * vy - 4.0
     if square < -EPS or square > limit * limit:
         return np.inf, 0.0, 0.0, 0.0
     p = math.sqrt(max(0.0, square))
     psi = math.atan2(vy, vx) + s * math.atan2(2.0, p)
-    t, q = _turn(s * (psi - ends.a)), _turn(s * (psi - ends.b))
+    t, q = _turn(s * (psi - a)), _turn(s * (psi - b))
     return t + p + q, t, p, q
-
-
-@inlined
-def _ends(tail, head, radius):  # type: ignore[no-untyped-def]
-    """Two states (3,), and the sines and cosines of their headings."""
-    ends = _Ends((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius, tail[2], head[2])
-    return ends, math.sin(tail[2]), math.cos(tail[2]), math.sin(head[2]), math.cos(head[2])
 
 
 @kernel
@@ -98,14 +81,15 @@ def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
 
     It is of infinite length if it is not below `limit` [m].
     """
-    ends, sa, ca, sb, cb = _ends(tail, head, radius)
+    gap, a, b = ((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius), tail[2], head[2]
+    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
     most = limit / radius
     best, bends, pieces = most, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for s in (1.0, -1.0):
-        total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, best)
+        total, arcs, t, p, q = _same_turns(s, gap, a, b, sb - sa, cb - ca, best)
         if total < best:
             best, bends, pieces = total, (s, -s if arcs else 0.0, s), (t, p, q)
-        total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, best)
+        total, t, p, q = _opposite_turns(s, gap, a, b, sb + sa, cb + ca, best)
         if total < best:
             best, bends, pieces = total, (s, 0.0, -s), (t, p, q)
     return best * radius if best < most else np.inf, bends, pieces
@@ -174,30 +158,18 @@ class Dubins(CompiledSteering):
             raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
         return cls(V=car.V, rho=car.rho)
 
-    @property
-    def radius(self) -> float:
-        """Least turning radius [m]."""
-        return self.V * self.rho
+    radius = property(lambda self: self.V * self.rho, doc="Least turning radius [m].")
+    speed = property(lambda self: self.V, doc="The constant V [m/s].")
+    cost_per_meter = property(lambda self: 1.0 / self.V, doc="Time per meter: cost is time [s/m].")
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Return the turning radius [m] and the cost per meter [cost/m]."""
         return self.radius, self.cost_per_meter
 
-    @property
-    def cost_per_meter(self) -> float:
-        """Time per meter: cost is time [s/m]."""
-        return 1.0 / self.V
-
-    @property
-    def speed(self) -> float:
-        """The constant V [m/s]."""
-        return self.V
-
     def controls(self, heading: Array, curvature: Array) -> Array:
         """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
-        u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
-        return u
+        return np.asarray(np.clip(curvature * self.radius, -1.0, 1.0)[:, None])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
         """A state (3,), uniform in the workspace [m] and in heading [rad]."""
@@ -212,6 +184,5 @@ class Dubins(CompiledSteering):
 
     def roots(self, goal: Array) -> Array:
         """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
-        count = TUNING.root_headings
-        headings = np.arange(count) * (TWO_PI / count) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (count, 2)), headings])
+        headings = np.linspace(-np.pi, np.pi, TUNING.root_headings, endpoint=False)
+        return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])

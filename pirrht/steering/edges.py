@@ -30,14 +30,11 @@ class Edges(NamedTuple):
     @property
     def free(self) -> NDArray[np.bool_]:
         """Mask of the edges, (k,)."""
-        free: NDArray[np.bool_] = self.status == FREE
-        return free
+        return np.asarray(self.status == FREE)
 
 
-NO_EDGES = Edges(
-    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0),
-    Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16)),
-)  # fmt: skip
+_NO_TURNS = Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16))
+NO_EDGES = Edges(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0), _NO_TURNS)
 
 
 def concatenated(parts: Sequence[Edges]) -> Edges:

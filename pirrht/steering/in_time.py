@@ -228,21 +228,16 @@ class InTime(CompiledSteering):
         q = 0.5 * lines.cost_per_meter * lines.pace
         return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
 
-    @property
-    def drives(self) -> bool:  # type: ignore[override]
-        """Tell whether the legs are a point's own, with the velocities that drive it."""
-        return self.m == 0
+    drives = property(
+        lambda self: self.m == 0, doc="Whether the legs are a point's own, with velocities that drive it."
+    )
+    limit = property(lambda self: self.speed or TUNING.fastest * self.pace, doc="The limit of speeds [m/s].")
 
     @property
     def pace(self) -> float:
         """The best speed, or the limit if that is less [m/s]."""
         best = math.sqrt(2.0 * self.q / self.r)
         return min(best, self.speed) if self.speed else best
-
-    @property
-    def limit(self) -> float:
-        """The limit of speeds [m/s]."""
-        return self.speed or TUNING.fastest * self.pace
 
     @property
     def cost_per_meter(self) -> float:

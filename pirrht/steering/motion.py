@@ -57,7 +57,8 @@ class Trajectory:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
         ends = np.append(0.0, np.cumsum(self.durations))
         sums = np.vstack([np.zeros(self.controls.shape[1]), np.cumsum(self.controls * self.durations[:, None], axis=0)])
-        return np.diff([np.interp(times, ends, each) for each in sums.T]).T / np.diff(times)[:, None]
+        done = np.column_stack([np.interp(times, ends, each) for each in sums.T])
+        return np.diff(done, axis=0) / np.diff(times)[:, None]
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:

@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
+from pirrht.jit.jit import as_tuple, borrowing, inlined
 from pirrht.steering.motion import ARCS, Motion, Motions, Surroundings, Trajectory
 
 
@@ -45,10 +45,7 @@ class Steering(ABC):
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes
 
-    @property
-    def moves(self) -> int:
-        """Return the number of moves that `shift` knows."""
-        return 2 * self.n
+    moves = property(lambda self: 2 * self.n, doc="Number of moves that `shift` knows.")
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -127,10 +124,7 @@ class Steering(ABC):
         Indices, cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
         """
         cost = self.distance(x, states) if forward else self.distance(states, x)
-        if count >= len(states):
-            return np.argsort(cost, kind="stable")
-        chosen = np.argpartition(cost, count)[:count]
-        return np.asarray(chosen[np.argsort(cost[chosen], kind="stable")])
+        return np.argsort(cost, kind="stable")[:count]
 
     def trajectory(self, path: Any) -> Trajectory:
         """Return controls (l, m) along a path of consecutive motions, 0 if they are unknown, and durations (l,) [s]."""
@@ -156,24 +150,18 @@ class CompiledSteering(Steering):
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""
         tails, heads = (np.array(states, dtype=float) for states in np.broadcast_arrays(tails, heads))
-        out = np.empty(tails.shape[:-1])
-        _costs_with(type(self).cost, self.n)(rows(tails, self.n), rows(heads, self.n), self.numbers, out.reshape(-1))
-        return out
+        return np.asarray(self.connect(tails, heads).cost.reshape(tails.shape[:-1]))
 
     def connect(self, tails: Array, heads: Array) -> Any:
         """Return the k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP)."""
-        return type(self).optimum(rows(tails, self.n), rows(heads, self.n), self.numbers)
+        tails, heads = (np.ascontiguousarray(one, dtype=float).reshape(-1, self.n) for one in (tails, heads))
+        return type(self).optimum(tails, heads, self.numbers)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from."""
         chosen = np.empty(min(count, len(states)), dtype=np.int64)
         nearest_with(type(self).cost, self.n)(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
         return chosen
-
-
-def rows(states: Array, n: int) -> Array:
-    """Return states (..., n) as contiguous rows (k, n), as kernels read them."""
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, n)
 
 
 @cache
@@ -187,34 +175,14 @@ def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
         for i in range(states.shape[0]):
             limit, there = least[count - 1] if found == count else np.inf, as_tuple(states[i], n)
             d = cost(here, there, numbers, limit) if forward else cost(there, here, numbers, limit)
-            found = _insert(chosen, least, found, d, i)
+            if found == count and not d < least[count - 1]:
+                continue
+            found = min(found + 1, count)
+            at = found - 1
+            while at > 0 and least[at - 1] > d:
+                least[at], chosen[at] = least[at - 1], chosen[at - 1]
+                at -= 1
+            least[at], chosen[at] = d, i
 
     found: Callable[..., None] = nearest
-    return found
-
-
-@part
-def _insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
-    """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
-    if found < chosen.shape[0]:
-        found += 1
-    elif d >= least[found - 1]:
-        return found
-    at = found - 1
-    while at > 0 and least[at - 1] > d:
-        least[at], chosen[at] = least[at - 1], chosen[at - 1]
-        at -= 1
-    least[at], chosen[at] = d, i
-    return found
-
-
-@cache
-def _costs_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
-    @kernel
-    def costs(tails, heads, numbers, out):  # type: ignore[no-untyped-def]
-        """Write the cost from each of tails (k, n) to each of heads (k, n) to `out` (k,)."""
-        for i in range(out.shape[0]):
-            out[i] = cost(as_tuple(tails[i], n), as_tuple(heads[i], n), numbers, np.inf)
-
-    found: Callable[..., None] = costs
     return found

@@ -54,15 +54,8 @@ class Lines(CompiledSteering):
     pace: float
     cost_per_meter: float
 
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Return the cost per meter [cost/m]."""
-        return (self.cost_per_meter,)
-
-    @property
-    def speed(self) -> float:
-        """The constant pace [m/s]."""
-        return self.pace
+    numbers = property(lambda self: (self.cost_per_meter,), doc="The cost per meter [cost/m].")
+    speed = property(lambda self: self.pace, doc="The constant pace [m/s].")
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """Velocity (l, 2) [m/s] along the heading (l,) [rad]; straight lines have no curvature."""
@@ -107,10 +100,7 @@ class StraightLine(Lines):
         speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
         return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 
-    @property
-    def cost_per_meter(self) -> float:  # type: ignore[override]
-        """Cost rate over speed [cost/m]."""
-        return self.cost_rate / self.pace
+    cost_per_meter = property(lambda self: self.cost_rate / self.pace, doc="Cost rate over speed [cost/m].")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.jit import borrowing, kernel
 from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
+from pirrht.rollouts.tables import NUMBERS
 from pirrht.rollouts.tuning import TUNING
-from pirrht.rollouts.ways import NUMBERS
 from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.topology.moving_crossings import SPOT
 

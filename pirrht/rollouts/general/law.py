@@ -1,6 +1,6 @@
 """Compute the control of every reference at a state, in noise units: a_g = B_c^-1 G_c u_g.
 
-A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`). Past its end
+A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`LawRows`). Past its end
 samples home in on the goal.
 """
 
@@ -15,9 +15,8 @@ import numpy as np
 from pirrht.jit import vectors
 from pirrht.jit.jit import jitable, load_float64, part
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.tables import FINER
+from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
-from pirrht.rollouts.ways import KNOWN, PLACE, numbers_at, slope_of
 from pirrht.systems.heading import wrapped
 
 
@@ -30,13 +29,6 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     size = math.sqrt(a * a + b * b) + 1e-12
     scale = math.sqrt(2.0 * rate) / size
     out[0], out[1] = scale * a, scale * b
-
-
-def columns_of(n: int, modes: int) -> tuple[int, int, int, int, int]:
-    """Return the columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
-    there = modes + modes * n
-    shape = there + n
-    return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
 
 
 @cache
@@ -84,7 +76,7 @@ def aims(kind: KernelSpec) -> Any:
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
     takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
     fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
-    _, there, _, _, end = columns_of(n, modes)
+    _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
     affine, clip = vectors.affine(n, modes), vectors.clip(modes)
 
     @part
@@ -96,7 +88,7 @@ def aims(kind: KernelSpec) -> Any:
         elif s < led[g]:
             pitch, final = 8 * law.shape[2], min(led[g], law.shape[1] - 1)
             first = law.ctypes.data + pitch * law.shape[1] * g
-            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, metric)
         scratch.stage[g] = s
         return s
 
@@ -117,11 +109,9 @@ def aims(kind: KernelSpec) -> Any:
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
         """Write `a` of a tube, whose desirability is climbed."""
         ways, x, B, stage = tables.ways, scratch.x, scratch.B, scratch.stage
-        C, J = ways.slope.shape[1], ways.slope.shape[2]
-        place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
         px, py = np.float32(x[0]), np.float32(x[1])
-        stage[g] = numbers_at((place, slope, ways.count[g] - 1, J), stage[g], px, py, scratch.tube, 0, 1)
-        sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
+        stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
+        sx, sy = slope_of(scratch.tube, 0, 1, walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0

@@ -34,8 +34,9 @@ from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.exits import exits
 from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, scratch_for
-from pirrht.rollouts.general.law import aims, columns_of
+from pirrht.rollouts.general.law import aims
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
+from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import key_among, open_sides
@@ -45,7 +46,7 @@ from pirrht.topology.moving_crossings import key_among, open_sides
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     m, modes, has_laws, steps = kind.m, kind.modes, kind.takes_law and not kind.noisy_position, TUNING.abreast
-    _, _, _, inverse, end = columns_of(kind.n, modes)
+    *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
     matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
 
     @part

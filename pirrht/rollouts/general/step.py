@@ -17,7 +17,7 @@ from pirrht.moving.broad_phase import REACHES, list_around, next_jump
 from pirrht.moving.exits import facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
-from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -96,7 +96,7 @@ def walls_for(kind: KernelSpec) -> Any:
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes, noisy_position, steps = kind.m, kind.modes, kind.noisy_position, TUNING.abreast
-    _, _, shape, _, _ = columns_of(kind.n, modes)
+    shape = law_columns(kind.n, modes)[3]
     matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
 
     @part
