@@ -107,7 +107,7 @@ class Brake:
         static = clearance = space.collision.clearance(places)
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
-            clearance = np.minimum(clearance, [space.moving_collision.clearance(place, time) for place, time in pairs])
+            clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         settled = times >= 2.0 * s.within
         return Halt(

@@ -19,7 +19,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
-from pirrht.steering.in_time import InTime, Legs
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 

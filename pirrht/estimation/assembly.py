@@ -34,5 +34,5 @@ def path_integral(
     world = PredictedWorld(Snapshot(setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     proposals = ProposalFactory(problem, space, sampling, world)
-    simulates = Cpu.of(problem, threads, fitted=sampling.fitted) if backend is None else backend
+    simulates = Cpu.of(problem, space.world, threads, fitted=sampling.fitted) if backend is None else backend
     return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)

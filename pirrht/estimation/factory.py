@@ -15,7 +15,6 @@ from pirrht.estimation.sampling import TUNING, EstimationTuning, Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
-from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
@@ -60,7 +59,8 @@ class ProposalFactory:
             problem.dynamics.state_of(problem.scene.start),
             sampling.guide == "feedback",
         )
-        self.is_martingale, guided = kind_of(problem).is_martingale, feedback and DDPGuidance.suits(problem)
+        self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
+        guided = feedback and DDPGuidance.suits(problem)
         self.guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
         self.pointlike = feedback and d.n == d.m == 2
         self.climbs = feedback and d.even and not world.moving
@@ -203,11 +203,10 @@ class ProposalFactory:
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
-            marks=homology.rays(x, times + batch.time), obstacles=NO_NEARBY,
+            marks=homology.rays(x, times + batch.time),
             law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
-        nearby = self._nearby(batch, tables) if moving else NO_NEARBY
-        tables = tables._replace(counted=self._counted(batch, tables, scales), obstacles=nearby)
+        tables = tables._replace(counted=self._counted(batch, tables, scales))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)
@@ -242,18 +241,6 @@ class ProposalFactory:
         places = zip(_places(guide, times), times, strict=True)
         clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
         return tables.law_weight * squeezed(scales.noise, clear, times)
-
-    def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
-        """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
-        setup, d, spread = self.world.setup, self.problem.dynamics, 0.0
-        traffic, field = setup.world.moving, setup.world.field
-        if d.noisy_position:
-            B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
-            spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))
-        moves = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
-        longest = max((float(np.hypot(*steps.T).max()) for steps in moves), default=0.0)
-        reach = max(spread + self.tuning.faster * longest, REACHES * tables.wall_offset, traffic.robot)
-        return Nearby.of(traffic, (field.left, field.low, field.right, field.high), tables.times + batch.time, reach)
 
     def _least_step(self, scales: Scales) -> float:
         """Return the length of the shortest steps near walls [s]."""

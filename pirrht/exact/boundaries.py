@@ -18,7 +18,7 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Scene
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
-from pirrht.moving.distances import clearance_of_solid, offset_of_solid, pose_of
+from pirrht.moving.distances import clearance_of_solid, offset_of_solid, piece_of
 from pirrht.moving.obstacles import MovingObstacleArrays
 
 SOLID = 5  # row of the first solid; the goal's is 0
@@ -79,7 +79,7 @@ def poses_at(solids, t):  # type: ignore[no-untyped-def]
     """Return x, y [m], cosine and sine of the yaw of all bodies at t [s], (1 + J, 4)."""
     out = np.empty((solids.J, 4))
     for j in range(solids.J):
-        out[j, 0], out[j, 1], yaw = pose_of(solids, j, t)
+        out[j, 0], out[j, 1], yaw, _, _, _, _ = piece_of(solids, j, t)
         out[j, 2], out[j, 3] = math.cos(yaw), math.sin(yaw)
     return out
 

@@ -285,7 +285,7 @@ class HomologyTree:
         numbers, kind = np.array(steering.numbers), type(steering)
         straight = np.empty(self.homology.M)
         given = (self.storage.vertices, 1, self.states[0], self._remembering, numbers, True, False, straight)
-        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), steering.motion.kernels
+        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
         return address_of(proposer(*kernels), given)
 
     @cached_property

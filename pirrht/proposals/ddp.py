@@ -14,14 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
-from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
-from pirrht.proposals.walls import touches
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.topology.crossings import key_of_segment
@@ -32,14 +31,16 @@ from pirrht.topology.moving_crossings import key_of_path
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
     (velocity, _, _, forward), backward = forward_pass(kind), backward_pass(kind)
-    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
+    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving is not None
+    among = kind.moving or NOTHING_MOVES
+    watch, sweep = among.watch, among.sweep
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
         """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, candidates = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
+            notes = watch(setup.world.moving)
         for i in range(length):
             x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
             dt = times[i + 1] - times[i]
@@ -49,7 +50,7 @@ def optimiser(kind: KernelSpec) -> Any:
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
             outcome, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
             if outcome == COLLISION or (
-                moving and touches(setup.world.moving, (x, y, to_x, to_y, turn, times[i], dt), held, candidates)
+                moving and sweep(setup.world.moving, notes, (x, y, to_x, to_y, turn), times[i], dt, 1.0) <= 1.0
             ):
                 return False
         return True

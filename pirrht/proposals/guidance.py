@@ -66,7 +66,8 @@ class DDPGuidance:
         self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
     ) -> None:
         assert self.suits(problem)
-        d, kind, setup = problem.dynamics, kind_of(problem), world.setup
+        d, setup = problem.dynamics, world.setup
+        kind = kind_of(problem, setup.world.moving.kernels)
         self.problem, self.world, self.tuning, self.gated = problem, world, tuning, kind.gated
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
@@ -93,7 +94,7 @@ class DDPGuidance:
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return kind_of(problem).takes_law
+        return bool(problem.scene.movers) or kind_of(problem).takes_law
 
     def _task(self, warmth: float, noise: Noise) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls.
@@ -263,7 +264,9 @@ class DDPGuidance:
         places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
         slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
-        slopes[:count], bends[:count] = drift_along(query.setup, places, times, offset)
+        slopes[:count], bends[:count] = drift_along(query.setup.world.moving.kernels)(
+            query.setup, places, times, offset
+        )
         return slopes, bends
 
 

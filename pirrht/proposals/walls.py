@@ -7,19 +7,14 @@ obstacles count where they are when the step passes a point; each is a wall of i
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pirrht.geometry.field import border, two_walls, with_slope
-from pirrht.geometry.world import with_walls
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, with_walls
 from pirrht.jit.jit import borrowing, inlined, kernel
-from pirrht.moving.broad_phase import held_of, listing
-from pirrht.moving.distances import moving_walls
-from pirrht.moving.exits import met_on_path, walls_along
-from pirrht.moving.tuning import WALL
 from pirrht.proposals.tuning import TUNING
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
@@ -63,48 +58,50 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
 
 
 @cache
-def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
+def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
     """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles."""
+    among, (watch, _, moving_walls, *_) = moving is not None, moving or NOTHING_MOVES
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
-        """Allocate the walls at one place."""
-        return np.empty((STATIC + (setup.world.moving.J if moving else 0), WALL))
+        """Allocate the walls at one place, and notes on moving obstacles."""
+        return np.empty((STATIC + setup.world.moving.J, WALL)), watch(setup.world.moving)
 
     @borrowing
-    def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
+    def walls_at(setup, task, step, t, space):  # type: ignore[no-untyped-def]
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
-        x, y, dx, dy, bx, by, begin, dt = step
+        (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, space
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
         count = static_walls(setup.world.field, task.margin, at, to, walls)
-        if moving:
-            count += moving_walls(setup.world.moving, at, to, begin + t * dt, task.margin, walls[count:])
+        if among:
+            rows = walls[count:]
+            count += moving_walls(setup.world.moving, notes, at, to, begin + t * dt, task.margin, rows)[0]
         return count, w
 
     @borrowing
-    def cost(setup, task, step, points, walls):  # type: ignore[no-untyped-def]
+    def cost(setup, task, step, points, space):  # type: ignore[no-untyped-def]
         """Return the clearance cost of a step [cost] at some points, its end the last.
 
         A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
         """
-        total = 0.0
+        total, walls = 0.0, space[0]
         for k in range(1, points + 1):
-            count, _ = walls_at(setup, task, step, k / points, walls)
+            count, _ = walls_at(setup, task, step, k / points, space)
             for i in range(count):
                 total += barrier(walls[i, 0], task)[0]
         return task.price * total * step[7] / points
 
     @borrowing
-    def expand(setup, task, step, points, walls, g, H):  # type: ignore[no-untyped-def]
+    def expand(setup, task, step, points, space, g, H):  # type: ignore[no-untyped-def]
         """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 
         Returns: whether there are any walls; otherwise nothing is written.
         """
-        found = False
+        found, walls = False, space[0]
         for k in range(1, points + 1):
             t = k / points
-            count, w = walls_at(setup, task, step, t, walls)
+            count, w = walls_at(setup, task, step, t, space)
             share, scale = (1.0 - t, t, w), task.price * step[7] / points
             for e in range(count):
                 if not found:
@@ -126,42 +123,33 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
     return scratch, cost, expand
 
 
-@kernel
-def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
-    """Check whether a step touches a moving obstacle.
+@cache
+def drift_along(moving: MovingKernels) -> Any:
+    """Build the kernel (setup, places (k, 2), times (k,), offset) of wall drift along a guide.
 
-    A step is (x, y, mx, my, turn, t, dt): both ends [m], its turn in all [rad], begin and duration [s]. `held` is from
-    earlier steps (`held_of`), `candidates` (J,) is scratch.
+    It returns the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2],
+    at places [m] and at times [s] on the clock of moving obstacles.
     """
-    x, y, mx, my, turn, t, dt = step
-    length = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
-    count = listing(traffic, x, y, t, length, held, candidates)
-    if t + dt > held[4]:
-        count = listing(traffic, x, y, t, math.inf, held, candidates)
-    return met_on_path(traffic, candidates, count, (x, y, mx, my, turn), t, dt, 1.0) <= 1.0
+    watch, near = moving.watch, moving.walls
 
+    @kernel
+    def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
+        k, notes, rows = places.shape[0], watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
+        slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
+        for i in range(k):
+            x, y = places[i]
+            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
+            c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), rows, count, 0.0)
+            for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+                least = max(float(gap), TUNING.drift_gap * offset)
+                push = offset / (least * (least + offset))
+                fall = -push * (1.0 / least + 1.0 / (least + offset))
+                slopes[i, 0] += push * wx
+                slopes[i, 1] += push * wy
+                bends[i, 0, 0] += fall * wx * wx
+                bends[i, 0, 1] += fall * wx * wy
+                bends[i, 1, 0] += fall * wx * wy
+                bends[i, 1, 1] += fall * wy * wy
+        return slopes, bends
 
-@kernel
-def drift_along(setup, places, times, offset):  # type: ignore[no-untyped-def]
-    """Return the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2].
-
-    They are at places (k, 2) [m] of a guide, at times (k,) [s] on the clock of moving obstacles.
-    """
-    k, J, listed = places.shape[0], setup.world.moving.J, 0
-    slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
-    held, candidates, near = held_of(J), np.empty(J, np.int64), np.zeros((J, WALL))
-    for i in range(k):
-        x, y = places[i]
-        listed, count = walls_along(setup.world.moving, x, y, times[i], within, (held, candidates), listed, near)
-        c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), near, count, 0.0)
-        for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
-            least = max(float(gap), TUNING.drift_gap * offset)
-            push = offset / (least * (least + offset))
-            fall = -push * (1.0 / least + 1.0 / (least + offset))
-            slopes[i, 0] += push * wx
-            slopes[i, 1] += push * wy
-            bends[i, 0, 0] += fall * wx * wx
-            bends[i, 0, 1] += fall * wx * wy
-            bends[i, 1, 0] += fall * wx * wy
-            bends[i, 1, 1] += fall * wy * wy
-    return slopes, bends
+    return drift

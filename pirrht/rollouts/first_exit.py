@@ -13,13 +13,13 @@ import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
+from pirrht.geometry.world import NEVER
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.outcome import Outcome
 from pirrht.rollouts.tuning import TUNING
 
 INSIDE, GOAL, COLLISION = map(int, Outcome)  # INSIDE: no exit in this step, out of time after the last one
-NEVER = 2.0  # share of a step at which nothing is met
 
 
 @kernel

@@ -23,7 +23,6 @@ from pirrht.rollouts.tuning import TUNING
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
-    from pirrht.moving.broad_phase import Nearby
     from pirrht.topology.crossings import Cuts
     from pirrht.topology.homology import Homology
     from pirrht.topology.moving_crossings import RayTable
@@ -142,7 +141,6 @@ class ProposalTables(NamedTuple):
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
-    obstacles: Nearby  # moving obstacles that may be near
     law_weight: float = (
         1.0  # share of a law that tells how the control changes near the start, where walls push besides
     )

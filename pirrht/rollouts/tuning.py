@@ -12,6 +12,7 @@ class RolloutTuning(NamedTuple):
     line: float = 1e-9  # det / trace^2 of a covariance below which noise counts as along a line; rounding
     arc: float = 1.0  # a step without position noise is swept along an arc of at most this angle; a chord beyond [rad]
     wall_reach: float = 1.0  # reach of walls next to the goal, behind the last cross-section, in decay lengths 1/k
+    push_cutoff: float = 3.0  # moving walls count within so many distances at which walls push: e^-3 is left there
     least_change: float = 1e-6  # a step is no shorter than this where motions of obstacles change [s]
     # Below log dQ_g/dQ_h = -16 a path of h follows a_h under g as well. The density of the mixture loses exp(-16) of
     # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes as much.

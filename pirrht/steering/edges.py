@@ -58,7 +58,7 @@ class EdgeChecker:
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
         """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, around=steering.surroundings(space), motion=steering.motion)
+        return cls(space=space, around=steering.surroundings(space), motion=steering.motion_in(space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).

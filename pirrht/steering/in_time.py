@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +19,10 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
-from pirrht.moving.certify import certify_leg, note_unsure
 from pirrht.problem import Problem
-from pirrht.steering.motion import Motion, MotionKernels, Trajectory
+from pirrht.steering.motion import Legs, Motion, MotionKernels, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
@@ -32,38 +33,6 @@ from pirrht.topology.homology import Homology
 from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
-
-
-class Legs(NamedTuple):
-    """k straight motions at a constant speed, one row each; a leg of no length waits."""
-
-    path: Array  # (k, 6): x, y [m], t [s] of both ends
-    cost: Array  # (k,) integral of q + (r/2) |v|^2 [cost]; infinite where there is no such motion
-    tails: Array  # (k, 3) first states, x, y [m], t [s]
-    heads: Array  # (k, 3) last states; an open time is not a number
-
-    @property
-    def knots(self) -> Array:
-        """Begins of consecutive legs and the end of the last one, (k + 1, 3) [m, m, s]."""
-        return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
-
-    @property
-    def start(self) -> Array:
-        """Begin and heading of each, x, y [m], heading [rad], (k, 3); waiting ones have the next heading."""
-        dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
-        moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
-        i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
-        heading = np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))
-        return np.column_stack([self.path[:, :2], heading])
-
-    def points(self, spacing: float) -> list[Array]:
-        """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
-        return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
-
-    def places(self, times: Array) -> Array:
-        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
-        knots = self.knots
-        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
 
 
 @inlined
@@ -77,11 +46,19 @@ def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
     return s / length if s < np.inf else np.inf
 
 
-@kernel
-def free_leg(around, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """Judge the leg from (ax, ay) [m] at s [s] to (bx, by) at t: FREE, BLOCKED or UNSURE."""
-    static = certify_segment(around.field, ax, ay, bx, by)
-    return static if static == BLOCKED else min(static, certify_leg(around.traffic, ax, ay, s, bx, by, t))
+@cache
+def free_leg(moving: MovingKernels | None) -> Any:
+    """Build the kernel (around, leg) that judges a leg (ax, ay, s, bx, by, t) [m, s]: FREE, BLOCKED or UNSURE."""
+    among, certify = moving is not None, (moving or NOTHING_MOVES).certify
+
+    @kernel
+    def judged(around, leg):  # type: ignore[no-untyped-def]
+        static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
+        if among and static != BLOCKED:
+            return min(static, certify(around.traffic, leg))
+        return static
+
+    return judged
 
 
 @inlined
@@ -103,12 +80,6 @@ def _cut(motions, i, share):  # type: ignore[no-untyped-def]
     motions.cost[i] *= share
 
 
-@inlined
-def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
-    ax, ay, s, bx, by, t = _ends(motions, i)
-    return free_leg(around, ax, ay, s, bx, by, t)
-
-
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     ax, ay, s, bx, by, t = _ends(motions, i)
@@ -127,13 +98,12 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
 
 
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
-    """Sweep capsules where that is not certain: one among static obstacles, others in the frame of each moving one."""
+    """Sweep a capsule among static obstacles where that is not certain; moving ones have their own test."""
     ax, ay, s, bx, by, t = motions.path[i].tolist()
-    a, b, unsure = np.array([ax, ay]), np.array([bx, by]), np.zeros(space.moving.J, dtype=np.bool_)
+    a, b = np.array([ax, ay]), np.array([bx, by])
     if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
         return False
-    note_unsure(space.moving, ax, ay, s, bx, by, t, unsure)
-    return not (unsure.any() and space.moving_collision.meets(a, s, b, t, unsure))
+    return not space.moving.meets(a, s, b, t)
 
 
 def _trajectory(steering: Any, path: Legs) -> Trajectory:
@@ -146,7 +116,18 @@ def _trajectory(steering: Any, path: Legs) -> Trajectory:
 
 
 _most = inlined(lambda motions: 1)
-LEGS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most), _free, _trajectory)
+
+
+@cache
+def legs_among(moving: MovingKernels | None) -> Motion:
+    """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
+    free = free_leg(moving)
+
+    @inlined
+    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+        return free(around, _ends(motions, i))
+
+    return Motion(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
 
 
 @inlined
@@ -201,7 +182,7 @@ class InTime(CompiledSteering):
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
-    motion = LEGS
+    motion = legs_among(None)
     cost = inlined(lambda tail, head, numbers, limit: _cost_and_duration(tail, head, numbers)[0])
     optimum = _connect
 
@@ -248,6 +229,10 @@ class InTime(CompiledSteering):
     def numbers(self) -> tuple[float, ...]:
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
+
+    def motion_in(self, space: FreeSpace) -> Motion:
+        """Return its legs among the moving obstacles of a space."""
+        return legs_among(space.moving.kernels)
 
     def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""

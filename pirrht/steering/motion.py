@@ -28,6 +28,38 @@ from pirrht.topology.tracks import MarkerTrajectories
 SPACING = 0.05  # distance of points on drawn arcs [m]
 
 
+class Legs(NamedTuple):
+    """k straight motions in space and time at a constant speed, one row each; a leg of no length waits."""
+
+    path: Array  # (k, 6): x, y [m], t [s] of both ends
+    cost: Array  # (k,) integral of q + (r/2) |v|^2 [cost]; infinite where there is no such motion
+    tails: Array  # (k, 3) first states, x, y [m], t [s]
+    heads: Array  # (k, 3) last states; an open time is not a number
+
+    @property
+    def knots(self) -> Array:
+        """Begins of consecutive legs and the end of the last one, (k + 1, 3) [m, m, s]."""
+        return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
+
+    @property
+    def start(self) -> Array:
+        """Begin and heading of each, x, y [m], heading [rad], (k, 3); waiting ones have the next heading."""
+        dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
+        moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
+        i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
+        heading = np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))
+        return np.column_stack([self.path[:, :2], heading])
+
+    def points(self, spacing: float) -> list[Array]:
+        """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
+        return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
+
+    def places(self, times: Array) -> Array:
+        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        knots = self.knots
+        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trajectory:
     """A deterministic path with the controls that drive it, piecewise constant in time."""

@@ -63,6 +63,10 @@ class Steering(ABC):
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
 
+    def motion_in(self, space: FreeSpace) -> Motion:
+        """Return the kind of its motions in an examined scene; here `motion`."""
+        return self.motion
+
     def homology(self, space: FreeSpace) -> Any:
         """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
         return space.homology.static

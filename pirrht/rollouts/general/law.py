@@ -74,7 +74,8 @@ def nearest_of(n: int, angles: int) -> Any:
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, and with a law `wide`."""
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
-    takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
+    takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
+    moving = kind.moving is not None
     fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
     affine, clip = vectors.affine(n, modes), vectors.clip(modes)

@@ -61,7 +61,7 @@ def above_the_pillar() -> tuple[Array, DDPGuide]:
 def test_the_derivatives_of_a_steps_price_are_those_of_differences():
     """In both positions and the velocity lost, at 40 places by the pillar, seed 1; Hessians are never indefinite."""
     integral, guidance = beside_a_pillar()
-    task, rng, (scratch, cost, expand) = guidance.tasks[100.0], np.random.default_rng(1), clearance_costs(False)
+    task, rng, (scratch, cost, expand) = guidance.tasks[100.0], np.random.default_rng(1), clearance_costs(None)
     walls = scratch(integral.setup)
     g, H, near = np.zeros(6), np.zeros((6, 6)), 0
 

@@ -122,7 +122,8 @@ def test_a_clock_that_starts_later_tells_the_same():
     x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
     now = held(integral, x, control, 200, time=0.7)
     assert integral.homology is not None
-    integral.set_prediction(integral.space.moving.after(0.7), integral.homology)
+    late = [replace(mover, motion=mover.motion.after(0.7)) for mover in integral.space.scene.movers]
+    integral.set_prediction(integral.space.moving.with_motions(late), integral.homology)
     then = held(integral, x, control, 200)
     assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere
     assert abs(np.mean(now.paths.work - then.paths.work)) < 0.05

@@ -47,7 +47,7 @@ def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
 
 def questions(crowd: MovingObstacles) -> int:
     """How often FCL was asked."""
-    return sum(shape.calls for shape in crowd.shapes)
+    return sum(shape.calls for shape in (body.shape for body in crowd._bodies))
 
 
 def truth(bodies: list[Mover], place: Array, time: float) -> float:

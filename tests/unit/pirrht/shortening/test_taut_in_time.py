@@ -12,10 +12,13 @@ from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion
+from pirrht.jit.jit import kernel
+from pirrht.moving.exits import watch
 from pirrht.shortening.shorten import resume, shorten
-from pirrht.shortening.timed_relaxation import BAND, modelled
+from pirrht.shortening.timed_relaxation import BAND, model
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import InTime, Legs
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
@@ -25,6 +28,11 @@ def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np
     """Knots of the shortened path."""
     path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
     return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
+
+
+@kernel
+def _watch(moving):  # type: ignore[no-untyped-def]
+    return watch(moving)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -42,7 +50,8 @@ def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_
 def test_the_slope_of_the_model_is_that_of_its_value():
     """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
     space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
-    around, near = EdgeChecker.of(space, steering).around, np.arange(space.moving.J)
+    around, modelled = EdgeChecker.of(space, steering).around, model(space.moving.kernels)
+    near = _watch(space.moving)
     t = np.linspace(0.017, 3.3, 13)
     knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
     n = 2 * (len(knots) - 1)
