@@ -48,7 +48,7 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
     counts = np.ceil(span / h - 1e-9).astype(int) + 1
     if float(np.prod(counts.astype(float))) > TUNING.dense_points:
         return build_blocks(collision, members, h)
-    arrays, _ = _sampled(collision, members, h, world.lower + h * _lattice(*counts)[None], True)
+    arrays, _ = _sampled(collision, members, h, world.lower + h * lattice(*counts)[None], True)
     nearest, second, label = arrays
     return Field.of(world, h, (nearest[0], second[0], label[0]))
 
@@ -62,12 +62,12 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
     world, span = collision.world, collision.world.upper - collision.world.lower
     for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
         tops = np.ceil(span / (h * cells * 2**TOP) - 1e-9)
-        places = float(np.prod(tops * 2.0**TOP))
-        if places <= TUNING.table_places:
+        entries = float(np.prod(tops * 2.0**TOP))
+        if entries <= TUNING.table_places:
             break
-    _require(places, TUNING.table_places, collision, members)
+    _require(entries, TUNING.table_places, collision, members)
     table = np.full((tops * 2**TOP).astype(int), TOP, dtype=np.int32)  # block 0, which is constant
-    lattice, steps = _lattice(cells + 1, cells + 1), np.arange(2**TOP)
+    steps, places = np.arange(2**TOP), lattice(cells + 1, cells + 1)
     far, shape = REACH if len(members) else TUNING.nothing, (1, cells + 1, cells + 1)
     parts: list[Arrays] = [
         (np.full(shape, far, np.float32), np.full(shape, far, np.float32), np.full(shape, -1, np.int32))
@@ -78,7 +78,7 @@ def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Fiel
         _require((size + len(origins)) * (cells + 1) ** 2, TUNING.block_points, collision, members)
         children = [origins[:0]]
         for some in np.array_split(origins, range(TUNING.blocks_at_once, len(origins), TUNING.blocks_at_once)):
-            points = world.lower + (some[:, None, None] + (lattice << level)) * h
+            points = world.lower + (some[:, None, None] + (places << level)) * h
             arrays, coarse = _sampled(collision, members, h * 2**level, points, level == 0)
             i, j = (some // cells).T
             at, numbers = steps[: 1 << level], (size + np.arange(len(some))) << LEVEL_BITS | level
@@ -105,18 +105,17 @@ def _sampled(
     walls = collision.nearest_walls(points.reshape(-1, 2), members, cutoff, width)
     near, far = (walls.first - r).reshape(shape), (walls.second - r).reshape(shape)
     label = walls.which.astype(np.int32).reshape(shape)
-    least, most = _extremes(near)
-    bound = width**2 / (4.0 * np.maximum(least + r - math.sqrt(2.0) * width, 0.5 * r))
-    coarse = np.zeros(bound.shape, dtype=np.bool_)
+    margin = width**2 / (4.0 * np.maximum(near + r - math.sqrt(2.0) * width, 0.5 * r))  # walls are 1-Lipschitz
+    coarse = np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.bool_)
     if not finest:
-        (low, high), (one, other) = _extremes(far), _extremes(label)
+        (least, most), (low, high), (one, other) = _extremes(near), _extremes(far), _extremes(label)
         flat = _flat(walls, shape, one == other, most + r, width) & (collision.least_radius == r)
         changes = (least < sharp) & ((one != other) | (high - low > 1.5 * width) & (low < sharp))
         coarse = (most > -1.5 * width) & ((least < TUNING.band * width) & ~flat | changes)
-        bound[coarse | flat] = 0.0
-    margin = np.zeros(shape)
-    for view in _corners(margin):
-        np.maximum(view, bound, out=view)
+        curved = np.zeros(shape, dtype=np.bool_)
+        for view in _corners(curved):
+            view |= ~(coarse | flat)
+        margin[~curved] = 0.0
     return ((near - margin).astype(np.float32), (far - margin).astype(np.float32), label), coarse
 
 
@@ -149,7 +148,7 @@ def _extremes(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return np.minimum(np.minimum(a, b), np.minimum(c, d)), np.maximum(np.maximum(a, b), np.maximum(c, d))
 
 
-def _lattice(nx: int, ny: int) -> NDArray[np.int64]:
+def lattice(nx: int, ny: int) -> NDArray[np.int64]:
     """Return the points of whole numbers from 0 on, (nx, ny, 2)."""
     return np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1)
 
