@@ -22,7 +22,7 @@ from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
 from pirrht.topology.crossings import key_of_segment
 from pirrht.topology.moving_crossings import key_of_path
 
