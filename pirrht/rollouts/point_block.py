@@ -14,7 +14,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
+from pirrht.rollouts.first_exit import GOAL, INSIDE, at_crossing, bridge_exit, towards_exit
 
 from pirrht.rollouts.point_stages import (  # isort: skip
     C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT, SAMPLE, SIGN, SLOW,
@@ -41,8 +41,8 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-        deviation = math.sqrt(step)
-        _, dx, dy = at_crossing(arena, (x, y), (nx - x, ny - y), outcome, share, deviation, state)
+        met, radius = towards_exit(arena, x, y, outcome), arena.radius if outcome == GOAL else 0.0
+        _, dx, dy = at_crossing(met, radius, (nx - x, ny - y), share, math.sqrt(step), state)
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
         f[NX + k], f[NY + k] = x + dx, y + dy
