@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pirrht.jit import vectors
 from pirrht.jit.jit import inlined, jitable, load_float64, part
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.tables import FINER
@@ -133,7 +132,6 @@ def aims(kind: KernelSpec) -> Any:
     takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
     fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
     _, there, _, _, end = columns_of(n, modes)
-    affine, clip = vectors.affine(n, modes), vectors.clip(modes)
 
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
@@ -157,16 +155,18 @@ def aims(kind: KernelSpec) -> Any:
             apart[k] = x[k] - load_float64(row, there + k)
             if (angles >> k) & 1:
                 apart[k] = wrapped(apart[k])
-        out, steep = wide.ctypes.data + 8 * wide.shape[1] * g, load_float64(row, end + 1)
-        affine(out, row, row + 8 * modes, apart.ctypes.data)
+        steep = load_float64(row, end + 1)
+        for j in range(modes):
+            total = load_float64(row, j)
+            for k in range(n):
+                total += load_float64(row, modes + k * modes + j) * apart[k]
+            wide[g, j] = total
         if gated:
             sx, sy = gate_slope(law, g, s, end + 2 + n, x[0] - law[g, s, there], x[1] - law[g, s, there + 1])
             for j in range(m):
                 wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
-            for j in range(m):  # one by one, as they were written last
-                wide[g, j] = max(-steep, min(steep, wide[g, j]))
-        else:
-            clip(out, steep)
+        for j in range(m if gated else modes):
+            wide[g, j] = max(-steep, min(steep, wide[g, j]))
 
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
