@@ -17,7 +17,7 @@ from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.tables import FINER
 from pirrht.rollouts.tuning import TUNING
 from pirrht.rollouts.ways import KNOWN, PLACE, numbers_at, slope_of
-from pirrht.systems.heading import wrapped
+from pirrht.systems.dynamics import wrapped
 
 
 @jitable
