@@ -52,11 +52,7 @@ class FreeSpace:
         Raises:
             SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
-        scene = replace(scene, waivers=())
-        collision = Collision(scene.world, scene.footprint)
-        scene = fitted(scene, collision)
-        if scene.waivers:
-            collision = Collision(scene.world, scene.footprint)
+        scene, collision = _checked(replace(scene, waivers=()))
         parts = components(collision)
         return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
 
@@ -69,10 +65,7 @@ class FreeSpace:
         Raises:
             SceneError: all of the goal is in collision, or the workspace is too large for the robot.
         """
-        collision = Collision(scene.world, scene.footprint)
-        scene = fitted(scene, collision, start_counts=False)
-        if scene.waivers:
-            collision = Collision(scene.world, scene.footprint)
+        scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
         parts = components(collision)
         return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
@@ -84,13 +77,12 @@ class FreeSpace:
     ) -> FreeSpace:  # fmt: skip
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
         homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
-        return cls(
-            scene=scene,
-            collision=collision,
-            field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
-            obstacles=encircled,
-            **_moving(scene, homology),
-        )
+        try:
+            field = build_field(collision, sorted(i for part in parts for i in part.members))
+        except SceneError as error:
+            raise SceneError(f"{scene.name}: {error}") from None
+        moving = _moving(scene, homology)
+        return cls(scene=scene, collision=collision, field=field, obstacles=encircled, **moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
@@ -159,8 +151,8 @@ def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
     }
 
 
-def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:
-    try:
-        return build_field(collision, members)
-    except SceneError as error:
-        raise SceneError(f"{scene.name}: {error}") from None
+def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:
+    """Return a scene with waivers of the safety margin where it needs them, and its collision checker."""
+    collision = Collision(scene.world, scene.footprint)
+    scene = fitted(scene, collision, start_counts=start_counts)
+    return scene, Collision(scene.world, scene.footprint) if scene.waivers else collision
