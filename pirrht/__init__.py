@@ -2,10 +2,10 @@
 
 A package per idea, each of which says its purpose; imports run downward only, so read from the bottom up:
 
-    arrays errors formatting outcome | files jit < geometry < moving < topology < freespace < systems < problem
+    arrays errors formatting outcome | files jit < geometry < topology < freespace < systems < problem
     steering < shortening < planner | rollouts < proposals < estimation
     control
-    exact
+    moving < exact
 
 The tree knows nothing of noise, the path integral nothing of topology; `control` is where they meet (Algorithm 4).
 Names are imported when they are first used, so that importing the package is quick. At the prompt objects show
@@ -59,6 +59,9 @@ _HOME = {
     "path_integral": "estimation.assembly",
 }
 
+# Parts that the method takes through an interface and does not import, by the name that it asks for.
+_IMPLEMENTATIONS = {"moving": ("moving.obstacles", "MovingObstacleArrays")}
+
 __all__ = [*_HOME]
 __version__ = "0.31.1"
 
@@ -67,6 +70,12 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'pirrht' has no attribute {name!r}")
     return getattr(import_module(f"pirrht.{_HOME[name]}"), name)
+
+
+def implementation(interface: str) -> Any:
+    """Return the class that implements an interface of the method: it is chosen here alone."""
+    module, name = _IMPLEMENTATIONS[interface]
+    return getattr(import_module(f"pirrht.{module}"), name)
 
 
 def __dir__() -> list[str]:

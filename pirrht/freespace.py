@@ -4,24 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from pirrht import formatting
+from pirrht import formatting, implementation
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
+from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field
 from pirrht.geometry.fitting import fitted
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.geometry.survey import build_field
-from pirrht.geometry.world import World
-from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.obstacles import MovingObstacleArrays
+from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued
 
@@ -39,8 +36,7 @@ class FreeSpace:
     field: Field
     obstacles: tuple[Component, ...]  # the M components that can be encircled, in the order of all signatures
     homology: Homology  # about static and moving obstacles, with bases at 1 m/s
-    moving: MovingObstacleArrays  # J moving obstacles, of which field and collision know nothing
-    moving_collision: MovingObstacles  # those obstacles as FCL has them
+    moving: Moving  # J moving obstacles, of which field and collision know nothing
 
     def __repr__(self) -> str:
         return f"FreeSpace({formatting.name(self.scene.name)}: {len(self.obstacles)} to wind around)"
@@ -81,8 +77,9 @@ class FreeSpace:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        moving = _moving(scene, homology)
-        return cls(scene=scene, collision=collision, field=field, obstacles=encircled, **moving)
+        homology = homology.with_moving(scene.movers, scene.footprint)
+        moving = moving_of(scene)
+        return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
@@ -102,7 +99,8 @@ class FreeSpace:
     def with_movers(self, movers: Sequence[Mover]) -> FreeSpace:
         """Return the static world and task among other moving obstacles."""
         scene = replace(self.scene, movers=tuple(movers))
-        return replace(self, scene=scene, **_moving(scene, self.homology))
+        homology = self.homology.with_moving(scene.movers, scene.footprint)
+        return replace(self, scene=scene, homology=homology, moving=moving_of(scene))
 
     def with_prediction(self, movers: Sequence[Mover]) -> FreeSpace:
         """Return the space with predicted motions of its movers; shapes, FCL's included, are shared.
@@ -110,13 +108,8 @@ class FreeSpace:
         One thread at a time may query both.
         """
         scene = replace(self.scene, movers=tuple(movers))
-        return replace(
-            self,
-            scene=scene,
-            moving=self.moving.with_motions(movers),
-            homology=self.homology.with_moving(movers, scene.footprint),
-            moving_collision=MovingObstacles(movers, scene.footprint, self.moving_collision.shapes),
-        )
+        homology = self.homology.with_moving(movers, scene.footprint)
+        return replace(self, scene=scene, homology=homology, moving=self.moving.with_motions(movers))
 
     @property
     def world(self) -> World:
@@ -141,14 +134,10 @@ class FreeSpace:
         return float(self.collision.clearance(position[None, :2])[0])
 
 
-def _moving(scene: Scene, homology: Homology) -> dict[str, Any]:
-    """Gather the moving obstacles of a scene."""
-    movers, footprint = scene.movers, scene.footprint
-    return {
-        "homology": homology.with_moving(movers, footprint),
-        "moving": MovingObstacleArrays.of(scene),
-        "moving_collision": MovingObstacles(movers, footprint),
-    }
+def moving_of(scene: Scene) -> Moving:
+    """Gather the moving obstacles of a scene, by the implementation that the package names; in a static one, none."""
+    found: Moving = implementation("moving").of(scene) if scene.movers else NoMoving()
+    return found
 
 
 def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:

@@ -10,7 +10,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree

@@ -20,7 +20,7 @@ speed without obstacles and noise. Behind a wall this misleads, which a referenc
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -28,7 +28,7 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.policy import ClassMemory, Policy, state_of
+from pirrht.control.policy import ClassMemory, Policy
 from pirrht.control.prediction import Predictor
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import NoSurvivingSample, OptionError
@@ -48,25 +48,17 @@ USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 def follow_best(
     problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float
 ) -> Estimate:  # fmt: skip
-    """Return the estimate by the samples of the best class alone; forget those of earlier plans if it is another."""
-    ids = list(batch.classes.values())
-    best = best_class(problem, estimate, ids, memory.followed, consistency=consistency)
+    """Return the estimate by the samples of the best class alone; forget those of earlier plans if it is another.
+
+    The value of the class followed so far is multiplied by `consistency`.
+    """
+    ids, values = list(batch.classes.values()), class_values(problem, estimate)
+    if memory.followed in ids:
+        values[ids.index(memory.followed)] *= consistency
+    best = int(np.argmin(values[: len(ids)]))
     if memory.followed != ids[best]:
         memory.followed, memory.mixture = ids[best], None
     return alone(problem, estimate, best, {key: name for key, name in batch.classes.items() if name == ids[best]})
-
-
-def best_class(
-    problem: Problem, estimate: Estimate, names: Sequence[str], followed: str | None, *, consistency: float
-) -> int:
-    """Return the number of the reference to follow next, of those with class `names` (H,) in sample order.
-
-    The value v [cost] of `followed`, the class followed so far, is multiplied by `consistency`.
-    """
-    values = class_values(problem, estimate)[: len(names)]
-    if followed in names:
-        values[names.index(followed)] *= consistency
-    return int(np.argmin(values))
 
 
 def class_values(problem: Problem, estimate: Estimate) -> Array:
@@ -86,7 +78,13 @@ def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, st
     Raises:
         NoSurvivingSample: none of them has any weight.
     """
-    return weigh(problem, [_restricted(problem, part, h) for part in estimate.parts], estimate.walls, classes)
+    parts = []
+    for part in estimate.parts:  # the others weigh nothing; each of these counts S / N_h times in a mean over all
+        number = np.diff(part.tables.first)
+        mine = np.repeat(np.arange(len(number)) == h, number)
+        own = _own(problem, part) + np.log(part.size / max(number[h], 1))
+        parts.append(replace(part, log_weight=np.where(mine, own, -np.inf)))
+    return weigh(problem, parts, estimate.walls, classes)
 
 
 def _own(problem: Problem, part: Rollouts) -> Array:
@@ -95,15 +93,6 @@ def _own(problem: Problem, part: Rollouts) -> Array:
     averaged = log_weights(problem, "average", part.paths, part.tables.first)
     own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
     return own
-
-
-def _restricted(problem: Problem, part: Rollouts, h: int) -> Rollouts:
-    # The others weigh nothing; a mean over all samples is the mean over these if each counts S / N_h times.
-    first, log_weight = part.tables.first, np.full(part.size, -np.inf)
-    mine = slice(int(first[h]), int(first[h + 1]))
-    averaged = log_weights(problem, "average", part.paths, first, mine)
-    log_weight[mine] = averaged + np.log(len(first) - 1)
-    return replace(part, log_weight=log_weight)
 
 
 class Mppi(Policy):
@@ -156,8 +145,7 @@ class Mppi(Policy):
         Args:
             left: time left for sampling [s]; samples are drawn until it is up.
         """
-        run, x = self.run, state_of(self.problem, x)
-        run.query(x)
+        run, x = self.run, self._state(x)
         self._update_prediction(x, TimeBudget())
         tape = shifted(self.times, self._tape, self.times + run.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
@@ -186,21 +174,17 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
     x = d.state_of(problem.scene.start)
-    if d.noisy_position and d.input_form:
-        R, G, drift = problem.control_cost(x), d.G_c(x)[:2], float(np.hypot(*d.f(x)[:2]))
-        pace = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(R, G.T))[-1])
-        per_meter = pace * (np.sqrt(drift**2 + 2.0 * q / pace) - drift)  # the least of (q + pace (v - drift)^2 / 2) / v
-    elif d.noisy_position:
-        R, G = problem.control_cost(x), d.G_c(x)
-        pace = float(np.trace(np.linalg.inv(G).T @ R @ np.linalg.inv(G))) / d.m  # u'Ru = pace |dx/dt|^2
-        per_meter = 2.0 * q / np.sqrt(2.0 * q / pace)
+    drift = float(np.hypot(*d.f(x)[:2]))
+    if d.noisy_position:
+        G = d.G_c(x)[:2]
+        weight = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(problem.control_cost(x), G.T))[-1])
+        per_meter = weight * (np.sqrt(drift**2 + 2.0 * q / weight) - drift)  # least (q + weight (v - drift)^2 / 2) / v
+    elif drift > 0.0:
+        per_meter = q / drift
     else:
-        pace = float(np.hypot(*d.f(x)[:2]))
-        if pace == 0.0:
-            raise OptionError(
-                f"{type(d).__name__} has no speed at the start, so its path home is unknown; give a `terminal_cost`"
-            )
-        per_meter = q / pace
+        raise OptionError(
+            f"{type(d).__name__} has no speed at the start, so its path home is unknown; give a `terminal_cost`"
+        )
 
     def terminal_cost(states: Array) -> Array:
         away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius

@@ -9,12 +9,12 @@ from math import inf
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
-from pirrht.control.policy import Halt, Law, RunState
+from pirrht.control.plan import Law, Plan
+from pirrht.control.policy import Halt, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch
 
 
@@ -58,18 +58,17 @@ class Brake:
             known: law that a robot which cannot stop prefers to turning.
             last: brake that it waits by so far.
         """
-        s = self.settings
-        chosen: Halt | None = None
-        best: tuple[float, ...] = ()
+        s, tried = self.settings, list[Halt]()
         for law in self._laws(x, known, last):
-            found = self._tried(law, x, space, now)
-            worth = min(found.free, s.urgent), found.static_clearance // s.resolution, found.free, found.clearance
-            if chosen is None or worth > best:
-                best, chosen = worth, found
             enough = last.enough if last is not None and law is last.law else s.clearance
-            if found.free == inf and found.clearance >= enough:
+            tried.append(self._tried(law, x, space, now))
+            if tried[-1].free == inf and tried[-1].clearance >= enough:
                 break
-        assert chosen is not None  # there are always laws
+
+        def worth(one: Halt) -> tuple[float, ...]:
+            return min(one.free, s.urgent), one.static_clearance // s.resolution, one.free, one.clearance
+
+        chosen = max(tried, key=worth)
         if last is not None and chosen.law is last.law:
             return replace(chosen, enough=last.enough)
         return replace(chosen, enough=max(0.5 * s.clearance, min(s.clearance, chosen.clearance - s.loss)))
@@ -77,10 +76,12 @@ class Brake:
     def _laws(self, x: Array, known: Law | None, last: Halt | None) -> Iterator[Law]:
         """Yield candidate laws at x (n,), in the order of preference."""
         yield from (law for law in (known, None if last is None else last.law) if law is not None)
-        if not self.stops:
-            yield from (held(np.array([0.0, np.inf]), u[None]) for u in self._turns(x))
-            return
         d, s = self.problem.dynamics, self.settings
+        if not self.stops:  # steady controls: zero, and multiples of the usual effort
+            usual = np.diag(np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x))))
+            turns = [sign * times * u for times in s.efforts for u in usual for sign in (1.0, -1.0)]
+            yield from (held(np.array([0.0, np.inf]), u[None]) for u in [np.zeros(d.m), *turns])
+            return
         spot = x[:2] + d.f(x)[:2] * s.within  # where it comes to rest if it brakes at once
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
         for ring in s.rings:
@@ -88,45 +89,30 @@ class Brake:
                 yield self._to(spot + ring * np.array([np.cos(angle), np.sin(angle)]))
 
     def _to(self, place: Array) -> Law:
-        dynamics, within = self.problem.dynamics, self.settings.within
+        """Return the law that comes to rest at a place (2,)."""
 
         def law(x: Array, _: float) -> Array:
-            u = dynamics.brake(x, place, within)
-            assert u is not None
-            return u
+            return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))
 
         return law
-
-    def _turns(self, x: Array) -> Iterator[Array]:
-        """Yield steady controls (m,) of a robot that cannot stop: zero, and multiples of the usual effort."""
-        m = self.problem.dynamics.m
-        usual = np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x)))
-        yield np.zeros(m)
-        for times in self.settings.efforts:
-            for i in range(m):
-                for sign in (1.0, -1.0):
-                    yield sign * times * usual * (np.arange(m) == i)
 
     def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
         """Simulate a law without noise."""
         d, s = self.problem.dynamics, self.settings
-        count = round(s.horizon / s.step)
-        still, controls, states = np.zeros(d.m), [], [x]
-        for i in range(count):
-            controls.append(law(states[-1], i * s.step))
+        times, still, controls, states = np.arange(round(s.horizon / s.step) + 1) * s.step, np.zeros(d.m), [], [x]
+        for time in times[:-1]:
+            controls.append(law(states[-1], time))
             states.append(d.step(states[-1], controls[-1], still, s.step))
-        places, times = np.array(states)[:, :2], np.arange(count + 1) * s.step
+        places = np.array(states)[:, :2]
         static = clearance = space.collision.clearance(places)
         if space.scene.movers:
             pairs = zip(places, now + times, strict=True)
-            clearance = np.minimum(clearance, [space.moving_collision.clearance(place, time) for place, time in pairs])
+            clearance = np.minimum(clearance, [space.moving.distance(place, time) for place, time in pairs])
         met = np.flatnonzero(clearance <= 0.0 if clearance[0] > 0.0 else clearance < clearance[0])  # out of a margin
         settled = times >= 2.0 * s.within
         return Halt(
-            law=law, times=np.asarray(times), tape=np.array(controls),
-            static_clearance=min(float(static[settled].min()), s.clearance),
-            free=float(times[met[0]]) if len(met) else inf,
-            clearance=float(clearance[settled].min()),
+            law=law, times=np.asarray(times), tape=np.array(controls), free=float(times[met[0]]) if len(met) else inf,
+            static_clearance=min(float(static[settled].min()), s.clearance), clearance=float(clearance[settled].min()),
         )  # fmt: skip
 
 
@@ -135,24 +121,21 @@ def held(times: Array, tape: Array) -> Law:
     return lambda _, s: tape[min(int(np.searchsorted(times, s + 1e-9, side="right")), len(tape)) - 1]
 
 
-def known_law(batch: Batch | None, references: Sequence[Reference]) -> Law | None:
-    """Return the law of the cheapest guide or reference, without feedback; None if there is none."""
-    if batch is None:
-        return None
-    led = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
-    if led:
-        return held(batch.times, min(led, key=lambda guide: guide.penalised).tape)
-    return held(batch.times, references[0].trajectory.tape(batch.times)) if references else None
-
-
 def blocked_plan(
     brake: Brake, x: Array, run: RunState, space: FreeSpace, why: str, batch: Batch | None = None,
     references: Sequence[Reference] = (),
 ) -> Plan:  # fmt: skip
-    """Brake at x (n,), and wait until there is a path; forget guides and samples of earlier plans."""
-    known = None if brake.stops else known_law(batch, references)
-    predicted = space if run.prediction is None else run.prediction.space
-    halt = brake.halt(x, predicted, run.now, known, run.halt)
+    """Brake at x (n,), and wait until there is a path; forget guides and samples of earlier plans.
+
+    A robot that cannot stop prefers the cheapest guide or reference, without feedback.
+    """
+    known: Law | None = None
+    if batch is not None and not brake.stops:
+        guides = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
+        tapes = [guide.tape for guide in sorted(guides, key=lambda guide: guide.penalised)[:1]]
+        tapes += [one.trajectory.tape(batch.times) for one in references[:1]]
+        known = held(batch.times, tapes[0]) if tapes else None
+    halt = brake.halt(x, space if run.prediction is None else run.prediction.space, run.now, known, run.halt)
     run.halt, run.since_plan = None if halt.law is known else halt, 0.0
     run.memory.forget()
     return Plan(

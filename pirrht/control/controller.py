@@ -8,10 +8,10 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.control import references as of_tree
+from pirrht.control import proposals as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy, state_of
+from pirrht.control.policy import Policy
 from pirrht.control.prediction import Predictor
 from pirrht.control.proposals import ProposalBuilder, plan_of
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
@@ -80,11 +80,10 @@ class Controller(Policy):
         homology: Homology | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
-        of_tree.validate(tree, problem, self.settings)
+        of_tree.validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
         self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
         self.path_integral = path_integral(problem, space, sampling, homology=self.homology)
-        of_tree.validate_guides(tree, self.path_integral)
         self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
@@ -102,8 +101,7 @@ class Controller(Policy):
             OptionError: x is no state of the system.
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
         """
-        run, settings, x = self.run, self.settings, state_of(self.problem, x)
-        run.query(x)
+        run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))

@@ -1,9 +1,24 @@
-"""Decision of a controller at one state: a control now, open-loop controls for later, and their reasons."""
+"""Decision of a controller at one state, and its feedback until the next: samples of each class estimate desirability.
+
+Per class c the samples of a plan give log psi_c and u_c = lambda R^-1 G' grad log psi_c at one state. Both are carried
+along with the robot: u_c as the control of the class's guide plus what samples found on top of it, and log psi_c along
+its gradient, d log psi_c = (R u_c / lambda) G^-1 dx_c (Stratonovich). In input form that is
+(R u_c / lambda)' G^+ (dx - f dt), G^+ being the pseudoinverse. Where the state drifts, so that some of its gradient is
+unknown, or where obstacles move and psi changes with time, it is less by u_c'R u_c dt / 2 lambda, the loss by waiting.
+That is the equation of log psi without its second derivatives, the wall drift (they cancel) and q, which classes share.
+The control at any state between plans is then
+
+    u(x) = sum_c w_c(x) u_c(x),    w(x) = softmax(log psi_c(x)).
+
+Its slope holds the spread of the u_c times R/lambda, as the exact law's does; the gain that Thijssen & Kappen (2015)
+read off the samples' covariance is the linear part of it, and noisier. Since psi_c and psi_c u_c are sums over
+samples, those of earlier plans add to those of the last one once carried along, at a weight that fades.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from importlib import import_module
 from typing import Any
@@ -12,12 +27,17 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.control.settings import TUNING
+from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import Replay
+from pirrht.estimation.weights import normalised
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
+from pirrht.problem import Problem
+from pirrht.proposals.proposal import Batch, ProposalControl
+
+Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -61,8 +81,8 @@ class Plan:
     stops: bool = True
     replay: Replay | None = None
     instead: Array | None = None
-    law: Callable[[Array, float], Array] | None = None
-    push: Callable[[Array, float], Array] | None = None
+    law: Law | None = None
+    push: Law | None = None
     shares: dict[str, float] | None = None
     followed: str | None = None
     classes: Mapping[int, str] = field(default_factory=dict)
@@ -72,16 +92,14 @@ class Plan:
     movers: tuple[Mover, ...] = ()
 
     def __repr__(self) -> str:
+        value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
         if self.estimate is not None:
             value = f"v {self.estimate.value:.4g} +- {self.estimate.value_error:.2g}"
-        else:
-            value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
-        which = f", {len(self.ids)} classes" if len(self.ids) != 1 else ", 1 class"
+        which = f"{len(self.ids)} classes" if len(self.ids) != 1 else "1 class"
         weight = self.weights().get(favourite := self.favourite or "")
         most = f", most weight {formatting.turns(favourite)} ({formatting.share(weight)})" if weight is not None else ""
-        return (
-            f"Plan(at {formatting.vector(self.state)}: control {formatting.vector(self.control)}, {value}{which}{most})"
-        )
+        at, control = formatting.vector(self.state), formatting.vector(self.control)
+        return f"Plan(at {at}: control {control}, {value}, {which}{most})"
 
     def _repr_html_(self) -> str:
         by, estimate, rows = self.weights(), self.estimate, []
@@ -147,10 +165,8 @@ class Plan:
         """Class of greatest weight, or that of the one reference that is followed."""
         if self.estimate is None:
             return self.ids[0] if self.ids else None
-        if self.followed is not None:
-            return self.followed
         weights = self.shares or self.estimate.class_weights
-        return max(weights, key=lambda name: weights[name], default=None)
+        return self.followed or max(weights, key=lambda name: weights[name], default=None)
 
     @property
     def decided(self) -> str | None:
@@ -159,3 +175,143 @@ class Plan:
         if self.estimate is None or self.followed is not None or favourite is None:
             return favourite
         return favourite if (self.shares or self.estimate.class_weights)[favourite] >= TUNING.decided else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClassLaw:
+    """Desirability and control of one class near the state of a plan."""
+
+    log_psi: float  # up to a constant that all classes share [nats]
+    rest: Array  # (m,) what samples found on top of the proposal control
+    lead: ProposalControl | None  # None: samples of no class have none
+    age: float = 0.0  # time between the plan that the guide belongs to and this one [s]
+    unseen: float = 0.0  # time since samples were last of this class [s]
+    law_weight: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
+
+    def control(self, x: Array, s: float) -> Array:
+        """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
+        return self.rest + self.guided(x, s)
+
+    def guided(self, x: Array, s: float) -> Array:
+        """Return the share (m,) of the proposal control at state x (n,), s [s] after the plan."""
+        return np.zeros(len(self.rest)) if self.lead is None else self.law_weight * self.lead(x, s + self.age)
+
+
+class ClassMixture:
+    """Control at any state near that of a plan, u(x) = sum_c w_c(x) u_c(x).
+
+    Args:
+        state: of the plan, (n,).
+        classes: laws of C classes by name.
+        push: wall drift.
+    """
+
+    def __init__(self, *, problem: Problem, state: Array, classes: Mapping[str, ClassLaw], push: Law) -> None:
+        self.problem, self.state, self.classes, self.push = problem, state, classes, push
+        d = problem.dynamics
+        self._known = np.array([law.log_psi for law in classes.values()])
+        self._free = self._controls(state, 0.0)  # (C, m) at the state of the plan, without wall drift
+        self._before = self._free + push(state, 0.0)
+        self._stiff = problem.control_cost(state) / problem.temperature
+        self._inverse = np.linalg.pinv(d.G_c(state)) if d.input_form else np.linalg.inv(d.G_c(state))
+        self._drift = d.f(state)[d.n - d.rows :]
+        self._loses = d.drifting_away or bool(problem.scene.movers)  # whether log psi falls by waiting
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) at state x (n,), s [s] after the plan."""
+        log_psi, controls = self._at(x, s)
+        weight: Array = np.exp(log_psi - log_psi.max())
+        control: Array = weight @ controls / weight.sum()
+        return control
+
+    def weights(self, x: Array, s: float) -> dict[str, float]:
+        """Return the weight of every class at state x (n,), s [s] after the plan."""
+        return dict(zip(self.classes, normalised(self._at(x, s)[0])[0].tolist(), strict=True))
+
+    def log_psi(self, x: Array, s: float) -> dict[str, float]:
+        """Return log psi of every class at state x (n,), s [s] after the plan [nats], up to a common constant."""
+        return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
+
+    def with_classes(self, classes: Mapping[str, ClassLaw]) -> ClassMixture | None:
+        """Return the mixture of other classes; None without any."""
+        problem, state, push = self.problem, self.state, self.push
+        return ClassMixture(problem=problem, state=state, classes=classes, push=push) if classes else None
+
+    def _at(self, x: Array, s: float) -> tuple[Array, Array]:
+        """Return log psi (C,) and control (C, m) of the classes."""
+        d, carried, free = self.problem.dynamics, self.state.copy(), self._controls(x, s)
+        carried[-d.rows :] += s * self._drift
+        controls = free + self.push(x, s)
+        # The rise of log psi per control of a class by moving to x, less drift, (m,).
+        pull = self._stiff @ (self._inverse @ d.difference(x, carried)[-d.rows :])
+        log_psi = self._known + 0.5 * (self._before + controls) @ pull
+        if self._loses:
+            usual = 0.5 * (self._free + free)
+            log_psi -= 0.5 * s * np.sum(usual @ self._stiff * usual, axis=1)
+        return log_psi, controls
+
+    def _controls(self, x: Array, s: float) -> Array:
+        """Return the controls (C, m) of the classes without wall drift."""
+        return np.array([law.control(x, s) for law in self.classes.values()])
+
+
+def pooled(
+    problem: Problem, before: ClassMixture | None, estimate: Estimate, leads: Mapping[str, ProposalControl | None],
+    push: Law, elapsed: float, tuning: ControlTuning = TUNING,
+) -> ClassMixture:  # fmt: skip
+    """Return the mixture of a plan's estimate and, carried along, that of the plan `elapsed` [s] before.
+
+    Args:
+        before: mixture of that plan; None: there is none.
+        leads: what samples around each class followed, by name; None where that does not depend on the state.
+        push: wall drift near the samples.
+    """
+    x, law_weight = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
+    laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, law_weight, tuning)
+    for name, weight in estimate.class_weights.items():
+        if weight <= 0.0:
+            continue
+        lead, control, log_psi = leads.get(name), estimate.class_controls[name], estimate.log_psi + np.log(weight)
+        old = laws.get(name)
+        if name not in leads and old is not None:  # its guide, if it has one, is of an earlier plan
+            new = replace(old, log_psi=float(log_psi), rest=control - old.guided(x, 0.0), unseen=0.0)
+        else:
+            rest = control if lead is None else control - law_weight * lead.held(x)
+            new = ClassLaw(log_psi=float(log_psi), rest=rest, lead=lead, law_weight=law_weight)
+        laws[name] = new if old is None else _joined(old, new, tuning.bound)
+    top = max(law.log_psi for law in laws.values())
+    laws = {name: law for name, law in laws.items() if law.log_psi > top - tuning.faded}
+    return ClassMixture(problem=problem, state=x, classes=laws, push=push)
+
+
+def controls_followed(batch: Batch, estimate: Estimate) -> dict[str, ProposalControl | None]:
+    """Return what samples around each class followed, by name: of several feedback laws that of most weight."""
+    rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
+    followed: dict[str, ProposalControl | None] = {one.name: None for one, _ in rows if one.key is not None}
+    return followed | {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
+
+
+def _carried(
+    before: ClassMixture, x: Array, leads: Mapping[str, ProposalControl | None], elapsed: float, law_weight: float,
+    tuning: ControlTuning,
+) -> dict[str, ClassLaw]:  # fmt: skip
+    """Return the laws of an earlier mixture at x (n,), less those whose gradient is no longer known."""
+    laws: dict[str, ClassLaw] = {}
+    log_psi = before.log_psi(x, elapsed)
+    for name, old in before.classes.items():
+        lead, unseen = leads.get(name), old.unseen + elapsed
+        if unseen > tuning.stale:
+            continue
+        law = replace(old, log_psi=log_psi[name] - elapsed / tuning.memory, age=old.age + elapsed, unseen=unseen)
+        if lead is not None:  # another reference than before must not change what is known
+            rest = law.control(x, 0.0) - law_weight * lead(x, 0.0)
+            law = replace(law, rest=rest, lead=lead, age=0.0, law_weight=law_weight)
+        laws[name] = law
+    return laws
+
+
+def _joined(old: ClassLaw, new: ClassLaw, bound: float) -> ClassLaw:
+    # A wrong gradient could make what is carried along grow without end; the new samples bound it.
+    log_psi = float(np.logaddexp(min(old.log_psi, new.log_psi + bound), new.log_psi))
+    share = float(np.exp(new.log_psi - log_psi))
+    return replace(new, log_psi=log_psi, rest=(1.0 - share) * old.rest + share * new.rest)

@@ -5,21 +5,20 @@ from __future__ import annotations
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from typing import TypeVar
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.mixture import ClassMixture
-from pirrht.control.plan import Plan
+from pirrht.control.plan import ClassMixture, Law, Plan
 from pirrht.control.prediction import Prediction, Predictor
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Allocation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -29,53 +28,33 @@ from pirrht.topology.homology import Driven, Homology
 from pirrht.topology.signature import integers
 
 ClassFromStart = tuple[int, ...]  # class of the driven path and the path ahead together
-Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time since it was chosen [s]
 K = TypeVar("K")
 V = TypeVar("V")
 
 
 @dataclass(slots=True)
 class ClassMemory:
-    """Memory of the plans of a run, by class from its start: the winding, or the name of it.
+    """Memory of the plans of a run, by class from its start: the winding, or the name of it."""
 
-    Attributes:
-        paths: shortened references of the last plan, from which shortening goes on.
-        optima: valid guides of the last plan, best first, from which their improvement goes on.
-        sampled: classes whose guides had more than a few samples.
-        allocation: of samples, by what earlier ones contributed.
-        mixture: feedback of the last plan, into which the next one is pooled.
-        followed: name of the one class that the control follows; None: all.
-        others: names by additive key of earlier classes that the last plan did not update.
-    """
-
-    paths: dict[ClassFromStart, Motions] = field(default_factory=dict)
-    optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)
-    sampled: set[ClassFromStart] = field(default_factory=set)
-    allocation: Allocation = field(default_factory=Allocation)
-    mixture: ClassMixture | None = None
-    followed: str | None = None
-    others: dict[int, str] = field(default_factory=dict)
+    paths: dict[ClassFromStart, Motions] = field(default_factory=dict)  # last references: shortening goes on from there
+    optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)  # last valid guides, best first
+    sampled: set[ClassFromStart] = field(default_factory=set)  # classes whose guides had more than a few samples
+    allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
+    mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
+    followed: str | None = None  # name of the one class that the control follows; None: all
+    others: dict[int, str] = field(default_factory=dict)  # names by key of classes that the last plan did not update
 
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
         self.optima, self.sampled = {}, set()
         self.allocation, self.mixture = Allocation(), None
 
-    def renamed(
-        self, guides: Mapping[ClassFromStart, ClassFromStart], paths: Mapping[ClassFromStart, ClassFromStart],
-        names: Mapping[str, str],
-    ) -> ClassMemory:  # fmt: skip
-        """Return what remains among other obstacles.
-
-        Args:
-            guides: present classes of guides that are still free.
-            paths: present classes of paths that are still free.
-            names: present names of all these classes.
-        """
+    def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart], names: Mapping[str, str]) -> ClassMemory:
+        """Return what remains among other obstacles, by present classes of paths that are free, and their names."""
         mixture, before = self.mixture, self.allocation
         return ClassMemory(
-            paths=kept(self.paths, paths), optima=kept(self.optima, guides),
-            sampled={guides[one] for one in self.sampled & guides.keys()},
+            paths=kept(self.paths, heirs), optima=kept(self.optima, heirs),
+            sampled={heirs[one] for one in self.sampled & heirs.keys()},
             allocation=Allocation(kept(before.contribution, names), kept(before.shares, names)),
             mixture=None if mixture is None else mixture.with_classes(kept(mixture.classes, names)),
             followed=names.get(self.followed or ""),
@@ -100,39 +79,30 @@ class Halt:
     enough: float = 0.0  # clearance at which the robot goes on waiting by this law [m]
 
 
+@dataclass(slots=True, eq=False)
 class RunState:
-    """State of a run from x (n,) at a time [s] of the moving obstacles' clock.
+    """State of a run from x (n,) at a time [s] of the moving obstacles' clock."""
 
-    Attributes:
-        homology: of the paths ahead, in the prediction if there is one.
-        path: path driven so far, which gives classes their names.
-        time: of the run and of moving obstacles [s].
-        begun: when it started [s].
-        known: until when states are observed, not only expected [s].
-        since_plan: time since the last plan [s].
-        since_estimate: time since the last plan of which samples survived [s].
-        queried: state (n,) of a plan since which no time has passed.
-        planned: whether there has been a plan.
-        held: how long the control of the last step is held [s]; None: there is none.
-        prediction: of moving obstacles; None: their motions are known.
-        movers: moving obstacles as predicted, on the run's clock.
-        halt: brake that the robot waits by; None: it is not blocked.
-        favourite: path ahead of the last plan's favourite, (k, 3) [m, m, s] on the run's clock.
-        recent: numbers of classes of the last plans, and the time until they sampled [s].
-        memory: of plans, by class.
-    """
+    homology: Homology  # of the paths ahead, in the prediction if there is one
+    x: InitVar[Array]
+    time: float = 0.0  # of the run and of moving obstacles [s]
+    movers: tuple[Mover, ...] = ()  # moving obstacles as predicted, on the run's clock
+    path: Driven = field(init=False)  # driven so far, which gives classes their names
+    begun: float = field(init=False)  # when it started [s]
+    known: float = field(init=False)  # until when states are observed, not only expected [s]
+    since_plan: float = 0.0  # time since the last plan [s]
+    since_estimate: float = 0.0  # time since the last plan of which samples survived [s]
+    queried: Array | None = None  # state (n,) of a plan since which no time has passed
+    planned: bool = False  # whether there has been a plan
+    held: float | None = None  # how long the control of the last step is held [s]; None: there is none
+    prediction: Prediction | None = None  # of moving obstacles; None: their motions are known
+    halt: Halt | None = None  # brake that the robot waits by; None: it is not blocked
+    favourite: Array | None = None  # path ahead of the last plan's favourite, (k, 3) [m, m, s] on the run's clock
+    recent: list[tuple[int, float]] = field(default_factory=list)  # classes of last plans, time until they sampled [s]
+    memory: ClassMemory = field(default_factory=ClassMemory)  # of plans, by class
 
-    def __init__(self, homology: Homology, x: Array, time: float = 0.0, movers: tuple[Mover, ...] = ()) -> None:
-        self.homology, self.path = homology, Driven(homology, x, time)
-        self.time = self.begun = self.known = time
-        self.since_plan = self.since_estimate = 0.0
-        self.queried: Array | None = None
-        self.planned, self.held = False, None  # type: bool, float | None
-        self.prediction: Prediction | None = None
-        self.movers, self.favourite = movers, None  # type: tuple[Mover, ...], Array | None
-        self.halt: Halt | None = None
-        self.recent: list[tuple[int, float]] = []
-        self.memory = ClassMemory()
+    def __post_init__(self, x: Array) -> None:
+        self.path, self.begun, self.known = Driven(self.homology, x, self.time), self.time, self.time
 
     @property
     def since(self) -> float:
@@ -143,23 +113,6 @@ class RunState:
     def now(self) -> float:
         """Time on the prediction's clock [s]."""
         return self.time - self.since
-
-    def query(self, x: Array) -> None:
-        """Record a plan at x (n,); warn if the robot has moved since the last one and nothing was observed.
-
-        Raises:
-            OptionError: x has entries that are no finite numbers.
-        """
-        if not np.all(np.isfinite(x)):
-            raise OptionError(f"the state is {x.tolist()}; all of it must be finite numbers")
-        if self.queried is not None and not np.array_equal(x, self.queried):
-            warnings.warn(
-                f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({self.queried[0]:.4g}, {self.queried[1]:.4g}), and "
-                "nothing was observed in between: call step(x, dt) for each control, or observe(states, dt) after it; "
-                "begin(x) if this is another run",
-                RuntimeWarning, stacklevel=3,
-            )  # fmt: skip
-        self.queried = x
 
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
@@ -172,10 +125,9 @@ class RunState:
         """Continue from x (n,) under another prediction; the class of the path ahead keeps its name."""
         before, offset = self.prediction, np.zeros(0)
         if before is not None:
-            here = np.array([[*x[:2], self.time]])
-            path = (
-                here if self.favourite is None else np.vstack([here, self.favourite[self.favourite[:, 2] > self.time]])
-            )
+            path = np.array([[*x[:2], self.time]])
+            if self.favourite is not None:
+                path = np.vstack([path, self.favourite[self.favourite[:, 2] > self.time]])
             turns = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
             offset = np.array(self.path.winding()) + turns[0] - turns[1]
         self.prediction, self.homology = after, after.homology
@@ -267,6 +219,28 @@ class Policy(ABC):
         """Return the class (M,) of the driven path, completed by a straight line to the goal point [turns]."""
         return self.run.path.winding()
 
+    def _state(self, x: Array) -> Array:
+        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed.
+
+        Raises:
+            OptionError: it has another shape, or entries that are no finite numbers.
+        """
+        x, d, last = np.asarray(x, dtype=float), self.problem.dynamics, self.run.queried
+        if x.shape != (d.n,):
+            moves = f"{type(d).__name__} ({', '.join(d.states)})"
+            raise OptionError(f"the state has the shape {x.shape}; {moves} has {d.n} numbers")
+        if not np.all(np.isfinite(x)):
+            raise OptionError(f"the state is {x.tolist()}; all of it must be finite numbers")
+        if last is not None and not np.array_equal(x, last):
+            warnings.warn(
+                f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({last[0]:.4g}, {last[1]:.4g}), and nothing was "
+                "observed in between: call step(x, dt) for each control, or observe(states, dt) after it; begin(x) if "
+                "this is another run",
+                RuntimeWarning, stacklevel=3,
+            )  # fmt: skip
+        self.run.queried = x
+        return x
+
     def _update_prediction(self, x: Array, budget: TimeBudget) -> None:
         """Update the prediction of moving obstacles at x (n,), for the run, the samples and the tree."""
         if self.predict is None:
@@ -276,16 +250,3 @@ class Policy(ABC):
             self.run.set_prediction(prediction, x)
             self.path_integral.set_prediction(prediction.space.moving, prediction.homology)
             self.tree = self.tree and prediction.tree
-
-
-def state_of(problem: Problem, x: Array) -> Array:
-    """Return a state (n,) as an array of numbers.
-
-    Raises:
-        OptionError: it has another shape.
-    """
-    x, d = np.asarray(x, dtype=float), problem.dynamics
-    if x.shape != (d.n,):
-        moves = f"{type(d).__name__} ({', '.join(d.states)})"
-        raise OptionError(f"the state has the shape {x.shape}; {moves} has {d.n} numbers")
-    return x

@@ -16,11 +16,11 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.settings import TUNING, ControlTuning
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import Legs
+from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 
@@ -63,8 +63,7 @@ class ConstantVelocity:
         self, space: FreeSpace, steering: InTime, grown: Callable[[FreeSpace], HomologyTree] | None, *, vertices: int,
         tuning: ControlTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.space, self.steering, self.grown = space, steering, grown
-        self.vertices, self.tuning = vertices, tuning
+        self.space, self.steering, self.grown, self.vertices, self.tuning = space, steering, grown, vertices, tuning
         self.horizon = tuning.crossings * float(np.hypot(*(space.scene.upper - space.scene.lower))) / steering.pace
         self._passages: Passages | None = None
         self._shapes: FreeSpace | None = None
@@ -77,28 +76,24 @@ class ConstantVelocity:
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
         """Return the prediction for a robot at x (n,) that has seen all until `seen` [s]."""
         if self._last is None or not self._holds(self._last, seen):
-            self._last = self._predicted(x, seen, enough)
+            movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
+            start = np.array([x[0], x[1], self.space.scene.start[2]])
+            if self._shapes is None:
+                self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
+            space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
+            homology, tree = self.steering.homology(space), self._tree(space, enough)
+            self._last = Prediction(space=space, homology=homology, tree=tree, since=seen)
         return self._last
 
     def _holds(self, last: Prediction, seen: float) -> bool:
         """Check that obstacles move as predicted."""
         for actual, predicted in zip(self.space.scene.movers, last.space.scene.movers, strict=True):
-            then = seen - last.since
-            off = actual.motion.pose(seen) - predicted.motion.pose(then)
-            faster = actual.motion.velocity(seen) - predicted.motion.velocity(then)
-            far, later = np.linalg.norm(off), np.linalg.norm(faster) * self.tuning.deviation_ahead
-            if far > self.tuning.deviation or later > 10.0 * self.tuning.deviation:
+            off = actual.motion.pose(seen) - predicted.motion.pose(seen - last.since)
+            faster = actual.motion.velocity(seen) - predicted.motion.velocity(seen - last.since)
+            later = np.linalg.norm(faster) * self.tuning.deviation_ahead
+            if max(np.linalg.norm(off), 0.1 * later) > self.tuning.deviation:
                 return False
         return True
-
-    def _predicted(self, x: Array, seen: float, enough: Callable[[int], bool] | None) -> Prediction:
-        movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
-        start = np.array([x[0], x[1], self.space.scene.start[2]])
-        if self._shapes is None:
-            self._shapes = self.space.with_movers(movers)  # FCL's of its own: a run queries the scene's
-        space = replace(self._shapes, scene=replace(self.space.scene, start=start)).with_prediction(movers)
-        homology, tree = self.steering.homology(space), self._tree(space, enough)
-        return Prediction(space=space, homology=homology, tree=tree, since=seen)
 
     def _tree(self, space: FreeSpace, enough: Callable[[int], bool] | None) -> HomologyTree | None:
         if self.grown is None:

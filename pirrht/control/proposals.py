@@ -1,31 +1,180 @@
-"""Proposals of a plan: for every class the local optima of its paths, and the samples around each."""
+"""References of a run and proposals of a plan: for every class the local optima of its paths, and samples around each.
+
+A tree must fit the problem; it gives one path per class, and grows anew in another scene.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.baselines import follow_best
-from pirrht.control.mixture import controls_followed, pooled
-from pirrht.control.plan import Plan
-from pirrht.control.policy import RunState, from_start
+from pirrht.control.plan import Plan, controls_followed, pooled
+from pirrht.control.policy import ClassFromStart, RunState, from_start
 from pirrht.control.prediction import favourite_path
-from pirrht.control.settings import ControlSettings, TimeBudget
-from pirrht.errors import NoSurvivingSample
+from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
+from pirrht.errors import NoReference, NoSurvivingSample, OptionError
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
+from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import mapped
 from pirrht.planner.references import Reference
+from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.motion import Trajectory, running_cost
+from pirrht.steering.motion import SPACING, Trajectory, running_cost
+from pirrht.topology.signature import integers
+
+
+def validate(tree: HomologyTree | None, problem: Problem, sampling: Sampling, settings: ControlSettings) -> None:
+    """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
+
+    Raises:
+        OptionError: it is not so, or its references have no controls that samples could follow.
+    """
+    if tree is None:
+        if settings.use.most != 0:
+            raise OptionError(f"the method {settings.method!r} needs a tree")
+        return
+    steering, dynamics = type(tree.steering).__name__, type(problem.dynamics).__name__
+    if problem.scene.movers and not tree.steering.timed:
+        raise OptionError(
+            f"{steering} knows no times, and obstacles move in the scene; grow the tree with InTime.of(problem)"
+        )
+    if len(tree.steering.vertex_of(tree.at(np.zeros(problem.dynamics.n), 0.0))) != tree.steering.n:
+        raise OptionError(
+            f"{steering} connects states of {tree.steering.n} numbers and {dynamics} has {problem.dynamics.n}; grow "
+            f"the tree with a Steering for {dynamics}"
+        )
+    if not (tree.steering.drives or sampling.guide == "feedback" or DDPGuidance.suits(problem)):
+        raise OptionError(
+            f"{dynamics} has no steering of its own, and its references no controls that samples could follow: guide "
+            'them by "feedback", not "open-loop"'
+        )
+
+
+def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuning) -> None:
+    """Grow a tree in space and time for a run from x (n,) at a time [s], unless it was grown for that."""
+    if tree is None or not tree.steering.timed:
+        return
+    scene, here = tree.space.scene, tree.at(x, time)
+    origin = np.array([*scene.start[:2], 0.0]) if tree.origin is None else tree.origin
+    if np.hypot(*(here[:2] - origin[:2])) > scene.robot_radius or abs(here[2] - origin[2]) > tuning.elsewhen:
+        tree.aim(here)
+        tree.grow(tree.size + tuning.regrowth)
+
+
+def extract_references(
+    tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
+) -> list[Reference]:
+    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides.
+
+    Raises:
+        NoReference: there is none.
+    """
+    method, memory = settings.use, run.memory
+    if tree is None or method.most == 0:
+        return []
+    driven, most = run.path.winding(), budget.most_classes(run.recent)
+    before = {integers(np.subtract(whole, driven)): path for whole, path in memory.paths.items()}
+    memory.others = {}
+    try:
+        found = tree.references(
+            tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
+            threads=threads, most=most,
+        )  # fmt: skip
+    except NoReference:
+        if rest := _remaining_guides(tree, x, run):
+            return rest
+        if not run.planned and tree.too_fast(x):
+            raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
+        raise
+    left_out = {} if most is None else memory.paths
+    memory.others = dict(zip(map(run.homology.key, before), map(run.homology.name, left_out), strict=False))
+    classes = from_start(run, found)
+    memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
+    if method.most is not None:
+        return found[: method.most][:most]
+    return sorted([*found, *_remaining_guides(tree, x, run, classes)], key=lambda reference: reference.cost)[:most]
+
+
+def _remaining_guides(
+    tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
+) -> list[Reference]:
+    """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
+    references: list[Reference] = []
+    for whole, (guide, *_) in run.memory.optima.items():
+        if whole not in run.memory.sampled or whole in known:
+            continue
+        rest = guide.rest(run.since_plan, tree.space.scene.goal.center)
+        winding = integers(np.subtract(whole, run.path.winding()))
+        signature = run.homology.signature(run.homology.at(x, run.now), winding)
+        if rest is not None and np.all(np.abs(signature - 1.0) <= tree.limit):
+            named = run.homology.named
+            references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
+    return references
+
+
+def renewed(
+    problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
+) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
+    """Return the problem, the free space and a tree in another scene; None if the scene is unchanged.
+
+    Args:
+        vertices: of the tree; None: as many as the last one has.
+
+    Raises:
+        OptionError: the goal is another, or obstacles move.
+        SceneError: all of the goal is in collision, or the workspace is too large for the robot.
+    """
+    before, goal = space.scene, problem.scene.goal
+    if not _same(goal, scene.goal):
+        raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
+    if before.movers or scene.movers:
+        raise OptionError(
+            f"an update is of static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            "Controller"
+        )
+    parts = "lower", "upper", "robot_radius", "robot_height"
+    alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
+    pairs = zip(before.obstacles, scene.obstacles, strict=False)
+    if alike and len(before.obstacles) == len(scene.obstacles) and all(_same(*pair) for pair in pairs):
+        return None
+    now = space.updated(replace(scene, waivers=before.waivers))
+    grown = None
+    if tree is not None:
+        grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)
+        grown.grow(tree.size if vertices is None else vertices)
+    return replace(problem, scene=scene), now, grown
+
+
+def continue_among(space: FreeSpace, run: RunState) -> None:
+    """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
+    path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
+    path.enter(space.homology)
+    rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
+    lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
+    lines |= {whole: rest.points for whole, rest in rests.items() if rest is not None}
+    free = [whole for whole, line in lines.items() if np.all(space.collision.segments_free(line[:-1], line[1:]))]
+    ahead = [space.homology.winding(np.vstack([path.here, lines[whole]])) for whole in free]
+    heirs = {whole: integers(np.add(path.winding(), one)) for whole, one in zip(free, ahead, strict=True)}
+    names = {before.name(then): space.homology.name(now) for then, now in heirs.items()}
+    run.homology, run.memory = space.homology, memory.renamed(heirs, names)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Compare two records by value."""
+    pairs = ((getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+    return one is other or all(np.array_equal(mine, its) for mine, its in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,86 +187,82 @@ class ProposalBuilder:
     integral: PathIntegral
     settings: ControlSettings
 
-    @property
-    def allocates(self) -> bool:
-        """Check whether classes may have unequal numbers of samples, by contributions in earlier plans."""
-        return self.settings.use.mixes and self.integral.sampling.allocation == "contribution"
-
     def batch(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
-        integral, d = self.integral, self.integral.problem.dynamics
-        trajectories = [reference.trajectory for reference in references]
+        integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
+        trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
         times = integral.grid(least_cost(integral.problem, x, trajectories))
         if not references:
-            still = Tape(times, np.zeros((len(times) - 1, d.m)))
-            proposals = [Proposal(lead=still, count=integral.sampling.samples)]
-            return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
+            still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
+            return Batch(
+                state=x, times=times, proposals=(Proposal(lead=still, count=samples),), time=run.now,
+                others=memory.others,
+            )  # fmt: skip
+        allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
         classes = from_start(run, references)
-        names, keys = [run.homology.name(one) for one in classes], [run.homology.key(one.winding) for one in references]
-        controls = integral.proposals.controls(
-            x, times, trajectories, drops=self.allocates and integral.guidance is None
-        )
+        names = [run.homology.name(one) for one in classes]
+        controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
-        counts = [integral.sampling.samples] * len(classes)
+        counts = [samples] * len(classes)
 
         def followed(guide: DDPGuide) -> ProposalControl:
             """Follow a guide with its feedback, or its nominal controls, the last of which leads on into the goal."""
-            if integral.guidance is not None:
+            if guidance is not None:
                 return LinearFeedback(guide)
-            controls, end = guide.tape, guide.length
-            controls[end : end + TUNING.onward] = controls[end - 1]
-            return Tape(times, controls)
+            nominal, end = guide.tape, guide.length
+            nominal[end : end + TUNING.onward] = nominal[end - 1]
+            return Tape(times, nominal)
 
-        if integral.guidance is not None or any(one.slack is not None for one in trajectories):
-            guides = self._guides(integral.proposals.nominal, x, times, references, run, budget)
+        if guidance is not None or any(one.slack is not None for one in trajectories):
+            guides = self._guides(x, times, references, run, budget)
             pairs = zip(controls, guides, strict=True)
             controls = [one if guide is None else followed(guide) for one, guide in pairs]
-        if integral.guidance is not None:
-            counts = integral.guidance.counts(guides, integral.sampling.samples)
+        if guidance is not None:
+            counts = guidance.counts(guides, samples)
             predicted, worth = [0.0] * len(counts), [count > TUNING.few for count in counts]  # costs are too rough
-            run.memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
-        if self.allocates:
-            counts = run.memory.allocation.counts(names, predicted, worth, integral.sampling.samples)
+            memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
+        if allocates:  # by contributions in earlier plans
+            counts = memory.allocation.counts(names, predicted, worth, samples)
+        keys = [run.homology.key(one.winding) for one in references]
         rows = zip(controls, counts, names, keys, strict=True)
         proposals = [Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows]
 
         def second(k: int) -> ProposalControl | None:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
-            other = run.memory.optima.get(classes[k], [])[1:]
+            other = memory.optima.get(classes[k], [])[1:]
             return followed(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
 
         if self.settings.use.mixes:
-            proposals = run.memory.allocation.split(proposals, second)
-        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=run.memory.others)
+            proposals = memory.allocation.split(proposals, second)
+        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=memory.others)
 
     def estimate(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
-        first = budget.left is None and run.time == run.begun
-        least = self.integral.sampling.least if first else 0.0
-        self.integral.proposals.tables(batch)
+        integral, first = self.integral, budget.left is None and run.time == run.begun
+        integral.proposals.tables(batch)
         run.recent = budget.noted(len(batch.classes), run.recent)
         try:
-            estimate = self.integral.sample(batch, seed, left=budget.left, least=least)
+            least = integral.sampling.least if first else 0.0
+            estimate = integral.sample(batch, seed, left=budget.left, least=least)
         except NoSurvivingSample:
             return None
         if self.settings.use.mixes:
             run.memory.allocation.learn(batch, estimate)
         if self.settings.use.alone and batch.classes:
-            estimate = follow_best(self.integral.problem, estimate, batch, run.memory, self.settings.consistency)
-        guided = self.integral.guidance is not None and batch.classes
+            estimate = follow_best(integral.problem, estimate, batch, run.memory, self.settings.consistency)
+        guided = integral.guidance is not None and batch.classes
         return None if guided and estimate.survivors == 0 else estimate
 
     def _guides(
-        self, guidance: DDPGuidance, x: Array, times: Array, references: Sequence[Reference],
-        run: RunState, budget: TimeBudget,
-    ) -> list[DDPGuide | None]:  # fmt: skip
+        self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget
+    ) -> list[DDPGuide | None]:
         """Return the best guide of every class from x (n,), None where there is none; remember all local optima.
 
         The first guides of a run are improved from all initialisations. If time is short, new classes get none,
         except the cheapest, which is improved as long as there is time. Hopeless classes of tracked paths get none.
         """
-        memory, short, classes = run.memory, budget.short, from_start(run, references)
-        anew = not memory.optima and not short()
+        guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
+        classes, anew = from_start(run, references), not memory.optima and not short()
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
@@ -138,9 +283,8 @@ class ProposalBuilder:
 
 def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:
     """Return the least cost of references under q + u'Ru/2; without any, four times that of the straight line."""
-    if not trajectories:
-        return 4.0 * problem.least_rate * float(np.hypot(*(x[:2] - problem.scene.goal.center)))
-    return min(running_cost(problem, x, trajectory) for trajectory in trajectories)
+    straight = 4.0 * problem.least_rate * float(np.hypot(*(x[:2] - problem.scene.goal.center)))
+    return min((running_cost(problem, x, trajectory) for trajectory in trajectories), default=straight)
 
 
 def plan_of(

@@ -1,8 +1,8 @@
 """Methods of control, their settings, the numbers that control is tuned by, and the time that a plan has.
 
-All methods steer the same robot under the same noise of the plant, and those with samples draw them with the same
-kernels and exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single",
-"passive" and "mppi" are given N times the classes that are allowed at the start (sim), at least as many."""
+All methods steer one robot under the noise of one plant, and those with samples draw them with the same kernels and
+exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single", "passive" and
+"mppi" are given N times the classes that are allowed at the start (sim), at least as many."""
 
 from __future__ import annotations
 
@@ -58,13 +58,10 @@ class ControlTuning(NamedTuple):
     first_share: float = 0.5  # share counted on after one plan: nothing ran next to it, so later ones are slower
     recent: int = 5  # plans that the number of classes is predicted from; more react slower, fewer are noisier
     # Mixture of classes between plans
-    memory: float = (
-        0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes near walls
-    )
+    memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
     bound: float = 2.0  # earlier plans count at most exp(bound) times as much as the last; bounds wrong gradients
-    negligible: float = 25.0  # classes so far behind add nothing to a control in double precision
-    faded: float = 60.0  # classes so far behind are forgotten, long before they could weigh again
+    faded: float = 25.0  # classes so far behind add nothing to a control in double precision, and are forgotten
     # Prediction at constant velocity
     deviation: float = 0.005  # distance from a prediction that contradicts it [m]; less replans at every rounding
     deviation_ahead: float = 1.0  # time after which a velocity may make ten times that deviation
@@ -109,32 +106,24 @@ class ControlSettings:
 class TimeBudget:
     """Time that one plan may take.
 
-    Args:
-        left: returns the time left for sampling [s]; None: it is unlimited.
-
     Attributes:
+        left: returns the time left for sampling [s]; None: it is unlimited.
         whole: time when the plan began [s].
     """
 
     def __init__(self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING) -> None:
-        self._left, self._tuning = left, tuning
-        self.whole = inf if left is None else left()
-
-    @property
-    def left(self) -> Callable[[], float] | None:
-        """Clock of the time left for sampling [s]; None: it is unlimited."""
-        return self._left
+        self.left, self.tuning, self.whole = left, tuning, inf if left is None else left()
 
     def short(self) -> bool:
         """Check that little time is left."""
-        return self._left is not None and self._left() < self._tuning.short * self.whole
+        return self.left is not None and self.left() < self.tuning.short * self.whole
 
     @property
     def enough(self) -> Callable[[int], bool] | None:
         """Check that a tree of so many vertices must do for lack of time; None: growth has no time limit."""
-        if (left := self._left) is None:
+        if (left := self.left) is None:
             return None
-        t, whole = self._tuning, self.whole
+        t, whole = self.tuning, self.whole
         return lambda vertices: left() < whole * (t.regrown if vertices >= t.few_vertices else t.short)
 
     def most_classes(self, recent: Sequence[tuple[int, float]]) -> int | None:
@@ -143,15 +132,15 @@ class TimeBudget:
         Args:
             recent: numbers of classes of the last plans, and the time until they sampled [s].
         """
-        if self._left is None or not recent:
+        if self.left is None or not recent:
             return None
-        t = self._tuning
-        time = t.before_samples * self._left() * (t.first_share if len(recent) == 1 else 1.0)
+        t = self.tuning
+        time = t.before_samples * self.left() * (t.first_share if len(recent) == 1 else 1.0)
         return max(1, int(min(n * (1.0 + (time / taken - 1.0) / t.per_class) for n, taken in recent)))
 
     def noted(self, classes: int, recent: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
         """Add a plan of so many classes that is about to sample to the recent ones."""
-        if self._left is None:
+        if self.left is None:
             return [*recent]
-        taken = max(self.whole - self._left(), 1e-6)  # clocks may stop
-        return [*recent, (max(classes, 1), taken)][-self._tuning.recent :]
+        taken = max(self.whole - self.left(), 1e-6)  # clocks may stop
+        return [*recent, (max(classes, 1), taken)][-self.tuning.recent :]

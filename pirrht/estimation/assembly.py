@@ -37,5 +37,5 @@ def path_integral(
     guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
     guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
     proposals = ProposalFactory(problem, space, sampling, world, guidance)
-    simulates = Cpu.of(problem, threads, fitted=sampling.fitted) if backend is None else backend
+    simulates = Cpu.of(problem, space.world, threads, fitted=sampling.fitted) if backend is None else backend
     return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)

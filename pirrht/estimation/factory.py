@@ -15,12 +15,10 @@ from pirrht.estimation.tuning import TUNING, EstimationTuning
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
-from pirrht.moving.broad_phase import NO_NEARBY, REACHES, Nearby
 from pirrht.problem import Problem
-from pirrht.proposals.controls import DesirabilityAscent, LinearFeedback
-from pirrht.proposals.desirability_tube import tube_of
+from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import (
@@ -34,8 +32,7 @@ from pirrht.proposals.wall_drift import (
     window,
 )
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables
-from pirrht.rollouts.ways import no_ways
+from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables, no_tubes
 from pirrht.steering.motion import Trajectory
 
 
@@ -64,15 +61,10 @@ class ProposalFactory:
         self.climbs_too = world.moving and self.pointlike and d.even
         self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
         self.set_back, self._soft = self._set_back(start)
-        self.is_martingale = kind_of(problem).is_martingale
+        self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
         self._drifts = self.climbs or (guidance is not None and guidance.gated)
         self._law_width = 0 if guidance is None else guidance.law_width
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
-
-    @property
-    def tracks(self) -> bool:
-        """Check whether references need no controls, since samples climb or follow what optimises them."""
-        return self.climbs or DDPGuidance.suits(self.problem)
 
     @cached_property
     def nominal(self) -> DDPGuidance:
@@ -116,7 +108,7 @@ class ProposalFactory:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
         push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
-        return DesirabilityAscent(tube_of(self._soft, line, x, scales.decay), push.gain(x), push)
+        return DesirabilityAscent.of(self._soft, line, x, scales.decay, push)
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
         """Return the ascent of a point next to its guide among moving obstacles; None of other systems.
@@ -203,17 +195,16 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_ways(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if self._drifts else 0.0,
+            ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if self._drifts else 0.0,
             set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, self._law_width)), law_length=np.zeros(H, np.int64),
-            marks=homology.rays(x, times + batch.time), obstacles=NO_NEARBY,
+            marks=homology.rays(x, times + batch.time),
             law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
-        nearby = self._nearby(batch, tables) if moving else NO_NEARBY
-        tables = tables._replace(counted=self._counted(batch, tables, scales), obstacles=nearby)
+        tables = tables._replace(counted=self._counted(batch, tables, scales))
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)
@@ -248,18 +239,6 @@ class ProposalFactory:
         places = zip(_places(guide, times), times, strict=True)
         clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
         return tables.law_weight * squeezed(scales.noise, clear, times)
-
-    def _nearby(self, batch: Batch, tables: ProposalTables) -> Nearby:
-        """Return the moving obstacles that steps may meet, by the reach of noise, the fastest guide and wall drift."""
-        setup, d, spread = self.world.setup, self.problem.dynamics, 0.0
-        traffic, field = setup.world.moving, setup.world.field
-        if d.noisy_position:
-            B = d.B_c(batch.state)[: 2 - (d.n - d.rows)]
-            spread = self.tuning.deviations * float(np.sqrt(np.sum(B**2) * np.diff(tables.times).max()))
-        moves = [np.diff(guide.states[: guide.length + 1, :2], axis=0) for _, guide in _guides(batch)]
-        longest = max((float(np.hypot(*steps.T).max()) for steps in moves), default=0.0)
-        reach = max(spread + self.tuning.faster * longest, REACHES * tables.wall_offset, traffic.robot)
-        return Nearby.of(traffic, (field.left, field.low, field.right, field.high), tables.times + batch.time, reach)
 
     def _least_step(self, scales: Scales) -> float:
         """Return the length of the shortest steps near walls [s]."""

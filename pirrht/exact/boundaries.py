@@ -1,8 +1,8 @@
 """Gather the boundaries that paths from a place can meet within a step, and the grid points where they end.
 
-Solids in one direction from a place are one wall, at the clearance of the nearest; each direction has its own. Around a
-boundary that is alone psi is known: K_0(k rho)/K_0(k r) around the goal's disc, exp(-(m + n) d) at a flat wall from
-which noise and its own speed carry a path away with a drift of m b^2, n^2 = m^2 + k^2.
+Boundaries are rows of a table: the goal, four borders of the workspace, then solids. Solids of the static world are
+body 0, and each moving obstacle is one. Solids and borders in one direction from a place are one wall, at the clearance
+of the nearest; each direction has its own.
 """
 
 from __future__ import annotations
@@ -13,36 +13,30 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.exact.bodies import Bodies, clearance_and_slope, clearance_from
-from pirrht.exact.grid import TUNING, Frame, polynomial, to_rim
+from pirrht.exact.grid import TUNING, Frame, to_rim
+from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.scene import Scene
 from pirrht.geometry.walls import stands_apart
 from pirrht.jit.jit import inlined, kernel
+from pirrht.moving.distances import clearance_of_solid, offset_of_solid, piece_of
+from pirrht.moving.obstacles import MovingObstacleArrays
 
-GOAL, WALL, LEFT, RIGHT, LOW, HIGH = range(6)  # kinds of boundaries
+SOLID = 5  # row of the first solid; the goal's is 0
+JUMP = 1e-9  # a repeated motion is judged so much away from where it starts over [s]
 
 
 class Surroundings(NamedTuple):
-    """Boundaries of paths without the poses of bodies."""
+    """Everything that paths can meet."""
 
     frame: Frame  # of the grid, and the goal's disc
     left: float  # border of the workspace [m]
     low: float  # [m]
     right: float  # [m]
     high: float  # [m]
-    bodies: Bodies
-    around_goal: Array  # (n,) K_0(k rho)/K_0(k r) at distances rho - r ...
+    solids: MovingObstacleArrays  # K solids of 1 + J bodies, each in its body's frame
+    owner: IntArray  # (K,) body of each
+    around_goal: Array  # (n,) psi around a goal that is alone, K_0(k rho)/K_0(k r) at distances rho - r ...
     pitch: float  # ... of so much times 0, 1, ... [m]
-
-
-class Step(NamedTuple):
-    """A step in time."""
-
-    dt: float  # [s]
-    b: float  # noise [m/sqrt(s)]
-    deviation: float  # b sqrt(dt) along each axis [m]
-    rate: float  # q/lambda [nats/s]
-    wall: float  # phi/lambda [nats]; may be infinite
-    cutoff: float  # boundaries and ends further away do not matter [m]
 
 
 class Patch(NamedTuple):
@@ -50,32 +44,58 @@ class Patch(NamedTuple):
 
     i0: int  # grid indices of its first point
     j0: int
-    margin: int  # points around the rectangle
+    width: int  # points that a path from one place can reach, along each axis
     psi: Array  # (k, l) at the end of the step, over exp(base)
     base: float  # [nats]
-    rim: Array  # (k, l) distance from the goal's disc [m]
-    around_goal: Array  # (k, l) psi if nothing but the goal is near
     near: IntArray  # (c,) solids within reach
-    ahead: Array  # (c, k, l) clearances from them at the end of the step [m]
-    begin: Array  # (1 + J, 4) poses of bodies at the beginning of the step, as of `frames_of`
+    ahead: Array  # (5 + c, k, l) clearances from boundaries at the end of the step [m]
+    begin: Array  # (1 + J, 4) poses of bodies at the beginning of the step, as of `poses_at`
     end: Array  # (1 + J, 4) and at its end
 
 
 class Boundaries(NamedTuple):
-    """Boundaries within reach of a place, and what a path's survival and payment depend on."""
+    """B boundaries within reach of a place, and the dependence of a path's survival and payment on them."""
 
-    kind: IntArray  # (B,) GOAL, WALL, LEFT, ...
+    goals: int  # 1 if the first is the goal, else 0; others are walls
+    solid: bool  # whether any is a solid
+    member: IntArray  # (5 + c,) boundary that a row of the table belongs to; -1: none
     distance: Array  # (B,) [m]
     speed: Array  # (B,) growth of the distance while a path stays [m/s]
     steepness: Array  # (B,) m + n of psi at a wall that is alone [1/m]
-    member: IntArray  # (c,) boundary that a solid belongs to; -1: none
+
+
+def surroundings_of(scene: Scene, frame: Frame, cutoff: float, around_goal: Array, pitch: float) -> Surroundings:
+    """Gather what surrounds paths in a scene, for distances up to a cutoff [m]; psi around the goal as a table."""
+    static = Mover(name="static", solids=tuple(scene.obstacles), motion=Motion(rows=np.zeros((1, 4))))
+    every = static, *scene.movers
+    owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
+    (left, low), (right, high) = scene.lower.astype(float).tolist(), scene.upper.astype(float).tolist()
+    solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)
+    return Surroundings(frame, left, low, right, high, solids, owner, around_goal, pitch)
+
+
+@kernel
+def poses_at(solids, t):  # type: ignore[no-untyped-def]
+    """Return x, y [m], cosine and sine of the yaw of all bodies at t [s], (1 + J, 4)."""
+    out = np.empty((solids.J, 4))
+    for j in range(solids.J):
+        out[j, 0], out[j, 1], yaw, _, _, _, _ = piece_of(solids, j, t)
+        out[j, 2], out[j, 3] = math.cos(yaw), math.sin(yaw)
+    return out
 
 
 @inlined
-def step_of(dt, b, rate, wall):  # type: ignore[no-untyped-def]
-    """Return a step of dt [s] for noise b [m/sqrt(s)], q/lambda [nats/s] and phi/lambda [nats]."""
-    deviation = b * math.sqrt(dt)
-    return Step(dt, b, deviation, rate, wall, (TUNING.cutoff + math.sqrt(2.0 * rate * dt)) * deviation)
+def clearance_from(surroundings, k, pose, x, y):  # type: ignore[no-untyped-def]
+    """Return the clearance of the robot's centre at (x, y) [m] from solid k [m], minus its radius deep inside."""
+    u, v = _in_body(pose, surroundings.owner[k], x, y)
+    return clearance_of_solid(surroundings.solids, k, u, v)
+
+
+@inlined
+def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
+    """Return a point (x, y) in a body's own frame [m]."""
+    dx, dy, c, s = x - pose[owner, 0], y - pose[owner, 1], pose[owner, 2], pose[owner, 3]
+    return c * dx + s * dy, c * dy - s * dx
 
 
 @inlined
@@ -85,12 +105,21 @@ def to_border(surroundings, x, y):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def solids_near(bodies, begin, end, x, y, cutoff):  # type: ignore[no-untyped-def]
+def clearance_at(surroundings, pose, x, y):  # type: ignore[no-untyped-def]
+    """Clearance of the robot's centre at (x, y) [m] from all solids, posed (1 + J, 4), and from the border [m]."""
+    out = to_border(surroundings, x, y)
+    for k in range(surroundings.owner.shape[0]):
+        out = min(out, clearance_from(surroundings, k, pose, x, y))
+    return out
+
+
+@kernel
+def solids_near(surroundings, begin, end, x, y, cutoff):  # type: ignore[no-untyped-def]
     """Solids that are within reach of (x, y) [m] at the beginning or the end of a step."""
-    near, count = np.empty(bodies.owner.shape[0], dtype=np.int64), 0
+    near, count = np.empty(surroundings.owner.shape[0], dtype=np.int64), 0
     for k in range(near.shape[0]):
-        d = clearance_from(bodies, k, begin, x, y)
-        if min(d, clearance_from(bodies, k, end, x, y)) < cutoff:
+        d = clearance_from(surroundings, k, begin, x, y)
+        if min(d, clearance_from(surroundings, k, end, x, y)) < cutoff:
             near[count] = k
             count += 1
     return near[:count]
@@ -98,127 +127,78 @@ def solids_near(bodies, begin, end, x, y, cutoff):  # type: ignore[no-untyped-de
 
 @kernel
 def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: ignore[no-untyped-def]
-    """Return the `Patch` of grid points from (i0, j0) to (i1, j1), end excluded."""
-    i0, j0 = corners[0] - margin, corners[1] - margin
-    k, m, frame, bodies = corners[2] - i0 + margin, corners[3] - j0 + margin, surroundings.frame, surroundings.bodies
-    psi, rim, ahead = np.zeros((k, m)), np.empty((k, m)), np.empty((near.shape[0], k, m))
-    around_goal, table, pitch = np.ones((k, m)), surroundings.around_goal, surroundings.pitch
+    """Return the `Patch` of grid points from (i0, j0) to (i1, j1), end excluded, and a margin around them."""
+    i0, j0, frame = corners[0] - margin, corners[1] - margin, surroundings.frame
+    k, m = corners[2] - i0 + margin, corners[3] - j0 + margin
+    psi, ahead = np.zeros((k, m)), np.empty((SOLID + near.shape[0], k, m))
     a0, b0, a1, b1 = max(i0, 0), max(j0, 0), min(i0 + k, later.shape[0]), min(j0 + m, later.shape[1])
-    base = -math.inf
-    for i in range(a0, a1):
-        for j in range(b0, b1):
-            base = max(base, float(later[i, j]))
+    base = later[a0:a1, b0:b1].max() if a0 < a1 and b0 < b1 else -math.inf
     for i in range(k):
         for j in range(m):
-            a, b = i0 + i, j0 + j
-            x, y = frame.x0 + a * frame.spacing, frame.y0 + b * frame.spacing
-            rim[i, j] = to_rim(frame, x, y)
-            if rim[i, j] > 0.0:
-                around_goal[i, j] = psi_around_goal(table, pitch, rim[i, j])
-            for n in range(near.shape[0]):
-                ahead[n, i, j] = clearance_from(bodies, near[n], end, x, y)
-            if base > -math.inf and a0 <= a < a1 and b0 <= b < b1:
-                psi[i, j] = math.exp(later[a, b] - base)
-    return Patch(i0, j0, margin, psi, base, rim, around_goal, near, ahead, begin, end)
+            x, y = frame.x0 + (i0 + i) * frame.spacing, frame.y0 + (j0 + j) * frame.spacing
+            _to_rows(surroundings, near, end, x, y, ahead[:, i, j])
+            if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
+                psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
+    return Patch(i0, j0, 2 * margin + 1, psi, base, near, ahead, begin, end)
+
+
+@inlined
+def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-def]
+    """Fill `out` (5 + c,) with distances of (x, y) [m] from goal, borders and solids."""
+    out[0] = to_rim(surroundings.frame, x, y)
+    out[1], out[2] = x - surroundings.left, surroundings.right - x
+    out[3], out[4] = y - surroundings.low, surroundings.high - y
+    for n in range(near.shape[0]):
+        out[SOLID + n] = clearance_from(surroundings, near[n], pose, x, y)
 
 
 @kernel
 def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-def]
     """Tell whether (x, y) [m] is free, and return the `Boundaries` within reach of it."""
-    count, most, frame = len(patch.near), 5 + TUNING.directions, surroundings.frame
-    kind, distance = np.zeros(most, dtype=np.int64), np.empty(most)
-    speed, steepness, member = np.zeros(most), np.empty(most), np.full(count, -1)
-    clear, n, rim = np.empty((count, 5)), 0, to_rim(frame, x, y)
-    free = rim > 0.0 and to_border(surroundings, x, y) > 0.0
-    for k in range(count):
-        clear[k, 0], clear[k, 1], clear[k, 2], clear[k, 3], clear[k, 4] = clearance_and_slope(
-            surroundings.bodies, patch.near[k], patch.begin, x, y
-        )
-        free = free and clear[k, 0] > 0.0
-    if free and rim < step.cutoff:
-        distance[0], n = rim, 1
-    while free and n < most - 4:
-        at = _nearest_left(clear, member, step.cutoff)
+    rows, most, noise = SOLID + len(patch.near), 1 + TUNING.directions, step.b * step.b
+    now, then, away, slope = np.empty(rows), np.empty(rows), np.zeros((rows, 2)), np.zeros((rows, 2))
+    _to_rows(surroundings, patch.near, patch.begin, x, y, now)
+    _to_rows(surroundings, patch.near, patch.end, x, y, then)
+    away[1, 0], away[2, 0], away[3, 1], away[4, 1] = now[1], -now[2], now[3], -now[4]
+    for k in range(len(patch.near)):
+        owner = surroundings.owner[patch.near[k]]
+        u, v = _in_body(patch.begin, owner, x, y)
+        ex, ey, gx, gy = offset_of_solid(surroundings.solids, patch.near[k], u, v)
+        c, s = patch.begin[owner, 2], patch.begin[owner, 3]
+        away[SOLID + k, 0], away[SOLID + k, 1] = c * ex - s * ey, s * ex + c * ey
+        slope[SOLID + k, 0], slope[SOLID + k, 1] = c * gx - s * gy, s * gx + c * gy
+    member, n, solid = np.full(rows, -1), 0, False
+    distance, speed, steepness = np.empty(most), np.zeros(most), np.zeros(most)
+    if now[0] < step.cutoff:
+        member[0], distance[0], n = 0, now[0], 1
+    goals = n
+    while n < most:
+        at = -1
+        for k in range(1, rows):
+            if member[k] < 0 and now[k] < step.cutoff and (at < 0 or now[k] < now[at]):
+                at = k
         if at < 0:
             break
-        then = _join_wall(surroundings.bodies, patch, clear, member, (at, n), (x, y, step.cutoff))
-        kind[n], distance[n], speed[n] = WALL, clear[at, 0], (then - clear[at, 0]) / step.dt
-        drift = speed[n] / (step.b * step.b)
-        if step.wall < math.inf:
-            drift += 0.5 * _curvature(surroundings.bodies, patch.near[at], patch.begin, x, y, clear[at])
-        steepness[n] = drift + math.sqrt(drift * drift + 2.0 * step.rate / (step.b * step.b))
+        later = math.inf
+        for k in range(1, rows):
+            apart = stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1])
+            if member[k] < 0 and (k == at or (now[k] < step.cutoff and not apart)):
+                member[k], later, solid = n, min(later, then[k]), solid or k >= SOLID
+        distance[n], speed[n] = now[at], (later - now[at]) / step.dt
+        drift = speed[n] / noise
+        if step.wall < math.inf and at >= SOLID:
+            px, py = x - 0.5 * now[at] * slope[at, 0], y - 0.5 * now[at] * slope[at, 1]  # half-way to it
+            drift += 0.5 * _curvature(surroundings, patch.near[at - SOLID], patch.begin, px, py)
+        steepness[n] = drift + math.sqrt(drift * drift + 2.0 * step.rate / noise)
         n += 1
-    sides = (x - surroundings.left, surroundings.right - x, y - surroundings.low, surroundings.high - y)
-    for k in range(4):
-        if sides[k] < step.cutoff:
-            kind[n], distance[n], steepness[n] = LEFT + k, sides[k], math.sqrt(2.0 * step.rate) / step.b
-            n += 1
-    return free, Boundaries(kind[:n], distance[:n], speed[:n], steepness[:n], member)
+    return now.min() > 0.0, Boundaries(goals, solid, member, distance[:n], speed[:n], steepness[:n])
 
 
 @kernel
-def _join_wall(bodies, patch, clear, member, which, place):  # type: ignore[no-untyped-def]
-    """Gather the solids in the direction of solid `at` as wall n; its clearance at the end of the step [m]."""
-    (at, n), (x, y, cutoff), then = which, place, math.inf
-    for k in range(len(patch.near)):
-        apart = stands_apart(clear[k, 1], clear[k, 2], clear[at, 1], clear[at, 2])
-        if member[k] < 0 and (k == at or (clear[k, 0] < cutoff and not apart)):
-            member[k] = n
-            then = min(then, clearance_from(bodies, patch.near[k], patch.end, x, y))
-    return then
-
-
-@inlined
-def _nearest_left(clear, member, cutoff):  # type: ignore[no-untyped-def]
-    """Index of the nearest solid within reach [m] that belongs to no wall; -1: none."""
-    at = -1
-    for k in range(clear.shape[0]):
-        if member[k] < 0 and clear[k, 0] < cutoff and (at < 0 or clear[k, 0] < clear[at, 0]):
-            at = k
-    return at
-
-
-@kernel
-def _curvature(bodies, k, pose, x, y, clear):  # type: ignore[no-untyped-def]
-    """Laplacian [1/m] of the clearance from solid k half-way from (x, y) [m] to it, by differences; at least 0.
-
-    `clear` (5,) is that of `clearance_and_slope` at (x, y).
-    """
-    x, y, e = x - 0.5 * clear[0] * clear[3], y - 0.5 * clear[0] * clear[4], TUNING.curvature_arm * bodies.radius
-    total = clearance_from(bodies, k, pose, x - e, y) + clearance_from(bodies, k, pose, x + e, y)
-    total += clearance_from(bodies, k, pose, x, y - e) + clearance_from(bodies, k, pose, x, y + e)
-    return max((total - 4.0 * clearance_from(bodies, k, pose, x, y)) / (e * e), 0.0)
-
-
-@kernel
-def distances_ahead(surroundings, patch, met, i0, j0, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (B, w, w) with distances [m] of boundaries from points from (i0, j0) of a patch on."""
-    width, frame = out.shape[1], surroundings.frame
-    for g in range(out.shape[0]):
-        kind = met.kind[g]
-        if kind == GOAL:
-            out[g] = patch.rim[i0 : i0 + width, j0 : j0 + width]
-        elif kind == WALL:
-            out[g], table = math.inf, patch.ahead
-            for k in range(met.member.shape[0]):
-                if met.member[k] == g:
-                    for a in range(width):
-                        for c in range(width):
-                            out[g, a, c] = min(out[g, a, c], table[k, i0 + a, j0 + c])
-        else:
-            for a in range(width):
-                x = frame.x0 + (patch.i0 + i0 + a) * frame.spacing
-                y = frame.y0 + (patch.j0 + j0 + a) * frame.spacing
-                if kind <= RIGHT:
-                    out[g, a, :] = x - surroundings.left if kind == LEFT else surroundings.right - x
-                else:
-                    out[g, :, a] = y - surroundings.low if kind == LOW else surroundings.high - y
-
-
-@kernel
-def psi_around_goal(table, pitch, e):  # type: ignore[no-untyped-def]
-    """psi at a distance e [m] from the goal's disc if nothing else is near."""
-    i, value = min(max(int(e / pitch), 1), table.shape[0] - 3), 0.0
-    for c in range(-1, 3):
-        value += polynomial(min(e / pitch - i, 2.0), c) * table[i + c]
-    return value
+def _curvature(surroundings, k, pose, x, y):  # type: ignore[no-untyped-def]
+    """Laplacian [1/m] of the clearance from solid k at (x, y) [m], by differences; at least 0."""
+    e = TUNING.curvature_arm * surroundings.solids.robot
+    total = -4.0 * clearance_from(surroundings, k, pose, x, y)
+    for side in (-e, e):
+        total += clearance_from(surroundings, k, pose, x + side, y) + clearance_from(surroundings, k, pose, x, y + side)
+    return max(total / (e * e), 0.0)

@@ -7,16 +7,20 @@ Three problems can be solved:
 * among moving obstacles, as a function of x and t;
 * with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: the
   paper's sampling procedure ("endpoint").
+
+Paths under u* are Euler-Maruyama steps in continuous time, so short near a wall that the law, which grows as
+1/distance, turns them around. In discrete time the optimal transition is the passive one times psi at its end; it is
+drawn from many normal ends around the one that the law points to, by their weights (Rubin's sampling and resampling).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cache, cached_property
 from importlib import import_module
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 
@@ -28,15 +32,21 @@ from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
+from pirrht.exact.boundaries import clearance_at, poses_at
 from pirrht.exact.grid import TUNING, Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.outcome import Outcome
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.field import clearance
+from pirrht.jit.jit import as_jitable, kernel
+from pirrht.jit.streams import normals, stream, uniform
 from pirrht.problem import Problem
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.steering.in_time import homology_of
 from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.signature import class_id
+from pirrht.topology.tracks import turns_of_step
 
 
 class Solver(Protocol):
@@ -51,10 +61,7 @@ class Solver(Protocol):
     def grid_of(
         self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
     ) -> Any:
-        """Solve for a spacing [m] and a step dt [s] or none: a record whose `frame` is a `domain.Frame`.
-
-        If it takes minutes it calls `progress` with the share that is done.
-        """
+        """Solve for a spacing [m] and a step dt [s] or none; `progress` gets the share done if it takes long."""
 
 
 # By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
@@ -75,6 +82,18 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     return cast(Solver, import_module(f"{__package__}.{found[0 if dt is None else 1]}"))
 
 
+class Process(NamedTuple):
+    """The controlled process, and steps of paths of it."""
+
+    field: Any  # clearance `Field`, unused among moving obstacles
+    goal: tuple[float, float, float]  # centre of the disc and its radius [m]
+    parameters: Array  # (k,) that the drift reads
+    rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
+    B: Array  # B_c, (m, m) [state/sqrt(s)]
+    wall: float  # phi/lambda [nats]
+    step: float  # of a path [s]; in continuous time at most
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Desirability:
     """log psi of one problem as a function of the state, and among moving obstacles of the time [s]."""
@@ -89,14 +108,9 @@ class Desirability:
 
     @classmethod
     def of(
-        cls,
-        problem: Problem,
-        space: FreeSpace,
-        *,
-        spacing: float | None = None,
-        dt: float | None = None,
+        cls, problem: Problem, space: FreeSpace, *, spacing: float | None = None, dt: float | None = None,
         progress: Progress = ignore_progress,
-    ) -> Desirability:
+    ) -> Desirability:  # fmt: skip
         """Solve for psi (paper, section III-A, or III-B with a step).
 
         Args:
@@ -122,10 +136,9 @@ class Desirability:
     ) -> float:
         """Return the spacing [m] of the grid that `of` solves on, quickly; refuses what `of` does."""
         solver = solver_for(problem, space, dt)
-        if spacing is not None and not (math.isfinite(spacing) and spacing > 0):
-            raise OptionError(f"spacing is {spacing:g}; it must be a positive number of meters")
-        if dt is not None and not (math.isfinite(dt) and dt > 0):
-            raise OptionError(f"dt is {dt:g}; it must be a positive number of seconds")
+        for name, value, unit in (("spacing", spacing, "meters"), ("dt", dt, "seconds")):
+            if value is not None and not 0.0 < value < math.inf:
+                raise OptionError(f"{name} is {value:g}; it must be a positive number of {unit}")
         return solver.spacing_for(problem, space, spacing, dt)
 
     def __repr__(self) -> str:
@@ -146,9 +159,8 @@ class Desirability:
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
         if not self.moves:
-            center, radius = self.space.scene.goal.center, self.space.scene.goal.radius
-            blocked = self.space.collision.clearance(states[:, :2]) <= 0.0
-            blocked &= np.hypot(*(states[:, :2] - center).T) > radius
+            places = states[:, :2]
+            blocked = (self.space.collision.clearance(places) <= 0.0) & ~self.space.scene.goal.contains(places)
             value[blocked] = -self.problem.phi / self.problem.temperature
         return value if np.ndim(x) == 2 else float(value[0])
 
@@ -161,14 +173,18 @@ class Desirability:
 
         The time t [s], one or (k,), counts where bodies move.
         """
-        if np.ndim(x) == 2 or self.moves:
-            states = np.ascontiguousarray(np.atleast_2d(x), dtype=float)
-            controls: Array = self._at(states, t)[1][:, -len(self.gain) :] @ self.gain.T
-            return controls if np.ndim(x) == 2 else controls[0]
-        slope = np.zeros(len(x))
-        self.evaluate(self.grid, x, slope)
-        control: Array = self.gain.dot(slope[-len(self.gain) :])
-        return control
+        controls: Array = self._at(np.atleast_2d(x), t)[1][:, -len(self.gain) :] @ self.gain.T
+        return controls if np.ndim(x) == 2 else controls[0]
+
+    def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
+        """log psi (k,) [nats] at states (k, n) and a time [s], one or (k,), and its gradient (k, n)."""
+        value, slope = np.empty(len(states)), np.zeros(states.shape)
+        if self.moves:
+            states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
+        states = np.ascontiguousarray(states, dtype=float)
+        for k in range(len(states)):
+            value[k] = self.evaluate(self.grid, states[k], slope[k])
+        return value, slope
 
     def shares(self, x: Array, samples: int = 2000, seed: int = 0, *, t: float = 0.0) -> dict[str, float]:
         """Draw optimally controlled paths from x (n,): the share that takes each class, most frequent first.
@@ -176,44 +192,21 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
-        from pirrht.exact.paths import Process, walker
-
-        d, homology = self.problem.dynamics, replace(self.space.homology, speed=self._best_speed())
-        x = np.array(x, dtype=float)
-        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x) + 1))
-        outcome = np.zeros(samples, dtype=np.int64)
-        step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
+        d, homology, x0 = self.problem.dynamics, homology_of(self.problem, self.space), np.append(x, t).astype(float)
+        (gx, gy), radius = self.space.scene.goal.center.tolist(), float(self.space.scene.goal.radius)
         process = Process(
-            field=self.space.field, parameters=np.asarray(d.parameters, dtype=float), gain=self.gain,
-            G=d.G_c(x), B=d.B_c(x), wall=self.problem.phi / self.problem.temperature, step=step,
+            self.space.field, (gx, gy, radius), np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain,
+            d.B_c(x0[:-1]), self.problem.phi / self.problem.temperature,
+            self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step),
         )  # fmt: skip
-        walk = walker(self.evaluate, d.drift, self.dt is not None, self.moves)
-        walk(self.grid, process, homology.markers, homology.tracks, np.append(x, t), seed, turns, ends, outcome)
-        goal, first = outcome == Outcome.GOAL, homology.at(x, t)
-        closed = [
-            homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns[goal], ends[goal], strict=True)
-        ]
-        arrived = np.rint(np.reshape(closed, (-1, homology.M))).astype(int)
-        classes, counts = np.unique(arrived, axis=0, return_counts=True)
-        order = np.argsort(-counts, kind="stable")
-        return {class_id(classes[k]): float(counts[k] / len(arrived)) for k in order}
-
-    def _best_speed(self) -> float:
-        """sqrt(2 q / r) [m/s], at which a point reaches the goal at least cost where nothing is in the way."""
-        assert not callable(self.problem.q)
-        return math.sqrt(
-            2.0
-            * self.problem.q
-            / float(self.problem.control_cost(self.problem.dynamics.state_of(self.space.scene.start))[0, 0])
-        )
-
-    def _at(self, states: Array, t: Array | float) -> tuple[Array, Array]:
-        value, slope = np.empty(len(states)), np.zeros_like(states)
-        if self.moves:
-            states = np.column_stack([states, np.broadcast_to(np.asarray(t, dtype=float), len(states))])
-        for k in range(len(states)):
-            value[k] = self.evaluate(self.grid, states[k], slope[k])
-        return value, slope
+        turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
+        outcome = np.zeros(samples, dtype=np.int64)
+        walk = _walker(self.evaluate, d.drift, self.dt is not None, self.moves)
+        walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
+        turns, ends, first = turns[outcome == GOAL], ends[outcome == GOAL], homology.at(x, t)
+        closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
+        names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
+        return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
 
 
 class Optimal(Policy):
@@ -261,3 +254,87 @@ class Optimal(Policy):
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
             instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
         )  # fmt: skip
+
+
+@cache
+def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bool) -> Any:
+    """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
+
+    Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
+    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `discrete` paths solve the problem in steps.
+    """
+    move = as_jitable(drift)
+
+    @kernel
+    def clear(grid, process, x):  # type: ignore[no-untyped-def]
+        if moves:
+            return clearance_at(grid.surroundings, poses_at(grid.surroundings.solids, x[-1]), x[0], x[1])
+        return clearance(process.field, x[0], x[1])
+
+    @kernel
+    def end(grid, process, x):  # type: ignore[no-untyped-def]
+        gx, gy, radius = process.goal
+        if clear(grid, process, x) <= 0.0:
+            return COLLISION
+        return GOAL if (x[0] - gx) ** 2 + (x[1] - gy) ** 2 <= radius * radius else INSIDE
+
+    @kernel
+    def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        B, step, n, m = process.B, process.step, f.shape[0], process.B.shape[0]
+        evaluate(grid, x, slope)
+        if n == m:
+            root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
+            step = max(min(step, root * root), TUNING.shortest_path_step)
+        move(x[:n], process.parameters, f)
+        z = np.empty(m)
+        for j in range(m):
+            state, z[j], _ = normals(state)
+        x[:n] += f * step
+        x[n - m : n] += (process.rate @ slope[n - m :]) * step + (B @ z) * math.sqrt(step)
+        x[n] += step
+        return state
+
+    @kernel
+    def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        evaluate(grid, x, slope)
+        ahead, deviation = process.rate @ slope * process.step, process.B[0, 0] * math.sqrt(process.step)
+        ends, weight, y = np.empty((TUNING.candidates, 2)), np.empty(TUNING.candidates), x.copy()
+        for k in range(TUNING.candidates):
+            state, z, w = normals(state)
+            y[0], y[1] = x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w
+            outcome, ends[k] = end(grid, process, y), y[:2]
+            log_psi = evaluate(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
+            passive = ((y[0] - x[0]) ** 2 + (y[1] - x[1]) ** 2) / deviation**2
+            weight[k] = log_psi + 0.5 * (z * z + w * w - passive)
+        weight = np.exp(weight - weight.max())
+        state, u = uniform(state)
+        left, k = u * weight.sum(), 0
+        while k < TUNING.candidates - 1 and left >= weight[k]:
+            left -= weight[k]
+            k += 1
+        x[:2] = ends[k]
+        x[2] += process.step
+        return state
+
+    advance = stepwise if discrete else continuous
+
+    @kernel
+    def walk(grid, process, markers, tracks, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
+        slope, f, M = np.zeros(x0.shape[0] - 1), np.zeros(x0.shape[0] - 1), markers.shape[0]
+        for s in range(outcome.shape[0]):
+            state, x = stream(seed, s), x0.copy()
+            outcome[s] = end(grid, process, x)
+            for _ in range(TUNING.path_steps):
+                if outcome[s] != INSIDE:
+                    break
+                ax, ay, at = x[0], x[1], x[-1]
+                state = advance(grid, process, x, slope, f, state)
+                for k in range(M):
+                    mx, my = markers[k, 0], markers[k, 1]
+                    turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
+                for k in range(M, turns.shape[1]):
+                    turns[s, k] += turns_of_step(tracks, k - M, ax, ay, at, x[0], x[1], x[-1])
+                outcome[s] = end(grid, process, x)
+            ends[s] = x
+
+    return walk

@@ -7,27 +7,28 @@ integrate to over the right part of their cells. Gaussian steps are taken until 
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import correlate1d
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.boundaries import step_of
-from pirrht.exact.gaussian_step import smooth, taps_along
+from pirrht.exact.gaussian_step import smooth, step_of, taps_along
 from pirrht.exact.grid import (
     TUNING,
     Domain,
+    Equation,
     Frame,
     Progress,
     affordable,
-    derivative,
     frame_at,
     ignore_progress,
-    in_cells,
     in_goal,
     indices,
+    interpolate,
     largest_change,
     polynomial,
 )
@@ -42,13 +43,13 @@ class Lattice(NamedTuple):
     """log phi on a grid that reaches beyond the border."""
 
     frame: Frame
-    log_phi: Array  # (nx, ny) [nats]
+    log_phi: Array  # (nx, ny, 1) [nats]
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
     """Return the requested spacing [m], or a share of a step's deviation in dt [s]; refuses too many points."""
     assert dt is not None
-    deviation = float(problem.dynamics.B_c(np.zeros(2))[0, 0]) * math.sqrt(dt)
+    deviation = Equation.of(problem).b * math.sqrt(dt)
     default, reason = deviation / TUNING.discrete_points, f"noise carries a step {deviation:.2g} m"
     return affordable(space.scene, default if spacing is None else spacing, reason, ", a longer step dt")
 
@@ -56,88 +57,60 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
 ) -> Lattice:
-    """Solve for log phi, (nx, ny) [nats], with steps of dt [s] and a spacing [m]; OptionError if it does not settle."""
-    assert not callable(problem.q)
+    """Solve for log phi with steps of dt [s] and a spacing [m]; OptionError if it does not settle."""
     assert dt is not None
-    rate, wall = problem.q / problem.temperature, problem.phi / problem.temperature
-    step, domain = step_of(dt, float(problem.dynamics.B_c(np.zeros(2))[0, 0]), rate, wall), Domain.of(space)
+    equation, domain = Equation.of(problem), Domain.of(space)
+    step = step_of(dt, equation)
     margin = math.ceil(step.cutoff / spacing) + 1
     corner = domain.lower - margin * spacing
     size = np.ceil((domain.upper - corner) / spacing).astype(int) + 1 + margin
-    into, at_goal = np.zeros(tuple(size)), np.zeros(tuple(size))
-    clearance = np.maximum(domain.clearance(corner + spacing * indices(size)), -1.0).reshape(into.shape)
-    frame = frame_at(corner, spacing, domain.goal)
-    _integrate(clearance, frame, into, at_goal)
-    known = at_goal + math.exp(-wall) * (1.0 - into - at_goal)
+    clearance = domain.clearance(corner + spacing * indices(size)).reshape(tuple(size))
+    free, goal = _integrated(clearance, corner - domain.goal.center, domain.goal.radius, spacing)
+    known = goal + math.exp(-equation.wall) * (1.0 - free - goal)
     taps = [taps_along(n, 0.0, spacing, -math.inf, math.inf, step) for n in size]
-    now, before = np.full(into.shape, -np.inf), np.full(into.shape, -np.inf)
-    for _ in range(TUNING.discrete_steps // EVERY):
-        for _ in range(EVERY):
-            out = np.empty_like(now)
-            smooth(now, into, known, taps[0], taps[1], rate * dt, out)
-            now = out
-        if largest_change(now, before) < EVERY * TUNING.discrete_settled:
-            return Lattice(frame, now)
-        before = now
+    now, before, floor = np.full(free.shape, -np.inf), np.full(free.shape, -np.inf), np.full(free.shape, -np.inf)
+    np.log(np.abs(known), out=floor, where=known != 0.0)
+    for done in range(1, TUNING.discrete_steps + 1):
+        top = np.maximum(np.maximum(now, floor), -1e300)  # finite, so that differences from it are numbers
+        weight = free * np.exp(now - top) + np.sign(known) * np.exp(floor - top)
+        now = smooth(top, weight, taps[0], taps[1], equation.rate * dt)
+        if done % EVERY == 0:
+            if largest_change(now, before) < EVERY * TUNING.discrete_settled:
+                return Lattice(frame_at(corner, spacing, domain.goal), now[:, :, None])
+            before = now
     raise OptionError(f"the solution has not settled after {TUNING.discrete_steps} rounds; choose a longer dt")
 
 
-@kernel
-def _integrate(clearance, frame, into, at_goal):  # type: ignore[no-untyped-def]
-    """Integrate the cubic Lagrange polynomials of points over free space outside the goal, and over the goal.
+def _integrated(clearance: Array, corner: Array, radius: float, spacing: float) -> tuple[Array, Array]:
+    """Integrate the cubic polynomials of points over free space outside the goal, and over the goal, 2 x (nx, ny).
 
-    `clearance` (nx, ny) [m] is interpolated linearly within cells; results are `into` and `at_goal`, 2 x (nx, ny).
+    `clearance` (nx, ny) [m] is interpolated linearly within cells; `corner` (2,) [m] is relative to the goal's centre.
     """
-    parts, h = TUNING.cell_parts, frame.spacing
-    base, one = np.empty((parts, 4)), np.zeros(4)
-    for a in range(parts):
-        for k in range(4):
-            base[a, k] = polynomial((a + 0.5) / parts, k - 1) / parts
-            one[k] += base[a, k]
-    whole = np.outer(one, one)
-    for i in range(1, clearance.shape[0] - 2):
-        for j in range(1, clearance.shape[1] - 2):
-            corners = clearance[i : i + 2, j : j + 2]
-            x, y = frame.x0 + (i + 0.5) * h - frame.goal_x, frame.y0 + (j + 0.5) * h - frame.goal_y
-            rim = math.sqrt(x * x + y * y) - frame.radius
-            if corners.max() <= 0.0:
-                continue
-            if corners.min() >= 0.0 and abs(rim) > h:
-                target = into if rim > 0.0 else at_goal
-                target[i - 1 : i + 3, j - 1 : j + 3] += whole
-                continue
-            for a in range(parts):
-                for b in range(parts):
-                    u, v = (a + 0.5) / parts, (b + 0.5) / parts
-                    c = (corners[0, 0] * (1.0 - u) + corners[1, 0] * u) * (1.0 - v)
-                    c += (corners[0, 1] * (1.0 - u) + corners[1, 1] * u) * v
-                    r = math.sqrt((x + (u - 0.5) * h) ** 2 + (y + (v - 0.5) * h) ** 2)
-                    free = min(max(0.5 + c * parts / h, 0.0), 1.0)
-                    inside = min(max(0.5 + (frame.radius - r) * parts / h, 0.0), 1.0)
-                    part = np.outer(base[a], base[b]) * free
-                    into[i - 1 : i + 3, j - 1 : j + 3] += part * (1.0 - inside)
-                    at_goal[i - 1 : i + 3, j - 1 : j + 3] += part * inside
+    parts, (nx, ny) = TUNING.cell_parts, clearance.shape
+    free, goal = np.zeros((nx, ny)), np.zeros((nx, ny))
+    for u, v in itertools.product((np.arange(parts) + 0.5) / parts, repeat=2):
+        clear = _along_both(clearance, [1.0 - u, u], [1.0 - v, v], -1)
+        x, y = (corner[k] + spacing * (np.arange(n) + t) for k, n, t in ((0, nx, u), (1, ny, v)))
+        depths = clear, radius - np.hypot(x[:, None], y)  # in free space, and in the goal
+        outside, inside = (np.clip(0.5 + depth * parts / spacing, 0.0, 1.0) for depth in depths)
+        p, q = ([polynomial(t, c) / parts for c in (2, 1, 0, -1)] for t in (u, v))
+        free += _along_both(outside * (1.0 - inside), p, q, 0)
+        goal += _along_both(outside * inside, p, q, 0)
+    return free, goal
+
+
+def _along_both(values: Array, p: list[float], q: list[float], origin: int) -> Array:
+    """Correlate values (nx, ny) with weights p along x and q along y."""
+    along: Array = correlate1d(correlate1d(values, p, axis=0, origin=origin), q, axis=1, origin=origin)
+    return along
 
 
 @kernel
 def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     """log phi [nats] at x (2,), 0 in the goal; its gradient [1/m] goes to slope (2,)."""
-    slope[0], slope[1] = 0.0, 0.0
-    if in_goal(grid.frame, x):
-        return 0.0
-    nx, ny = grid.log_phi.shape
-    fx, fy = in_cells(grid.frame, x)
-    i, j = min(max(int(fx), 1), nx - 3), min(max(int(fy), 1), ny - 3)
-    value, h = 0.0, grid.frame.spacing
-    for k in range(-1, 3):
-        px, dx = polynomial(fx - i, k), derivative(fx - i, k)
-        for e in range(-1, 3):
-            py, dy = polynomial(fy - j, e), derivative(fy - j, e)
-            entry = grid.log_phi[i + k, j + e]
-            value += px * py * entry
-            slope[0] += dx * py * entry / h
-            slope[1] += px * dy * entry / h
+    slope[:] = 0.0
+    value = 0.0 if in_goal(grid.frame, x) else interpolate(grid.log_phi, grid.frame, x, slope)
     if not math.isfinite(value):
-        slope[0], slope[1] = 0.0, 0.0
+        slope[:] = 0.0
         return -math.inf
     return value

@@ -14,23 +14,33 @@ at the kink there. Of two boundaries within reach a path meets either first.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.exact.boundaries import (
-    GOAL,
-    WALL,
-    Step,
-    boundaries_of,
-    distances_ahead,
-    patch_of,
-    psi_around_goal,
-    solids_near,
-    to_border,
-)
-from pirrht.exact.grid import TUNING, to_rim
+from pirrht.exact.boundaries import JUMP, boundaries_of, patch_of, poses_at, solids_near, to_border
+from pirrht.exact.grid import TUNING, polynomial, to_rim
 from pirrht.jit.jit import inlined, kernel
+
+
+class Step(NamedTuple):
+    """A step in time."""
+
+    dt: float  # [s]
+    b: float  # noise [m/sqrt(s)]
+    rate: float  # q/lambda [nats/s]
+    wall: float  # phi/lambda [nats]; may be infinite
+    deviation: float  # b sqrt(dt) along each axis [m]
+    cutoff: float  # boundaries and ends further away do not matter [m]
+
+
+@inlined
+def step_of(dt, equation):  # type: ignore[no-untyped-def]
+    """Return a step of dt [s]; `equation` is an `Equation` or another `Step`."""
+    b, rate = equation.b, equation.rate
+    deviation = b * math.sqrt(dt)
+    return Step(dt, b, rate, equation.wall, deviation, (TUNING.cutoff + math.sqrt(2.0 * rate * dt)) * deviation)
 
 
 def taps_along(count: int, first: float, spacing: float, low: float, high: float, step: Step) -> Array:
@@ -48,129 +58,95 @@ def taps_along(count: int, first: float, spacing: float, low: float, high: float
     return out
 
 
-@kernel
-def smooth(later, into, known, taps_x, taps_y, loss, out):  # type: ignore[no-untyped-def]
-    """Fill `out` with log(e^-loss sum_y N(y - x) psi(y)), psi = into exp(later) + known, axis by axis.
-
-    Args: `later`, `into`, `known` and `out`, 4 x (nx, ny); `taps_x` and `taps_y` of `taps_along`; loss [nats].
-    """
-    (nx, ny), tile = later.shape, TUNING.tile
-    rows, columns = -(-nx // tile), -(-ny // tile)
-    psi, power = np.zeros((rows * tile, columns * tile)), np.full((rows, columns), -math.inf)
-    for p in range(rows):
-        for q in range(columns):
-            i0, j0, i1, j1 = p * tile, q * tile, min((p + 1) * tile, nx), min((q + 1) * tile, ny)
-            most = known[i0:i1, j0:j1].max()
-            top = max(later[i0:i1, j0:j1].max(), math.log(most) if most > 0.0 else -math.inf)
-            power[p, q], factor = top, math.exp(-top) if most > 0.0 else 0.0
-            if top > -math.inf:
-                for i in range(i0, i1):
-                    for j in range(j0, j1):
-                        psi[i, j] = into[i, j] * math.exp(later[i, j] - top) + known[i, j] * factor
-    psi, power = _along_rows(psi, power, taps_y)
-    psi, power = _along_rows(psi.T.copy(), power.T.copy(), taps_x)
-    for i in range(nx):
-        for j in range(ny):
-            value = psi[j, i]
-            out[i, j] = power[j // tile, i // tile] - loss + math.log(value) if value > 0.0 else -math.inf
+def smooth(log_psi: Array, weight: Array, taps_x: Array, taps_y: Array, loss: float) -> Array:
+    """log(e^-loss sum_y N(y - x) psi(y)) of psi = weight exp(log_psi), (nx, ny), axis by axis, with `taps_along`."""
+    log_psi, weight = _along_rows(log_psi, weight, taps_y)
+    log_psi, weight = _along_rows(log_psi.T.copy(), weight.T.copy(), taps_x)
+    return np.where(weight > 0.0, log_psi - loss, -np.inf).T.copy()
 
 
 @kernel
-def _along_rows(psi, power, taps):  # type: ignore[no-untyped-def]
-    """Convolve rows of psi (n, m) with taps (2 R + 1, m); `power` (p, q) [nats] is the exponent of each tile."""
-    width, tile = taps.shape[0], TUNING.tile
-    around = -(-(width // 2) // tile)
-    window, row, factor = np.zeros((2 * around + 1) * tile), np.empty(tile), np.empty(2 * around + 1)
-    out, raised = np.zeros(psi.shape), np.full(power.shape, -math.inf)
-    for p in range(power.shape[0]):
-        for q in range(power.shape[1]):
-            q0, q1, most = max(q - around, 0), min(q + around + 1, power.shape[1]), 0.0
-            top = power[p, q0:q1].max()
+def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
+    """Convolve rows of psi = weight exp(log_psi), (n, m), with taps (2 R + 1, m); the result as two such factors."""
+    (n, m), width, tile, reach = log_psi.shape, taps.shape[0], TUNING.tile, taps.shape[0] // 2
+    out, sign, window, row = np.full((n, m), -math.inf), np.zeros((n, m)), np.empty(tile + width - 1), np.empty(tile)
+    for i in range(n):
+        for q in range(0, m, tile):
+            low, high = max(q - reach, 0), min(q + tile + reach, m)
+            top = log_psi[i, low:high].max()
             if top == -math.inf:
                 continue
-            window[:] = 0.0
-            for t in range(q0, q1):
-                factor[t - q0] = math.exp(power[p, t] - top)
-            for i in range(p * tile, (p + 1) * tile):
-                for t in range(q0, q1):
-                    for e in range(tile):
-                        window[(t - q + around) * tile + e] = psi[i, t * tile + e] * factor[t - q0]
-                row[:] = 0.0
-                for t in range(width):
-                    first = around * tile - width // 2 + t
-                    for e in range(tile):
-                        row[e] += taps[t, q * tile + e] * window[first + e]
+            window[:], row[:] = 0.0, 0.0
+            for e in range(low, high):
+                window[e - q + reach] = weight[i, e] * math.exp(log_psi[i, e] - top)
+            for t in range(width):
                 for e in range(tile):
-                    out[i, q * tile + e] = row[e]
-                    most = max(most, abs(row[e]))
-            if most > 0.0:
-                out[p * tile : (p + 1) * tile, q * tile : (q + 1) * tile] /= most
-                raised[p, q] = top + math.log(most)
-    return out, raised
+                    row[e] += taps[t, q + e] * window[t + e]
+            for e in range(min(tile, m - q)):
+                if row[e] != 0.0:
+                    out[i, q + e], sign[i, q + e] = top + math.log(abs(row[e])), math.copysign(1.0, row[e])
+    return out, sign
 
 
 @kernel
-def meet_boundaries(surroundings, step, begin, end, later, out):  # type: ignore[no-untyped-def]
+def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyped-def]
     """Correct `out` of `smooth` where solids, the goal, or a border that costs are within reach; minus infinity inside.
 
-    Args: `begin` and `end`, poses of all bodies, 2 x (1 + J, 4), as of `frames_of`; `later` and `out`, log psi at the
-        end and the beginning of the step, 2 x (nx, ny) [nats].
+    Args: t, when the step begins [s]; `later` and `out`, log psi at its end and its beginning, 2 x (nx, ny) [nats].
     """
     (nx, ny), frame, tile = out.shape, surroundings.frame, TUNING.tile
+    begin, end = poses_at(surroundings.solids, t + JUMP), poses_at(surroundings.solids, t + step.dt - JUMP)
     margin = math.ceil(step.cutoff / frame.spacing)
     reach = step.cutoff + 0.5 * math.sqrt(2.0) * tile * frame.spacing
     for i0 in range(0, nx, tile):
         for j0 in range(0, ny, tile):
             i1, j1 = min(i0 + tile, nx), min(j0 + tile, ny)
             x, y = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing, frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
-            near = solids_near(surroundings.bodies, begin, end, x, y, reach)
+            near = solids_near(surroundings, begin, end, x, y, reach)
             bordered = step.wall < math.inf and to_border(surroundings, x, y) < reach
             if len(near) == 0 and not bordered and to_rim(frame, x, y) >= reach:
                 continue
             patch = patch_of(surroundings, later, near, begin, end, (i0, j0, i1, j1), margin)
+            least = patch.base + math.log(TUNING.underflow)
             for i in range(i0, i1):
                 for j in range(j0, j1):
                     x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
-                    known, met = boundaries_of(surroundings, step, patch, x, y)
-                    if not known:
+                    free, met = boundaries_of(surroundings, step, patch, x, y)
+                    paid = step.wall < math.inf and len(met.distance) > 0
+                    if not free:
                         out[i, j] = -math.inf
-                    elif _matters(met, step) or out[i, j] <= patch.base + math.log(TUNING.underflow):
+                    elif met.goals > 0 or met.solid or paid or out[i, j] <= least:  # else `taps_along` has all walls
                         out[i, j] = _before(surroundings, step, patch, met, x, y, i - i0, j - j0)
-                        if out[i, j] <= patch.base + math.log(TUNING.underflow):
+                        if out[i, j] <= least:
                             own = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
                             out[i, j] = _before(surroundings, step, own, met, x, y, 0, 0)
 
 
-@inlined
-def _matters(met, step):  # type: ignore[no-untyped-def]
-    """Tell whether boundaries do more than a border that no path survives, which `taps_along` accounts for."""
-    return len(met.kind) > 0 and (met.kind[0] <= WALL or step.wall < math.inf)
-
-
 @kernel
-def log_psi_before(surroundings, step, begin, end, later, x, slope):  # type: ignore[no-untyped-def]
-    """log psi [nats] at x (2,) [m], a step before `later` (nx, ny) [nats]; its gradient [1/m] goes to slope (2,).
+def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-untyped-def]
+    """log psi [nats] at x (2,) [m] and t [s], a step before `later` (nx, ny) [nats]; -phi/lambda in walls.
 
-    -phi/lambda in walls. `begin` and `end` are poses of all bodies, 2 x (1 + J, 4), as of `frames_of`.
+    Its gradient [1/m] goes to slope (2,).
     """
-    frame = surroundings.frame
-    near = solids_near(surroundings.bodies, begin, end, x[0], x[1], step.cutoff)
+    frame, solids = surroundings.frame, surroundings.solids
+    begin, end = poses_at(solids, t), poses_at(solids, t + step.dt - JUMP)
+    near = solids_near(surroundings, begin, end, x[0], x[1], step.cutoff)
     i, j = math.floor((x[0] - frame.x0) / frame.spacing + 0.5), math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
     margin = math.ceil(step.cutoff / frame.spacing + 0.5)
     patch = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
     slope[0], slope[1] = 0.0, 0.0
-    known, met = boundaries_of(surroundings, step, patch, x[0], x[1])
-    if not known:
+    free, met = boundaries_of(surroundings, step, patch, x[0], x[1])
+    if not free:
         return -step.wall
     value = _before(surroundings, step, patch, met, x[0], x[1], 0, 0)
     e = TUNING.difference * step.deviation
-    for g in range(len(met.kind)):
-        e = min(e, 0.005 * met.distance[g])
+    for d in met.distance:
+        e = min(e, 0.005 * d)
     for k in range(2 if value > -math.inf else 0):
-        for side in (-1.0, 1.0):
-            px, py = x[0] + side * e * (1 - k), x[1] + side * e * k
+        for side in (-e, e):
+            px, py = x[0] + side * (1 - k), x[1] + side * k
             met = boundaries_of(surroundings, step, patch, px, py)[1]
-            slope[k] += side / (2.0 * e) * _before(surroundings, step, patch, met, px, py, 0, 0)
+            slope[k] += 0.5 / side * _before(surroundings, step, patch, met, px, py, 0, 0)
     return value
 
 
@@ -180,52 +156,64 @@ def _before(surroundings, step, patch, met, x, y, i0, j0):  # type: ignore[no-un
 
     `short` (B,) are the sums that the shares of boundaries are short of.
     """
-    frame, width, B, variance = surroundings.frame, 2 * patch.margin + 1, len(met.kind), step.deviation**2
-    ahead, psi, around_goal = np.empty((B, width, width)), patch.psi, patch.around_goal
-    distances_ahead(surroundings, patch, met, i0, j0, ahead)
-    distance, kind, steepness, paying = met.distance, met.kind, met.steepness, step.wall < math.inf
-    short, whole, weight = np.zeros(B), 0.0, np.empty((2, width))
+    frame, width, B, variance = surroundings.frame, patch.width, len(met.distance), step.deviation**2
+    short, whole, weight, paying = np.zeros(B), 0.0, np.empty((2, width)), step.wall < math.inf
+    ahead = np.full((B, width, width), math.inf)
+    for r in range(len(met.member)):
+        if met.member[r] < 0:
+            continue
+        known, least = patch.ahead[r, i0 : i0 + width, j0 : j0 + width], ahead[met.member[r]]
+        for a in range(width):
+            for c in range(width):
+                least[a, c] = min(least[a, c], known[a, c])
     for a in range(width):
         dx = frame.x0 + (patch.i0 + i0 + a) * frame.spacing - x
         dy = frame.y0 + (patch.j0 + j0 + a) * frame.spacing - y
         scale = frame.spacing / (math.sqrt(2.0 * math.pi) * step.deviation)
         weight[0, a] = scale * math.exp(-0.5 * dx * dx / variance)
         weight[1, a] = scale * math.exp(-0.5 * dy * dy / variance)
+    distance, goals, psi = met.distance, met.goals, patch.psi
     for a in range(width):
         for c in range(width):
             gauss = weight[0, a] * weight[1, c]
             total = gauss * psi[i0 + a, j0 + c]
             for g in range(B):
-                pays = paying or kind[g] == GOAL
+                pays = paying or g < goals
                 if total > 0.0 or pays:
                     alive = _survival(distance[g], ahead[g, a, c], variance)
                     total *= alive
                     if pays and alive > 0.0:
-                        goal = kind[g] == GOAL
-                        alone = around_goal[i0 + a, j0 + c] if goal else math.exp(-steepness[g] * ahead[g, a, c])
-                        short[g] += gauss * alive * alone
+                        short[g] += gauss * alive * _alone(surroundings, met, g, ahead[g, a, c])
             whole += total
     value = patch.base - step.rate * step.dt + math.log(whole) if whole > 0.0 else -math.inf
-    for g in range(B):
-        if paying or kind[g] == GOAL:
-            value = _log_sum(value, _log_share(surroundings, step, met, g, short[g]))
+    for g in range(B if paying else met.goals):
+        value = _log_sum(value, _log_share(surroundings, step, met, g, short[g]))
     return value
 
 
 @kernel
 def _log_share(surroundings, step, met, g, short):  # type: ignore[no-untyped-def]
     """log(share_g psi_g) of boundary g [nats], whose share is short of a sum; paths meet others with half a chance."""
-    if met.kind[g] == GOAL:
-        alone = psi_around_goal(surroundings.around_goal, surroundings.pitch, met.distance[g])
-    else:
-        alone = math.exp(-met.steepness[g] * met.distance[g])
+    alone = _alone(surroundings, met, g, met.distance[g])
     share = alone - math.exp(-step.rate * step.dt) * short
     if share < TUNING.kernel_sum * alone:
         return -math.inf
-    for h in range(len(met.kind)):
+    for h in range(len(met.distance)):
         if h != g:
             share *= 1.0 - 0.5 * _meeting(met.distance[h], met.speed[h], step)
-    return math.log(share) - (0.0 if met.kind[g] == GOAL else step.wall)
+    return math.log(share) - (0.0 if g < met.goals else step.wall)
+
+
+@inlined
+def _alone(surroundings, met, g, e):  # type: ignore[no-untyped-def]
+    """psi at a distance e [m] from boundary g if nothing else is near."""
+    if g >= met.goals:
+        return math.exp(-met.steepness[g] * e)
+    table, at = surroundings.around_goal, e / surroundings.pitch
+    i, value = min(max(int(at), 1), table.shape[0] - 3), 0.0
+    for c in range(-1, 3):
+        value += polynomial(min(at - i, 2.0), c) * table[i + c]
+    return value
 
 
 @inlined

@@ -14,7 +14,8 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearances
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.jit.jit import inlined
+from pirrht.jit.jit import inlined, kernel
+from pirrht.problem import Problem
 
 
 class GridTuning(NamedTuple):
@@ -29,9 +30,9 @@ class GridTuning(NamedTuple):
     hug: float = 0.1  # points closer to a wall than this share of the spacing get arms from further off
     speaks: float = 2.5  # a place has the expansion of a free grid point at most so many cells away
     # Gaussian steps (`gaussian_step`, `discrete_point`, `moving_point`)
-    tile: int = 16  # points along the side of a tile that shares one exponent: cache against underflow
+    tile: int = 16  # points in a row that share one exponent, and along the side of a tile of boundaries: cache
     cutoff: float = 6.0  # a step ends so many deviations beyond the mean that the optimal law gives it
-    directions: int = 4  # walls in different directions that one place has
+    directions: int = 6  # walls in different directions that one place has
     curvature_arm: float = 0.2  # arm of second differences of a clearance, as a share of the robot's radius
     kernel_sum: float = 1e-6  # shortfalls of a sum below this are rounding
     difference: float = 1e-3  # arm of differences for the gradient, as a share of a step's deviation
@@ -102,6 +103,22 @@ class Domain:
         return cls(lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=at)
 
 
+class Equation(NamedTuple):
+    """Numbers of psi's equation for a point in the plane."""
+
+    b: float  # noise [m/sqrt(s)]
+    rate: float  # q/lambda [nats/s]
+    wall: float  # phi/lambda [nats]; may be infinite
+    wavenumber: float  # k of `Laplace psi = k^2 psi` where nothing moves [1/m]
+
+    @classmethod
+    def of(cls, problem: Problem) -> Equation:
+        """Take those of a point with constant noise and constant q."""
+        assert not callable(problem.q)
+        b, rate = float(problem.dynamics.B_c(np.zeros(2))[0, 0]), problem.q / problem.temperature
+        return cls(b, rate, problem.phi / problem.temperature, math.sqrt(2.0 * rate) / b)
+
+
 class Frame(NamedTuple):
     """Frame of a grid's points, and the goal's disc."""
 
@@ -145,17 +162,8 @@ def in_goal(frame, x):  # type: ignore[no-untyped-def]
     return (x[0] - frame.goal_x) ** 2 + (x[1] - frame.goal_y) ** 2 <= frame.radius * frame.radius
 
 
-@inlined
-def in_cells(frame, x):  # type: ignore[no-untyped-def]
-    """Return the position of x (n,) [m] in spacings from point (0, 0), 2 numbers."""
-    return (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
-
-
 def affordable(scene: Scene, spacing: float, reason: str, remedy: str = "") -> float:
-    """Return a spacing [m] at which the workspace has no more points than the tuning allows.
-
-    OptionError if it has more, with the reason for the spacing and what to choose instead.
-    """
+    """Return a spacing [m]; OptionError with reason and remedy if the workspace has too many points at it."""
     size = (scene.upper - scene.lower) / spacing
     if np.prod(size) > TUNING.most_points:
         raise OptionError(
@@ -194,3 +202,33 @@ def derivative(t, c):  # type: ignore[no-untyped-def]
     if c == 1:
         return -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
     return (3.0 * t * t - 1.0) / 6.0
+
+
+@kernel
+def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
+    """Interpolate `values` (nx, ny, nt) at x (n,) by cubics; the gradient [1/m, 1/m, 1/rad] goes to slope (n,).
+
+    The third axis has headings 2 pi k / nt; in the plane nt = 1 and n = 2.
+    """
+    nx, ny, nt = values.shape
+    fx, fy = (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
+    ft = x[2] * nt / (2.0 * math.pi) if nt > 1 else 0.0
+    i, j, k = min(max(int(fx), 0), nx - 2), min(max(int(fy), 0), ny - 2), math.floor(ft)
+    total, along_x, along_y, along_t = 0.0, 0.0, 0.0, 0.0
+    for a in range(-1, 3):
+        px, dx, s = polynomial(fx - i, a), derivative(fx - i, a), min(max(i + a, 0), nx - 1)
+        for b in range(-1, 3):
+            py, dy, t = polynomial(fy - j, b), derivative(fy - j, b), min(max(j + b, 0), ny - 1)
+            value, turning = 0.0, 0.0
+            for c in range(-1, 3):
+                entry = values[s, t, (k + c) % nt]
+                value += polynomial(ft - k, c) * entry
+                turning += derivative(ft - k, c) * entry
+            total += px * py * value
+            along_x += dx * py * value
+            along_y += px * dy * value
+            along_t += px * py * turning
+    slope[0], slope[1] = along_x / frame.spacing, along_y / frame.spacing
+    if nt > 1:
+        slope[2] = along_t * nt / (2.0 * math.pi)
+    return total

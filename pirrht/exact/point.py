@@ -12,33 +12,34 @@ errors of a tenth of a micrometer would decide on the sign of psi: theirs begin 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
+from scipy.optimize.elementwise import find_root
 from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
+from scipy.special import hyp0f1
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
 from pirrht.exact.grid import (
     TUNING,
     Domain,
+    Equation,
     Frame,
     Progress,
     affordable,
     frame_at,
     ignore_progress,
-    in_cells,
     in_goal,
     indices,
 )
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
 ARMS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
@@ -82,30 +83,15 @@ def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Ar
     inside = goal.radius**2 - (np.sum(to_goal**2, axis=1) - along**2)
     to_rim = np.where(inside > 0.0, along - np.sqrt(np.maximum(inside, 0.0)), np.inf)
     to_rim[(to_rim < 0.0) | (to_rim > full + CLOSE)] = np.inf
-    to_wall = _first_zero(lambda k, t: clearance(tails[k] + t[:, None] * unit[k]), free_by, clearance(heads), full)
+    at_head = clearance(heads)
+    to_wall, crosses = np.where(at_head <= CLOSE, full, np.inf), np.flatnonzero(at_head < 0.0)
+    if len(crosses) > 0:
+        ends = np.zeros(len(crosses)), full[crosses]
+        to_wall[crosses] = find_root(
+            lambda t, k: clearance(tails[k] + t[:, None] * unit[k]), ends, args=(crosses,), tolerances={"fatol": CLOSE}
+        ).x
     length = np.clip(np.minimum(to_rim, to_wall), CLOSE, full)
     return tails + length[:, None] * unit, to_rim <= to_wall
-
-
-def _first_zero(f: Callable[[IntArray, Array], Array], at_0: Array, at_end: Array, end: Array) -> Array:
-    """Zeros (k,) of functions that are positive at 0, in (0, end]; infinite where there is none (Illinois rule)."""
-    low, high, f_low, f_high = np.zeros(len(end)), end.copy(), at_0.copy(), at_end.copy()
-    side = np.zeros(len(end))
-    zero = np.where(at_end <= CLOSE, end, np.inf)
-    busy = np.flatnonzero(at_end < 0.0)
-    for _ in range(20):
-        t = low[busy] + (high - low)[busy] * f_low[busy] / (f_low - f_high)[busy]
-        value = f(busy, t)
-        zero[busy] = t
-        up, down = busy[value > 0.0], busy[value <= 0.0]
-        f_high[up[side[up] > 0.0]] *= 0.5
-        f_low[down[side[down] < 0.0]] *= 0.5
-        low[up], f_low[up], side[up] = t[value > 0.0], value[value > 0.0], 1.0
-        high[down], f_high[down], side[down] = t[value <= 0.0], value[value <= 0.0], -1.0
-        busy = busy[np.abs(value) > CLOSE]
-        if len(busy) == 0:
-            break
-    return zero
 
 
 ComplexArray = NDArray[np.complex128]
@@ -125,30 +111,23 @@ class Expansion(NamedTuple):
     shift: Array  # (K,) [nats]; -inf where psi is 0
 
 
-def wavenumber_of(problem: Problem) -> float:
-    """k of `Laplace psi = k^2 psi` for a point in the plane [1/m]."""
-    assert not callable(problem.q)
-    b = float(problem.dynamics.B_c(np.zeros(2))[0, 0])
-    return math.sqrt(2.0 * problem.q / problem.temperature) / b
-
-
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
     """Return the requested spacing [m], or one that keeps v to 0.5 % and u to 2 %; refuses too many points."""
-    reason = f"psi falls by a factor e in {1.0 / wavenumber_of(problem):.2g} m"
+    reason = f"psi falls by a factor e in {1.0 / Equation.of(problem).wavenumber:.2g} m"
     return affordable(space.scene, default_spacing(problem, space.scene) if spacing is None else spacing, reason)
 
 
 def default_spacing(problem: Problem, scene: Scene) -> float:
     """Spacing that keeps v to 0.5 % and u to 2 % [m]."""
-    return min(TUNING.point_lengths / wavenumber_of(problem), TUNING.point_radii * scene.robot_radius)
+    return min(TUNING.point_lengths / Equation.of(problem).wavenumber, TUNING.point_radii * scene.robot_radius)
 
 
 def grid_of(
     problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
 ) -> Expansion:
     """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
-    wall = problem.phi / problem.temperature
-    return solve(Domain.of(space), wavenumber=wavenumber_of(problem), wall=wall, spacing=spacing)
+    equation = Equation.of(problem)
+    return solve(Domain.of(space), wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
 
 
 def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
@@ -233,40 +212,10 @@ def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: 
 
 def arm_basis(arms: ComplexArray, kh: float) -> Array:
     """Evaluate the eight solutions at ends of arms, x + iy in spacings (K, 8) -> (K, 8 arms, 8); kh is k times h."""
-    factor = _series((0.5 * kh * np.abs(arms)) ** 2)
-    powers = [arms**n * factor[n] for n in range(5)]
-    columns = [powers[0].real]
-    for n in (1, 2, 3):
-        columns += [powers[n].real, powers[n].imag]
-    return np.stack([*columns, powers[4].real], axis=-1)
-
-
-def _series(t: Array) -> list[Array]:
-    """E_n = sum_j t^j n! / (j! (n+j)!), so that n! I_n(z) = (z/2)^n E_n(z^2/4), for n = 0 to 5."""
-    out = []
-    for n in range(6):
-        term, total = np.ones_like(t), np.ones_like(t)
-        for j in range(1, 40):
-            term = term * t / (j * (n + j))
-            total = total + term
-        out.append(total)
-    return out
-
-
-@inlined
-def _ladder(t):  # type: ignore[no-untyped-def]
-    """E_0 to E_5 at t >= 0: two series and a downward recurrence, E_(n-1) = E_n + t E_(n+1) / (n (n+1))."""
-    e5, e4, a5, a4, j = 1.0, 1.0, 1.0, 1.0, 1.0
-    while a4 > 1e-16 * e4:
-        a4 *= t / (j * (4.0 + j))
-        a5 *= t / (j * (5.0 + j))
-        e4 += a4
-        e5 += a5
-        j += 1.0
-    e3 = e4 + t * e5 / 20.0
-    e2 = e3 + t * e4 / 12.0
-    e1 = e2 + t * e3 / 6.0
-    return e1 + t * e2 / 2.0, e1, e2, e3, e4, e5
+    t = (0.5 * kh * np.abs(arms)) ** 2
+    powers = [arms**n * hyp0f1(n + 1, t) for n in range(5)]  # n! I_n(z) = (z/2)^n 0F1(; n + 1; z^2/4)
+    columns = [powers[0].real, *(part for one in powers[1:4] for part in (one.real, one.imag)), powers[4].real]
+    return np.stack(columns, axis=-1)
 
 
 @kernel
@@ -276,7 +225,7 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     if in_goal(grid.frame, x):
         return 0.0
     nx, ny = grid.owner.shape
-    fx, fy = in_cells(grid.frame, x)
+    fx, fy = (x[0] - grid.frame.x0) / grid.frame.spacing, (x[1] - grid.frame.y0) / grid.frame.spacing
     o = grid.owner[min(max(int(fx + 0.5), 0), nx - 1), min(max(int(fy + 0.5), 0), ny - 1)]
     if o < 0 or grid.shift[o] == -math.inf:
         return -math.inf
@@ -284,15 +233,22 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     h = grid.frame.spacing
     c = grid.coefficients[o]
     kh = 0.25 * (grid.wavenumber * h) ** 2
-    e0, e1, e2, e3, e4, e5 = _ladder(kh * (u * u + v * v))
+    t, j, e, term = kh * (u * u + v * v), 1.0, np.ones(6), np.ones(6)  # e[n] = 0F1(; n + 1; t)
+    while term[0] > 1e-16 * e[0]:
+        for n in range(6):
+            term[n] *= t / (j * (n + j))
+            e[n] += term[n]
+        j += 1.0
     z = complex(u, v)
     z2 = z * z
     z3 = z2 * z
     c1, c2, c3 = complex(c[1], -c[2]), complex(c[3], -c[4]), complex(c[5], -c[6])
-    total = c[0] * e0 + (c1 * z).real * e1 + (c2 * z2).real * e2 + (c3 * z3).real * e3 + c[7] * (z2 * z2).real * e4
+    total = c[0] * e[0] + (c1 * z).real * e[1] + (c2 * z2).real * e[2] + (c3 * z3).real * e[3]
+    total += c[7] * (z2 * z2).real * e[4]
     # The derivative along z lowers the order by one, that along its conjugate raises it.
-    down = c1 * e0 + 2.0 * c2 * z * e1 + 3.0 * c3 * z2 * e2 + 4.0 * c[7] * z3 * e3
-    up = 2.0 * c[0] * z * e1 + c1 * z2 * e2 / 2.0 + c2 * z3 * e3 / 3.0 + z2 * z2 * (c3 * e4 / 4.0 + c[7] * z * e5 / 5.0)
+    down = c1 * e[0] + 2.0 * c2 * z * e[1] + 3.0 * c3 * z2 * e[2] + 4.0 * c[7] * z3 * e[3]
+    up = 2.0 * c[0] * z * e[1] + c1 * z2 * e[2] / 2.0 + c2 * z3 * e[3] / 3.0
+    up += z2 * z2 * (c3 * e[4] / 4.0 + c[7] * z * e[5] / 5.0)
     gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
     total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
     slope[0], slope[1] = gx / total, gy / total

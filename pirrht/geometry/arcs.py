@@ -11,7 +11,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import border, clearance, closest
@@ -148,42 +147,40 @@ def trace(start: Array, curvature: Array, length: Array, spacing: float) -> Arra
     x, y, theta = (float(v) for v in start)
     points = [(x, y)]
     for kappa, total in zip(curvature, length, strict=True):
-        if total <= 0:
-            continue
-        parts = 1 if kappa == 0 else max(1, int(np.ceil(total / spacing)))
-        for i in range(1, parts + 1):
-            points.append(along(x, y, theta, kappa, total * i / parts)[:2])
-        x, y, theta = along(x, y, theta, kappa, total)
-    polyline: NDArray[np.float64] = np.array(points)
-    return polyline
-
-
-@kernel
-def _surely_blocked(field, x, y):  # type: ignore[no-untyped-def]
-    """Return whether the Lipschitz upper bound from the nearest grid point is already negative."""
-    at, dx, dy, width = closest(field, x, y)
-    return load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0
+        if total > 0:
+            parts = 1 if kappa == 0 else max(1, int(np.ceil(total / spacing)))
+            points += [along(x, y, theta, kappa, total * i / parts)[:2] for i in range(1, parts + 1)]
+            x, y, theta = along(x, y, theta, kappa, total)
+    return np.array(points)
 
 
 @inlined
 def refused(field, x, y):  # type: ignore[no-untyped-def]
-    """Return BLOCKED or UNSURE for a point that is not certified to be free."""
-    return BLOCKED if border(field, x, y) <= 0.0 or _surely_blocked(field, x, y) else UNSURE
+    """Return BLOCKED or UNSURE for a point that is not certified; the nearest grid point bounds its clearance."""
+    if border(field, x, y) <= 0.0:
+        return BLOCKED
+    at, dx, dy, width = closest(field, x, y)
+    return BLOCKED if load_float32(field.nearest, at) + math.sqrt(dx**2 + dy**2) + width < 0.0 else UNSURE
 
 
 @kernel
-def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m]: certified discs must cover it.
+def certify_point(field, x, y):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
+    return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
 
-    Where they do not, a `patient` walk goes on in small steps: most such segments soon enter an obstacle beyond doubt.
+
+@inlined
+def _certify_piece(field, x, y, theta, ux, uy, curvature, length, patient):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for a piece that sets out along (ux, uy): certified discs must cover it.
+
+    Where they do not, a `patient` walk goes on in small steps: most such pieces soon enter an obstacle beyond doubt.
     """
-    length, s, verdict = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2), 0.0, FREE
-    per = 1.0 / length if length > 0.0 else 0.0
+    s, verdict = 0.0, FREE
     while True:
-        x, y = ax + s * per * (bx - ax), ay + s * per * (by - ay)
-        c = clearance(field, x, y)
+        px, py = point_along(x, y, theta, ux, uy, curvature, s)
+        c = clearance(field, px, py)
         if c < LEAST_STEP:
-            if refused(field, x, y) == BLOCKED:
+            if refused(field, px, py) == BLOCKED:
                 return BLOCKED
             if not patient:
                 return UNSURE
@@ -194,50 +191,24 @@ def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-unt
 
 
 @kernel
-def certify_point(field, x, y):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for one position (x, y) [m]."""
-    return FREE if clearance(field, x, y) > 0.0 else refused(field, x, y)
+def certify_segment(field, ax, ay, bx, by, patient=True):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for the segment from (ax, ay) to (bx, by) [m], by `_certify_piece`."""
+    length = math.sqrt((bx - ax) ** 2 + (by - ay) ** 2)
+    per = 1.0 / length if length > 0.0 else 0.0
+    return _certify_piece(field, ax, ay, 0.0, per * (bx - ax), per * (by - ay), 0.0, length, patient)
 
 
 @kernel
-def certify_curve(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m]: certified discs must cover it.
-
-    Where they do not, the walk goes on in small steps: most such curves soon enter an obstacle beyond doubt.
-    """
+def certify_curve(field, start, curvature, length, patient=True):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for a curve (3,), (P,) [1/m], (P,) [m], by `_certify_piece`."""
     x, y, theta = start[0], start[1], start[2]
     verdict = FREE
     for p in range(length.shape[0]):
-        s, kappa, ux, uy = 0.0, curvature[p], math.cos(theta), math.sin(theta)
-        while True:
-            px, py = point_along(x, y, theta, ux, uy, kappa, s)
-            c = clearance(field, px, py)
-            if c < LEAST_STEP:
-                if refused(field, px, py) == BLOCKED:
-                    return BLOCKED
-                verdict = UNSURE
-                c = 0.5 * field.spacing
-            if s >= length[p]:
-                break
-            s = min(s + c, length[p])
-        if p + 1 < length.shape[0]:
-            x, y, theta = along(x, y, theta, kappa, length[p])
-    return verdict
-
-
-@kernel
-def surely_free(field, start, curvature, length):  # type: ignore[no-untyped-def]
-    """Return whether the field alone certifies a curve (3,), (P,) [1/m], (P,) [m]; blocked and unsure are one."""
-    x, y, theta = start[0], start[1], start[2]
-    for p in range(length.shape[0]):
-        kappa, total = curvature[p], length[p]
         ux, uy = math.cos(theta), math.sin(theta)
-        s = 0.0
-        while s < total:
-            px, py = point_along(x, y, theta, ux, uy, kappa, s)
-            c = clearance(field, px, py)
-            if c < LEAST_STEP:
-                return False
-            s += c
-        x, y, theta = along(x, y, theta, kappa, total)
-    return clearance(field, x, y) >= LEAST_STEP
+        piece = _certify_piece(field, x, y, theta, ux, uy, curvature[p], length[p], patient)
+        if piece == BLOCKED or (piece == UNSURE and not patient):
+            return piece
+        verdict = min(verdict, piece)
+        x, y = point_along(x, y, theta, ux, uy, curvature[p], length[p])
+        theta += curvature[p] * length[p]
+    return verdict

@@ -6,7 +6,7 @@ field never claims more clearance than there is. The border of the workspace is 
 
 The second wall is the nearest solid in another direction; where another solid takes over, its clearance may jump.
 
-In a small world (`dense`) the grid's points lie in columns, in a large one (`blocks`) in square blocks of several
+In a small world points lie in columns, in a large one in square blocks of several
 spacings, and a table says which block holds a cell.
 """
 
@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
 from pirrht.geometry.scene import Workspace
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel, load_float32, load_int32
@@ -65,36 +64,26 @@ class Field(Grid):
     blocks: NDArray[np.int32] | None = None  # the table, (rows, columns)
 
     @classmethod
-    def of(cls, world: Workspace, spacing: float, nearest: Array, second: Array, label: NDArray[np.int64]) -> Field:
-        """Take hold of values (nx, ny), clearances [m] and labels, that start at the workspace's least corner."""
-        shape = (*nearest.shape, nearest.shape[1], 0, 0, 0)
-        return cls._holding(world, spacing, shape, _packed(nearest, second, label))
+    def of(cls, world: Workspace, spacing: float, arrays: Arrays, table: NDArray[np.int32] | None = None) -> Field:
+        """Take hold of values of points in columns (nx, ny) or in blocks (k, stride, stride).
 
-    @classmethod
-    def in_blocks(cls, world: Workspace, spacing: float, table: NDArray[np.int32], arrays: Arrays) -> Field:
-        """Take hold of values in blocks (k, stride, stride) and a table (rows, columns) of their numbers and levels."""
-        cells = arrays[0].shape[1] - 1
-        nx, ny = (cells * n + 1 for n in table.shape)
-        shape = (nx, ny, cells + 1, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
-        field = cls._holding(world, spacing, shape, arrays)
-        field.blocks = table
-        return field
-
-    @classmethod
-    def _holding(cls, world: Workspace, spacing: float, shape: tuple[int, ...], arrays: Arrays) -> Field:
+        Args:
+            world: its least corner is where the first point lies.
+            spacing: of the finest points [m].
+            arrays: clearances from the nearest solid and from the second wall [m], and labels.
+            table: numbers and levels of the blocks, (rows, columns).
+        """
+        nx, stride = arrays[0].shape[-2:]
+        shape = (nx, stride, stride, 0, 0, 0)
+        if table is not None:
+            cells = stride - 1
+            size = (cells * n + 1 for n in table.shape)
+            shape = (*size, stride, table.ctypes.data, table.shape[1], cells.bit_length() - 1)
         corner, end = world.lower.astype(float), world.upper.astype(float)
         addresses = (array.ctypes.data for array in arrays)
         field = cls(corner[0], corner[1], spacing, 1.0 / spacing, *shape, *addresses, *corner, *end)
-        field.arrays = arrays
+        field.arrays, field.blocks = arrays, table
         return field
-
-
-def _packed(nearest: Array, second: Array, label: NDArray[np.int64]) -> Arrays:
-    return (
-        np.ascontiguousarray(nearest, dtype=np.float32),
-        np.ascontiguousarray(second, dtype=np.float32),
-        np.ascontiguousarray(label, dtype=np.int32),
-    )
 
 
 def set_back(field: Field, distance: float) -> Field:
@@ -187,21 +176,8 @@ def with_slope(field, grid, x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def value_at(field, i, j):  # type: ignore[no-untyped-def]
-    """Return the clearance from the nearest solid [m] at a point (i, j) of the finest grid."""
-    if field.table == 0:
-        return load_float32(field.nearest, i * field.ny + j)
-    return interpolate(field, field.nearest, field.x0 + i * field.spacing, field.y0 + j * field.spacing)
-
-
-@inlined
 def closest(field, x, y):  # type: ignore[no-untyped-def]
     """Return the index of the point closest to (x, y) [m], (x, y) as seen from it [m], and the spacing there [m]."""
-    if field.table == 0:
-        i = min(max(int((x - field.x0) / field.spacing + 0.5), 0), field.nx - 1)
-        j = min(max(int((y - field.y0) / field.spacing + 0.5), 0), field.ny - 1)
-        dx, dy = x - field.x0 - i * field.spacing, y - field.y0 - j * field.spacing
-        return i * field.ny + j, dx, dy, field.spacing
     at, u, v, per = cell_of(field, x, y)
     i, j = (1 if u >= 0.5 else 0), (1 if v >= 0.5 else 0)
     return at + i * field.stride + j, (u - i) / per, (v - j) / per, 1.0 / per

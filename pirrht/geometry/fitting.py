@@ -14,6 +14,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.geometry.blocks import lattice
 from pirrht.geometry.collision import SHORTEST, Collision
 from pirrht.geometry.scene import ROUNDING, Goal, Scene, Waiver
 from pirrht.geometry.tuning import TUNING
@@ -29,7 +30,7 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     Raises:
         SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
-    start, goal, body = scene.start[:2], scene.goal, _body_radius(scene)
+    start, goal, body = scene.start[:2], scene.goal, scene.robot_radius - scene.margin
     waivers = [] if start_counts else [*scene.waivers]
     if start_counts and (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
         if distance < body - ROUNDING:
@@ -46,27 +47,22 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     return replace(scene, goal=goal, waivers=tuple(waivers)) if changed else scene
 
 
-def _body_radius(scene: Scene) -> float:
-    return scene.robot_radius - scene.margin
-
-
 def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
-    where = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g}) is in collision for a robot of radius"
-    return f"{where} {_body_radius(scene):g}{more}; move it or choose a smaller robot radius"
+    where, body = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g})", scene.robot_radius - scene.margin
+    return f"{where} is in collision for a robot of radius {body:g}{more}; move it or choose a smaller robot radius"
 
 
 def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out."""
-    body = _body_radius(scene)
+    body = scene.robot_radius - scene.margin
     clearance = float(collision.distance(point[None])[0]) - body
-    for share in (0.5, 0.25, 0.0):  # of the clearance is kept; the first one with a path out is taken
-        radius = body + min(share * clearance, clearance - SHORTEST)
-        disc, leads_out = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body, False
-        while not leads_out and disc < TUNING.max_reach * body:
-            leads_out = _leads_out(collision, point, radius, disc)
-            disc *= 1.0 if leads_out else 2.0
-        if leads_out:
-            break
+    radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
+    least = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body
+    discs = [least]
+    while discs[-1] < TUNING.max_reach * body:
+        discs.append(2.0 * discs[-1])
+    tried = ((radius, disc) for radius in radii for disc in discs[:-1] if _leads_out(collision, point, radius, disc))
+    radius, disc = next(tried, (radii[-1], discs[-1]))
     return Waiver(float(point[0]), float(point[1]), disc, scene.robot_radius - radius)
 
 
@@ -79,12 +75,12 @@ def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -
 
     cell, full = min(disc / 8.0, radius / 3.0), collision.footprint.radius
     count = int(np.ceil(disc / cell))
-    places = point + cell * _lattice(count)
+    places = point + cell * (lattice(2 * count + 1, 2 * count + 1) - count)
     away = np.hypot(*np.moveaxis(places - point, -1, 0))
     members = range(len(collision.world.obstacles))
     distance = collision.nearest_walls(places.reshape(-1, 2), members, full + 2.0 * cell).first.reshape(away.shape)
-    free = (away < disc) & (distance > radius)
-    free &= np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
+    inside = np.all((places > collision.world.lower) & (places < collision.world.upper), axis=-1)
+    free = (away < disc) & (distance > radius) & inside
     free[count, count] = True
     pieces, _ = label(free)
     return bool(np.any((pieces == pieces[count, count]) & (distance > full + cell) & (away < TUNING.exit_share * disc)))
@@ -97,24 +93,18 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     """
     from scipy.ndimage import label, maximum
 
-    goal = scene.goal
-    cell = goal.radius / TUNING.goal_lattice
-    places = goal.center + cell * _lattice(TUNING.goal_lattice)
+    goal, count = scene.goal, TUNING.goal_lattice
+    cell = goal.radius / count
+    places = goal.center + cell * (lattice(2 * count + 1, 2 * count + 1) - count)
     to_rim = goal.radius - np.hypot(*np.moveaxis(places - goal.center, -1, 0))
     to_border = np.minimum(places - scene.lower, scene.upper - places).min(axis=-1)
     to_obstacles = collision.distance(places.reshape(-1, 2)).reshape(to_rim.shape) - radius
     clearance = np.minimum(np.minimum(to_rim, to_border), to_obstacles)
-    pieces, count = label(clearance > SHORTEST)
-    if not count:
+    pieces, found = label(clearance > SHORTEST)
+    if not found:
         return None
-    greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, count + 1)))[pieces]
+    greatest = np.append(-np.inf, maximum(clearance, pieces, np.arange(1, found + 1)))[pieces]
     inside = (clearance >= TUNING.similar * greatest) & (greatest >= TUNING.similar * greatest.max())
     centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
-
-
-def _lattice(count: int) -> Array:
-    """Return the points of whole numbers (2 count + 1, 2 count + 1, 2) around the origin."""
-    steps = np.arange(-count, count + 1)
-    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).astype(float)

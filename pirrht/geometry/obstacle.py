@@ -1,16 +1,19 @@
-"""Describe solids: static obstacles, and parts of a moving obstacle in its own frame."""
+"""Describe obstacles: convex solids, and how those move that do, by rows of a time and a pose, linear in between."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from bisect import bisect_right
+from dataclasses import dataclass, field, replace
 from enum import Enum
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht import formatting
 from pirrht.arrays import Array
+from pirrht.errors import SceneError
 
 
 class Kind(Enum):
@@ -54,3 +57,98 @@ class Obstacle:
 
     def __repr__(self) -> str:
         return f"Obstacle({self.name!r}, {self.kind.value} at {formatting.vector(self.position)})"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Motion:
+    """Poses of an obstacle at any time, linear between rows; it rests after the last or starts over.
+
+    Raises:
+        SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
+    """
+
+    rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]
+    repeat: bool = False  # whether it starts over at the first row when it has reached the last
+    offset: float = 0.0  # how much later than this motion's clock the rows' clock is [s]
+    _rows: list[list[float]] = field(init=False, repr=False)  # the same rows as numbers
+
+    def __post_init__(self) -> None:
+        rows = np.array(self.rows, dtype=float)
+        if rows.ndim != 2 or rows.shape[1] != 4 or not len(rows):
+            raise SceneError(f"a motion has rows of shape {rows.shape}; each is a time, x, y and a yaw")
+        if not np.isfinite(rows).all():
+            row = int(np.flatnonzero(~np.all(np.isfinite(rows), axis=1))[0])
+            raise SceneError(f"row {row + 1} of a motion is {rows[row].tolist()}; all numbers must be finite")
+        if rows[0, 0] != 0.0:
+            raise SceneError(f"the first row of a motion is at {rows[0, 0]:g} s; it must be at 0")
+        late = rows[1:, 0] <= rows[:-1, 0]
+        if late.any():
+            row = int(np.argmax(late)) + 1
+            times = f"{rows[row, 0]:g} s after one at {rows[row - 1, 0]:g} s"
+            raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase")
+        if self.repeat and len(rows) < 2:
+            raise SceneError("a motion that starts over has one row; it needs two or more")
+        object.__setattr__(self, "rows", rows)
+        object.__setattr__(self, "_rows", rows.tolist())
+
+    @property
+    def last(self) -> float:
+        """Return when it rests for good [s], negative if it does already; infinity where it starts over."""
+        return math.inf if self.repeat else float(self.rows[-1, 0]) - self.offset
+
+    def pose(self, time: Array | float) -> Array:
+        """Return x, y [m] and yaw [rad] at times (...) [s], (..., 3); before the first row it rests there."""
+        t = np.asarray(time, dtype=float) + self.offset
+        if self.repeat:
+            t = np.where(t > 0.0, np.mod(t, self.rows[-1, 0]), t)
+        return np.stack([np.interp(t, self.rows[:, 0], self.rows[:, k]) for k in (1, 2, 3)], axis=-1)
+
+    def pose_at(self, time: float) -> tuple[float, float, float]:
+        """Return x, y [m] and yaw [rad] at one time [s], as numbers."""
+        t = time + self.offset
+        if self.repeat and t > 0.0:
+            t %= self._rows[-1][0]
+        i = bisect_right(self._rows, t, key=itemgetter(0))
+        if i in (0, len(self._rows)):
+            _, x, y, yaw = self._rows[max(i - 1, 0)]
+            return x, y, yaw
+        (s, *a), (u, *b) = self._rows[i - 1 : i + 1]
+        x, y, yaw = ((q - p) / (u - s) * (t - s) + p for p, q in zip(a, b, strict=True))
+        return x, y, yaw
+
+    def velocity(self, time: float) -> Array:
+        """Return rates of x, y [m/s] and yaw [rad/s] that led to where it is at a time [s], (3,)."""
+        t, period = time + self.offset, float(self.rows[-1, 0])
+        if len(self.rows) < 2 or t < 0.0 or (t > period and not self.repeat):
+            return np.zeros(3)
+        if self.repeat and t > period:
+            t = math.fmod(t, period) or period
+        i = max(int(np.searchsorted(self.rows[:, 0], t, side="left")), 1)
+        step = self.rows[i] - self.rows[i - 1]
+        return np.asarray(step[1:] / step[0])
+
+    def __repr__(self) -> str:
+        again = ", over and over" if self.repeat else ""
+        return f"Motion({len(self.rows)} rows over {self.rows[-1, 0]:g} s{again})"
+
+    def after(self, time: float) -> Motion:
+        """Return the motion on a clock that starts at a time [s] of this one's."""
+        return replace(self, offset=self.offset + time)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mover:
+    """A moving obstacle and its solids."""
+
+    name: str
+    solids: tuple[Obstacle, ...]  # in the body's own frame, x and y from its origin, heights above the ground [m]
+    motion: Motion
+
+    def __repr__(self) -> str:
+        return f"Mover({self.name!r}, {self.motion!r})"
+
+    def at(self, time: float) -> tuple[Obstacle, ...]:
+        """Return its solids in the world at a time [s]."""
+        x, y, yaw = self.motion.pose_at(time)
+        turn, shift = about_vertical(yaw), np.array([x, y, 0.0])
+        return tuple(replace(o, position=turn @ o.position + shift, rotation=turn @ o.rotation) for o in self.solids)

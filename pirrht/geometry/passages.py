@@ -1,24 +1,32 @@
 """Find passages: two obstacles, or an obstacle and the border, face each other and the robot fits between.
 
-A saddle of the clearance field says about where; the middle of the free chord there, and the line along which this
-chord is shortest, say exactly where and how wide. A passage also has an axis: the line through it along which the
-clearance is greatest, until both sides are wide.
+Saddles of the clearance field say about where. The points with more clearance than c fall into parts, and those with
+less as well. At a saddle two parts meet: two rooms with c falling (a doorway), or two obstacles with c rising (the last
+gap between them). Every passage is one or the other, also where both sides belong to one component. A sweep in the
+order of clearance finds them (union-find); that the shallower of two parts must be of some depth tells a passage from
+the grain of the grid. Squares of grid points lie in pages: one in a small world, one for every coarsest block near a
+solid in a large one. Away from all solids a page is one room of the field's greatest clearance, and all around the
+workspace is one obstacle.
+
+The middle of the free chord at a saddle, and the line along which this chord is shortest, say exactly where and how
+wide a passage is. It also has an axis: the line through it along which the clearance is greatest, until both sides are
+wide.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import REACH, Field, border, clearance, value_at
-from pirrht.geometry.narrow_passages import narrow_places
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, clearance, interpolate
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import inlined, kernel
 
 BORDER = "border"  # its name next to those of solids
 
@@ -45,10 +53,9 @@ class Passages:
     def crossed(self, line: Array) -> BoolArray:
         """Return through which passages a polyline (l, 2) [m] leads, (P,)."""
         left, right = self.chords()
-        ends = _side(left, right, line)
-        pieces = _side(line[:-1], line[1:], np.vstack([left, right]))
+        ends, pieces = _side(left, right, line), _side(line[:-1], line[1:], np.vstack([left, right])).T
         over = (ends[:, :-1] > 0.0) != (ends[:, 1:] > 0.0)
-        within = ((pieces[:, : self.count] > 0.0) != (pieces[:, self.count :] > 0.0)).T
+        within = (pieces[: self.count] > 0.0) != (pieces[self.count :] > 0.0)
         crossed: BoolArray = (over & within).any(axis=1)
         return crossed
 
@@ -73,49 +80,40 @@ def _side(tails: Array, heads: Array, points: Array) -> Array:
 def find_passages(field: Field, collision: Collision) -> Passages:
     """Find every passage that a robot can use by the clearance field; FCL decides where that is unsure."""
     radius = collision.footprint.radius
-    middles: list[Array] = []
+    found = np.empty((0, 4))  # x, y, heading, clearance
     walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 3))
-    middle = np.empty(4)  # x, y, heading, clearance
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
-        _best_of_block(field, row, column, stride, middle)
-        if not _centre(field, radius, middle) or middle[3] > REACH or _known(middles, middle, radius):
+        c, x, y = _greatest(field, row * stride, column * stride, stride)
+        middle = np.array([x, y, 0.0, c])
+        if not _centre(field, radius, middle) or middle[3] > REACH:
+            continue
+        near = np.hypot(*(found[:, :2] - middle[:2]).T) < radius
+        if np.any(near & (np.abs(np.sin(found[:, 2] - middle[2])) < 0.7)):  # it leads through a known chord
             continue
         if middle[3] < field.spacing and not collision.free(middle[None, :2])[0]:
             continue
-        middles.append(middle.copy())
+        found = np.vstack([found, middle])
         walks.append(work[: _walk(field, radius, middle, work)].copy())
-    found = np.array(middles).reshape(-1, 4)
     order = np.argsort(found[:, 3], kind="stable")
     found = found[order]
-    return Passages(
-        place=found[:, :2],
-        heading=found[:, 2],
-        width=2.0 * (found[:, 3] + radius),
-        axis=np.vstack([found[:, :3], *(walks[i] for i in order)]),
-    )
-
-
-def _known(middles: list[Array], middle: Array, radius: float) -> bool:
-    """Return whether one of the passages so far leads through this chord."""
-    if not middles:
-        return False
-    others = np.array(middles)
-    near = np.hypot(*(others[:, :2] - middle[:2]).T) < radius
-    return bool(np.any(near & (np.abs(np.sin(others[:, 2] - middle[2])) < 0.7)))
+    width, axis = 2.0 * (found[:, 3] + radius), np.vstack([found[:, :3], *(walks[i] for i in order)])
+    return Passages(place=found[:, :2], heading=found[:, 2], width=width, axis=axis)
 
 
 @kernel
-def _best_of_block(field, row, column, stride, middle):  # type: ignore[no-untyped-def]
-    """Write the point of a block that has the greatest clearance."""
-    best = -np.inf
-    for i in range(row * stride, min((row + 1) * stride, field.nx)):
-        for j in range(column * stride, min((column + 1) * stride, field.ny)):
-            x, y = field.x0 + i * field.spacing, field.y0 + j * field.spacing
-            c = min(border(field, x, y), value_at(field, i, j))
+def _greatest(field, i, j, stride):  # type: ignore[no-untyped-def]
+    """Return the greatest clearance [m] in the square that begins at grid point (i, j), and where, (x, y) [m]."""
+    h, best, at_x, at_y = field.spacing, -np.inf, 0.0, 0.0
+    wide = cell_of(field, field.x0 + (i + 0.5) * h, field.y0 + (j + 0.5) * h)[3] * h * 4.0 <= 1.0
+    step = stride if wide else 1  # if its cells hold whole squares the greatest value is at a corner
+    for k in range(i, min(i + stride + (1 if wide else 0), field.nx), step):
+        for m in range(j, min(j + stride + (1 if wide else 0), field.ny), step):
+            x, y = field.x0 + k * h, field.y0 + m * h
+            c = min(border(field, x, y), interpolate(field, field.nearest, x, y))
             if c > best:
-                best = c
-                middle[0], middle[1], middle[3] = x, y, c
+                best, at_x, at_y = c, x, y
+    return best, at_x, at_y
 
 
 @kernel
@@ -196,8 +194,7 @@ def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
     """Write the corners of a passage's axis but for its middle, and their headings; return their number."""
     if middle[3] > TUNING.wide * radius:
         return 0
-    count = _walk_to(field, radius, middle, 1.0, out, 0)
-    return _walk_to(field, radius, middle, -1.0, out, count)
+    return _walk_to(field, radius, middle, -1.0, out, _walk_to(field, radius, middle, 1.0, out, 0))
 
 
 @kernel
@@ -229,3 +226,120 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         out[count, 0], out[count, 1], out[count, 2] = x, y, heading
         count += 1
     return count
+
+
+class Pages(NamedTuple):
+    """Squares of the field by pages: those near solids first, then the empty pages, then the surroundings."""
+
+    first: IntArray  # (rows, columns) first square of each page, or the only one
+    place: IntArray  # (k, 2) row and column of the k pages near solids
+    near: int  # k
+    side: int  # squares along a side of a page
+    empty: int  # index of the first empty page's square
+    value: Array  # (n,) greatest clearance in each square [m]
+
+
+def narrow_places(field: Field, radius: float) -> tuple[int, IntArray]:
+    """Return squares in which two rooms or two obstacles meet and a robot of a radius [m] may pass, narrowest first.
+
+    Returns: the side of a square in grid points, and (row, column) of the squares (k, 2). The first point of a square
+        is that many times (row, column).
+    """
+    stride = max(1, int(radius / (TUNING.squares_per_radius * field.spacing)))
+    squares = _pages_of(field, stride, radius)
+    value, surroundings = squares.value, len(squares.value) - 1
+    near = np.flatnonzero(value[: squares.empty] < REACH)
+    level = np.rint((value[near] + radius) * (65535.0 / max(value.max() + radius, 1e-9))).astype(np.uint16)
+    rising = near[np.argsort(level, kind="stable")].astype(np.int32)  # a radix sort
+    open_space = np.flatnonzero(value[:-1] >= REACH).astype(np.int32)
+    found, root = np.zeros(len(value), dtype=np.bool_), np.full(len(value), -1, dtype=np.int32)
+    steps = np.array([[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]])  # four meet at sides
+    _sweep(squares, open_space, steps, np.inf, root, found)
+    _sweep(squares, np.ascontiguousarray(rising[::-1]), steps, TUNING.room_depth * field.spacing, root, found)
+    root[:] = -1
+    root[surroundings] = surroundings
+    _sweep(squares, rising, steps[:4], TUNING.solid_depth * radius, root, found)  # blocked: no meeting at corners
+    at = np.flatnonzero(found & (value > -field.spacing))  # a gap on whose axis no grid point lies may look closed
+    at = at[np.argsort(value[at], kind="stable")]
+    page, square = np.divmod(at, squares.side**2)
+    return stride, squares.place[page] * squares.side + np.column_stack(np.divmod(square, squares.side))
+
+
+def _pages_of(field: Field, stride: int, radius: float) -> Pages:
+    if field.blocks is None:
+        side, near = max(-(-field.nx // stride), -(-field.ny // stride)), np.ones((1, 1), dtype=np.bool_)
+    else:
+        side = ((field.stride - 1) << (LEVELS - 1)) // stride
+        near = (field.blocks[:: 1 << (LEVELS - 1), :: 1 << (LEVELS - 1)] >> LEVEL_BITS) != 0
+    place, lonely = np.argwhere(near), np.argwhere(~near)
+    first = np.empty(near.shape, dtype=np.int64)
+    empty = len(place) * side**2
+    first[near] = np.arange(len(place)) * side**2
+    first[~near] = empty + np.arange(len(lonely))
+    value = np.append(np.full(empty + len(lonely), REACH), -radius)
+    _fill(field, place, side, stride, radius, value)
+    return Pages(first, np.vstack((place, lonely)), len(place), side, empty, value)
+
+
+@kernel
+def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped-def]
+    """Write the greatest clearance [m] of every square of the pages near solids."""
+    at = 0
+    for page in range(len(place)):
+        for a in range(side):
+            for b in range(side):
+                i, j = (place[page, 0] * side + a) * stride, (place[page, 1] * side + b) * stride
+                value[at] = min(max(_greatest(field, i, j, stride)[0], -radius), REACH)
+                at += 1
+
+
+@inlined
+def _find(root, p):  # type: ignore[no-untyped-def]
+    while root[p] != p:
+        root[p] = root[root[p]]
+        p = root[p]
+    return p
+
+
+@inlined
+def _next_square(squares, p, di, dj):  # type: ignore[no-untyped-def]
+    """Return the square (di, dj) from square p; -1 where an empty page meets another kind."""
+    side, (rows, columns), empty = squares.side, squares.first.shape, squares.empty
+    if p >= empty:
+        page, a, b = squares.near + p - empty, side * di, side * dj
+    else:
+        page, square = p // (side * side), p % (side * side)
+        a, b = square // side + di, square % side + dj
+    i, j = squares.place[page, 0] + a // side, squares.place[page, 1] + b // side
+    if not (0 <= i < rows and 0 <= j < columns):
+        return len(squares.value) - 1
+    q = squares.first[i, j]
+    if q >= empty:
+        return q
+    return -1 if p >= empty else q + (a % side) * side + b % side
+
+
+@kernel
+def _sweep(squares, order, steps, least, root, found):  # type: ignore[no-untyped-def]
+    """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there.
+
+    A square next to an empty page is added later than that page and meets it.
+    """
+    value = squares.value
+    for k in range(order.shape[0]):
+        p = order[k]
+        root[p] = p
+        for s in range(len(steps)):
+            q = _next_square(squares, p, steps[s, 0], steps[s, 1])
+            if q < 0 or root[q] < 0:
+                continue
+            one, other = _find(root, p), _find(root, q)
+            if one == other:
+                continue
+            deep, deeper = abs(value[one] - value[p]), abs(value[other] - value[p])
+            if min(deep, deeper) > least:
+                found[p] = True
+            if deep < deeper:
+                root[one] = other
+            else:
+                root[other] = one

@@ -21,10 +21,11 @@ def cover(occupied: Cells) -> Rectangles:
     """Return rectangles (k, 4) of cells, largest first: first row, row after the last, and so for columns."""
     turned = _stretched(np.ascontiguousarray(occupied.T))[:, [2, 3, 0, 1]]
     found = np.unique(np.vstack([_stretched(occupied), turned]), axis=0)
-    found = found[np.argsort(-_areas(found), kind="stable")]
-    found = found[_taken(found, occupied)]
-    found = found[::-1][_taken(found[::-1], occupied)]
-    return _needed(found, occupied.shape)[::-1]
+    areas = np.prod(found[:, 1::2] - found[:, ::2], axis=1)
+    found = found[np.argsort(-areas, kind="stable")]
+    for _ in range(2):  # largest first, then smallest first
+        found = found[_taken(found, *occupied.shape)][::-1]
+    return _needed(found[::-1], occupied.shape)[::-1]
 
 
 def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
@@ -36,11 +37,6 @@ def union(rectangles: Rectangles, shape: tuple[int, ...]) -> NDArray[np.int32]:
     for axis in (0, 1):
         np.cumsum(depth, axis=axis, out=depth)
     return depth[:-1, :-1]
-
-
-def _areas(rectangles: Rectangles) -> NDArray[np.int64]:
-    areas: NDArray[np.int64] = np.prod(rectangles[:, 1::2] - rectangles[:, ::2], axis=1)
-    return areas
 
 
 def _stretched(occupied: Cells) -> Rectangles:
@@ -61,16 +57,6 @@ def _stretched(occupied: Cells) -> Rectangles:
     return np.column_stack([row - up + 1, row + down, first, end])
 
 
-def _taken(rectangles: Rectangles, occupied: Cells) -> Cells:
-    """Return which rectangles (k,) cover a cell that no earlier one does."""
-    rows, columns = occupied.shape
-    right = np.repeat(np.arange(columns + 1, dtype=np.int32)[None], rows, axis=0)
-    down = np.repeat(np.arange(rows + 1, dtype=np.int32)[None], columns, axis=0)
-    taken = np.zeros(len(rectangles), np.bool_)
-    _take(rectangles, right, down, taken)
-    return taken
-
-
 def _needed(rectangles: Rectangles, shape: tuple[int, ...]) -> Rectangles:
     """Return the rectangles without those that the others cover; only few are in doubt."""
     depth = union(rectangles, shape)
@@ -87,19 +73,23 @@ def _needed(rectangles: Rectangles, shape: tuple[int, ...]) -> Rectangles:
 
 
 @kernel
-def _take(rectangles, right, down, taken):  # type: ignore[no-untyped-def]
-    """Mark rectangles that cover a cell which is not yet covered, one after another.
+def _taken(rectangles, rows, columns):  # type: ignore[no-untyped-def]
+    """Return which rectangles (k,) cover a cell of a grid that no earlier one does.
 
     `right[r, c]` is where to look for the first column from c on that is not covered in row r, (rows, columns + 1);
     `down[c, r]` is the same of rows. A rectangle takes as many searches as its shorter side has cells, and one for
     each cell it covers first: together at most as many as there are cells, since each candidate has a run for a side.
     """
+    right, down = np.empty((rows, columns + 1), np.int32), np.empty((columns, rows + 1), np.int32)
+    right[:], down[:] = np.arange(columns + 1), np.arange(rows + 1)
+    taken = np.zeros(len(rectangles), np.bool_)
     for k in range(len(rectangles)):
         r0, r1, c0, c1 = rectangles[k]
         if r1 - r0 <= c1 - c0:
             taken[k] = _cover(right, down, r0, r1, c0, c1)
         else:
             taken[k] = _cover(down, right, c0, c1, r0, r1)
+    return taken
 
 
 @kernel

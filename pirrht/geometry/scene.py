@@ -13,11 +13,12 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry import solids
-from pirrht.geometry.motion import Mover
-from pirrht.geometry.obstacle import Kind, Obstacle
+from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
-__all__ = ["Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
+ROUNDING = TUNING.rounding
+
+__all__ = ["ROUNDING", "Footprint", "Goal", "Kind", "Obstacle", "Scene", "Task", "Workspace"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,9 +49,6 @@ class Goal:
         """Return whether positions (..., 2) [m] lie in the closed disc, (...,)."""
         inside: NDArray[np.bool_] = np.hypot(*np.moveaxis(position - self.center, -1, 0)) <= self.radius
         return inside
-
-
-ROUNDING = TUNING.rounding
 
 
 class Waiver(NamedTuple):
@@ -141,12 +139,11 @@ class Scene:
     waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:
-        across, up = self.upper - self.lower
-        stand = f"{len(self.obstacles)} obstacle{'s' if len(self.obstacles) != 1 else ''}"
-        task = f"from {formatting.vector(self.start[:2])} to {formatting.vector(self.goal.center)}"
+        (across, up), count = self.upper - self.lower, len(self.obstacles)
         return (
-            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {stand}, {len(self.movers)} that move, "
-            f"{task}, robot of {self.robot_radius:g} m)"
+            f"Scene({formatting.name(self.name)}, {across:g} x {up:g} m, {count} obstacle{'s' if count != 1 else ''}, "
+            f"{len(self.movers)} that move, from {formatting.vector(self.start[:2])} to "
+            f"{formatting.vector(self.goal.center)}, robot of {self.robot_radius:g} m)"
         )
 
     def __post_init__(self) -> None:
@@ -191,13 +188,7 @@ class Scene:
 
     @classmethod
     def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
-        """Make a scene of upright cylinders.
-
-        Args:
-            discs: a row x, y, radius [m] each, (k, 3).
-            lower: least corner of the box that holds the robot's centre, (2,) [m].
-            upper: its greatest corner, (2,) [m].
-            task: as `from_boxes` takes it.
+        """Make a scene of upright cylinders, rows x, y, radius [m], (k, 3); the other arguments are `from_boxes`'s.
 
         Raises:
             SceneError: a number is missing or cannot be; names the row.
@@ -211,10 +202,7 @@ class Scene:
         """Make a scene of upright prisms; a polygon that is not convex becomes triangles.
 
         Args:
-            polygons: the corners of each, in their order around it, (l, 2) [m].
-            lower: least corner of the box that holds the robot's centre, (2,) [m].
-            upper: its greatest corner, (2,) [m].
-            task: as `from_boxes` takes it.
+            polygons: the corners of each, in their order around it, (l, 2) [m]; the others are `from_boxes`'s.
 
         Raises:
             SceneError: a polygon has no inside or crosses itself, or a number cannot be; names it.
@@ -232,7 +220,7 @@ class Scene:
                 (`np.flipud` turns a picture).
             resolution: side of a cell [m].
             origin: lower left corner of the grid, (2,) [m].
-            task: as `from_boxes` takes it.
+            task: `from_boxes`'s.
 
         Raises:
             SceneError: it is no grid of booleans, or a number is missing or cannot be.
@@ -265,7 +253,7 @@ class Scene:
 
     @property
     def world(self) -> Workspace:
-        """Return bounds, 2 x (2,) [m], obstacles, and discs in which margins are smaller."""
+        """Return bounds, 2 x (2,) [m], static obstacles, and discs in which margins are smaller."""
         return Workspace(self.lower, self.upper, self.obstacles, self.waivers)
 
     @property

@@ -1,42 +1,49 @@
-"""Compute distances from boxes, cylinders, spheres and capsules in closed form.
+"""Compute distances from boxes, cylinders, spheres, capsules, ellipsoids and convex meshes.
 
-FCL computes the same numbers one at a time, through four Python calls; a clearance field needs a million.
-`Collision` uses a closed form only where FCL has confirmed it for the solid at hand.
+FCL computes most of these numbers one at a time, through four Python calls; a clearance field needs a million. Its
+distances are hollow inside of meshes and too great by up to millimetres from ellipsoids.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.geometry.scene import Kind, Obstacle
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
 PROBE = TUNING.probe
-FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE)
+FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE, Kind.ELLIPSOID)
 
 
 class Solids(NamedTuple):
-    """Obstacles as arrays."""
+    """M obstacles as arrays, and the F triangles of their meshes."""
 
-    form: NDArray[np.int64]  # (M,) index in FORMS, -1 for a solid without a closed form
+    form: NDArray[np.int64]  # (M,) index in FORMS, -1 for a mesh
     size: Array  # (M, 3) MuJoCo's sizes [m]
     position: Array  # (M, 3) centres [m]
     rotation: Array  # (M, 3, 3) body axes in world coordinates, as columns
     low: Array  # (M, 2) rectangles around them seen from above [m]
     high: Array  # (M, 2) [m]
+    face: NDArray[np.int64]  # (M + 1,) where the triangles of each begin
+    corner: Array  # (F, 3, 3) corners of triangles, counter-clockwise from outside [m]
+    normal: Array  # (F, 3) their unit normals
 
     @classmethod
     def of(cls, obstacles: Sequence[Obstacle]) -> Solids:
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
+        hulls = [np.zeros((0, 3, 3))]
+        hulls += [_triangles(o) if o.kind is Kind.MESH else hulls[0] for o in obstacles]
+        corner = np.concatenate(hulls)
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         return cls(
             np.array([FORMS.index(o.kind) if o.kind in FORMS else -1 for o in obstacles], dtype=np.int64),
             np.array([o.size for o in obstacles], dtype=float).reshape(M, 3),
@@ -44,7 +51,29 @@ class Solids(NamedTuple):
             np.array([o.rotation for o in obstacles], dtype=float).reshape(M, 3, 3),
             np.ascontiguousarray(boxes[:, 0]),
             np.ascontiguousarray(boxes[:, 1]),
+            np.cumsum([len(hull) for hull in hulls]),
+            corner,
+            normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300),
         )
+
+
+def hull_of(obstacle: Obstacle) -> tuple[Array, IntArray]:
+    """Return corners (k, 3) [m] and triangles (l, 3) of a mesh in its own frame, counter-clockwise from outside."""
+    assert obstacle.vertices is not None
+    assert obstacle.faces is not None
+    vertices = np.ascontiguousarray(obstacle.vertices, dtype=float)
+    faces = np.array(obstacle.faces, dtype=np.int64)
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - vertices.mean(axis=0)) < 0
+    faces[inward] = faces[inward][:, ::-1]
+    return vertices, faces
+
+
+def _triangles(obstacle: Obstacle) -> Array:
+    """Return the triangles of a mesh in the world, (l, 3, 3) [m]."""
+    vertices, faces = hull_of(obstacle)
+    corners: Array = (vertices @ obstacle.rotation.T + obstacle.position)[faces]
+    return corners
 
 
 def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
@@ -54,11 +83,8 @@ def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:
         assert obstacle.vertices is not None
         low, high = obstacle.vertices.min(axis=0), obstacle.vertices.max(axis=0)
     else:
-        high = {
-            Kind.CYLINDER: np.array([a, a, b]),
-            Kind.SPHERE: np.array([a, a, a]),
-            Kind.CAPSULE: np.array([a, a, a + b]),
-        }.get(obstacle.kind, np.array([a, b, c]))
+        extents = {Kind.CYLINDER: (a, a, b), Kind.SPHERE: (a, a, a), Kind.CAPSULE: (a, a, a + b)}
+        high = np.array(extents.get(obstacle.kind, (a, b, c)))
         low = -high
     middle = obstacle.position + obstacle.rotation @ (0.5 * (low + high))
     extent = np.abs(obstacle.rotation) @ (0.5 * (high - low)) + PROBE
@@ -74,9 +100,56 @@ def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     if form == 1:
         r, h = max(math.sqrt(x * x + y * y) - a, 0.0), max(abs(z) - b, 0.0)
         return math.sqrt(r * r + h * h)
+    if form == 4:
+        ex, ey, ez = _off_ellipsoid(a, b, c, x, y, z)
+        return math.sqrt(ex * ex + ey * ey + ez * ez)
     if form == 3:
         z = max(abs(z) - b, 0.0)
     return math.sqrt(x * x + y * y + z * z) - a
+
+
+@kernel
+def _off_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the vector from an ellipsoid's nearest point, in its frame, zero inside [m].
+
+    With half axes a_i the nearest point is a_i^2 x_i / (a_i^2 + t); Newton's method finds t from below.
+    """
+    t = max(max(a * (abs(x) - a), b * (abs(y) - b)), max(c * (abs(z) - c), 0.0))
+    while True:
+        p, q, r = a * a + t, b * b + t, c * c + t
+        fx, fy, fz = (a * x / p) ** 2, (b * y / q) ** 2, (c * z / r) ** 2
+        step = 0.5 * (fx + fy + fz - 1.0) / (fx / p + fy / q + fz / r + 1e-300)
+        if not step > 1e-15 * p:
+            return t * x / p, t * y / q, t * z / r
+        t += step
+
+
+@kernel
+def _off_hull(solids, m, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the vector from the nearest point of mesh m to a point (x, y, z), zero inside [m].
+
+    It lies on a triangle that is seen from there; the distance of a triangle's plane is less than that of the triangle.
+    """
+    best, near = math.inf, (0.0, 0.0, 0.0)
+    for f in range(solids.face[m], solids.face[m + 1]):
+        corner, (nx, ny, nz) = solids.corner[f], (solids.normal[f, 0], solids.normal[f, 1], solids.normal[f, 2])
+        height = nx * (x - corner[0, 0]) + ny * (y - corner[0, 1]) + nz * (z - corner[0, 2])
+        if height <= 0.0 or height >= best:
+            continue
+        above = True
+        for k in range(3):
+            a, b = corner[k], corner[(k + 1) % 3]
+            ex, ey, ez, wx, wy, wz = b[0] - a[0], b[1] - a[1], b[2] - a[2], x - a[0], y - a[1], z - a[2]
+            if nx * (ey * wz - ez * wy) + ny * (ez * wx - ex * wz) + nz * (ex * wy - ey * wx) < 0.0:
+                above = False
+                s = min(max((ex * wx + ey * wy + ez * wz) / (ex * ex + ey * ey + ez * ez), 0.0), 1.0)
+                wx, wy, wz = wx - s * ex, wy - s * ey, wz - s * ez
+                d = math.sqrt(wx * wx + wy * wy + wz * wz)
+                if d < best:
+                    best, near = d, (wx, wy, wz)
+        if above:
+            best, near = height, (height * nx, height * ny, height * nz)
+    return near
 
 
 @inlined
@@ -93,10 +166,33 @@ def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the distance from solid m of `Solids`, which has a closed form, to a point (x, y, z) [m]; 0 inside."""
+    """Return the distance from solid m of `Solids` to a point (x, y, z) [m]; 0 inside."""
+    if solids.form[m] < 0:
+        ex, ey, ez = _off_hull(solids, m, x, y, z)
+        return math.sqrt(ex * ex + ey * ey + ez * ez)
     size = solids.size[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     return max(outside(solids.form[m], size[0], size[1], size[2], x, y, z), 0.0)
+
+
+@kernel
+def distances(solids, members, points, height, out):  # type: ignore[no-untyped-def]
+    """Write distances from the nearest of the members to points (k, 2) at a height [m], out (k,); 0 inside."""
+    low, high = solids.low, solids.high
+    for i in range(len(points)):
+        x, y = points[i, 0], points[i, 1]
+        best = math.inf
+        for m in members:
+            if square_to(low, high, m, x, y) < best * best:
+                best = min(best, distance_from(solids, m, x, y, height))
+        out[i] = best if best > PROBE else 0.0
+
+
+@inlined
+def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
+    """Return the square of the distance from (x, y) to the rectangle around a solid [m^2]."""
+    dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
+    return dx * dx + dy * dy
 
 
 @inlined
@@ -108,6 +204,8 @@ def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
         r = math.sqrt(x * x + y * y)
         share = 1.0 - a / r if r > a else 0.0
         return share * x, share * y, z - min(max(z, -b), b)
+    if form == 4:
+        return _off_ellipsoid(a, b, c, x, y, z)
     if form == 3:
         z = z - min(max(z, -b), b)
     share = 1.0 - a / math.sqrt(x * x + y * y + z * z)
@@ -117,78 +215,10 @@ def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 @kernel
 def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return the planar vector (x, y) from solid m's nearest point to a point (x, y, z) outside [m]."""
+    if solids.form[m] < 0:
+        ex, ey, _ = _off_hull(solids, m, x, y, z)
+        return ex, ey
     size, R = solids.size[m], solids.rotation[m]
     x, y, z = _in_frame(solids, m, x, y, z)
     ex, ey, ez = offset_of(solids.form[m], size[0], size[1], size[2], x, y, z)
     return R[0, 0] * ex + R[0, 1] * ey + R[0, 2] * ez, R[1, 0] * ex + R[1, 1] * ey + R[1, 2] * ez
-
-
-def tiles(points: Array, width: float) -> Iterator[tuple[NDArray[np.int64], Array, Array]]:
-    """Yield points (k, 2) [m] by square tiles of a width [m]: rows (l,), least and greatest corner (2,) of those."""
-    if not len(points):
-        return
-    tile = np.floor((points - points.min(axis=0)) / width).astype(np.int64)
-    number = tile[:, 0] * (tile[:, 1].max() + 1) + tile[:, 1]
-    order = np.argsort(number, kind="stable")
-    begins = np.concatenate(([0], np.flatnonzero(np.diff(number[order])) + 1))
-    least, most = (extreme.reduceat(points[order], begins, axis=0) for extreme in (np.minimum, np.maximum))
-    yield from zip(np.split(order, begins[1:]), least, most, strict=True)
-
-
-class Bins(NamedTuple):
-    """Solids that may be near, by square cells in rows along y."""
-
-    left: float  # corner of the first cell [m]
-    low: float  # [m]
-    width: float  # of a cell [m]
-    columns: int  # along x
-    rows: int  # along y
-    first: NDArray[np.int64]  # (columns rows + 1,) where the solids of each cell begin
-    member: NDArray[np.int64]  # (k,) solids, in the order of their indices within a cell
-
-
-def bins_of(solids: Solids, members: NDArray[np.int64], points: Array, cutoff: float) -> Bins:
-    """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
-    corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
-    width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
-    counts = ((end - corner) / width).astype(np.int64) + 1
-    wide = cutoff * (1.0 + 1e-9) + 1e-9
-    low = np.floor((solids.low[members] - wide - corner) / width)
-    high = np.floor((solids.high[members] + wide - corner) / width)
-    here = np.all((high >= 0) & (low < counts), axis=1)
-    low, high = np.clip(low[here], 0, counts - 1), np.clip(high[here], 0, counts - 1)
-    first = np.zeros(counts.prod() + 1, dtype=np.int64)
-    low, high = low.astype(np.int64), high.astype(np.int64)
-    _count(low, high, int(counts[1]), first)
-    np.cumsum(first, out=first)
-    member = np.empty(first[-1], dtype=np.int64)
-    _sort_in(low, high, members[here], int(counts[1]), first[:-1].copy(), member)
-    return Bins(float(corner[0]), float(corner[1]), width, int(counts[0]), int(counts[1]), first, member)
-
-
-@kernel
-def _count(low, high, rows, first):  # type: ignore[no-untyped-def]
-    """Count the rectangles of cells that cover each cell, written one place later."""
-    for m in range(len(low)):
-        for i in range(low[m, 0], high[m, 0] + 1):
-            for j in range(low[m, 1], high[m, 1] + 1):
-                first[i * rows + j + 1] += 1
-
-
-@kernel
-def _sort_in(low, high, members, rows, free, member):  # type: ignore[no-untyped-def]
-    """Write each solid into the cells that it covers, from the places that are `free` there on."""
-    for m in range(len(low)):
-        for i in range(low[m, 0], high[m, 0] + 1):
-            for j in range(low[m, 1], high[m, 1] + 1):
-                at = i * rows + j
-                member[free[at]] = members[m]
-                free[at] += 1
-
-
-@inlined
-def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
-    """Return where the solids near (x, y) [m] begin and end among `bins.member`."""
-    i = min(max(int((x - bins.left) / bins.width), 0), bins.columns - 1)
-    j = min(max(int((y - bins.low) / bins.width), 0), bins.rows - 1)
-    return bins.first[i * bins.rows + j], bins.first[i * bins.rows + j + 1]

@@ -21,7 +21,7 @@ def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     for i in np.flatnonzero(np.any(half < TUNING.smallest, axis=1)):
         raise SceneError(f"box {i + 1} is {numbers[i].tolist()}; x0 must be less than x1, and y0 than y1")
     return tuple(
-        _standing(f"box {i}", Kind.BOX, np.array([*h, 0.5 * height]), xy, height, about_vertical(float(yaw)))
+        _upright(f"box {i}", Kind.BOX, np.append(h, 0.5 * height), xy, float(yaw))
         for i, (h, xy, yaw) in enumerate(zip(half, middle, numbers[:, 4], strict=True), start=1)
     )
 
@@ -32,7 +32,7 @@ def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     for i in np.flatnonzero(numbers[:, 2] < TUNING.smallest):
         raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
     return tuple(
-        _standing(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]), height)
+        _upright(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]))
         for i, (x, y, radius) in enumerate(numbers, start=1)
     )
 
@@ -78,11 +78,10 @@ def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
     return out
 
 
-def _standing(name: str, kind: Kind, size: Array, xy: Array, height: float, rotation: Array | None = None) -> Obstacle:
-    position = np.array([*xy, 0.5 * height])
-    return Obstacle(
-        name=name, kind=kind, size=size, position=position, rotation=np.eye(3) if rotation is None else rotation
-    )
+def _upright(name: str, kind: Kind, size: Array, xy: Array, yaw: float = 0.0) -> Obstacle:
+    """Make a solid of MuJoCo's sizes (3,), the second or last of which is half its height, that stands at a place."""
+    position = np.append(xy, size[1] if kind is Kind.CYLINDER else size[2])
+    return Obstacle(name=name, kind=kind, size=size, position=position, rotation=about_vertical(yaw))
 
 
 def _prism(name: str, corners: Array, height: float) -> Obstacle:

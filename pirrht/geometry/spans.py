@@ -19,45 +19,13 @@ def boxes_of(rows: Array, *, repeat: bool, span: float = SPAN) -> Array:
 
     The first is right for earlier times as well. If the motion does not start over, the last is where it stays.
     """
-    count = max(1, math.ceil(rows[-1, 0] / span))
-    boxes = np.empty((count + (not repeat), BOX))
-    _write_boxes(rows, span, count, boxes)
-    if not repeat:
-        boxes[-1, :2] = boxes[-1, 2:] = rows[-1, 1:3]
-    return boxes
-
-
-@kernel
-def _write_boxes(rows, span, count, out):  # type: ignore[no-untyped-def]
-    """Write so many boxes of `boxes_of` to `out` (k, BOX) [m]."""
-    i = 0
-    for k in range(count):
-        low, high = k * span, (k + 1) * span
-        ax, ay = _place(rows, i, low)
-        while i < rows.shape[0] and rows[i, 0] <= low:
-            i += 1
-        first = i
-        while i < rows.shape[0] and rows[i, 0] < high:
-            i += 1
-        bx, by = _place(rows, i, high)
-        x0, y0, x1, y1 = min(ax, bx), min(ay, by), max(ax, bx), max(ay, by)
-        for j in range(first, i):
-            x0, x1 = min(x0, rows[j, 1]), max(x1, rows[j, 1])
-            y0, y1 = min(y0, rows[j, 2]), max(y1, rows[j, 2])
-        out[k, 0], out[k, 1], out[k, 2], out[k, 3] = x0, y0, x1, y1
-
-
-@inlined
-def _place(rows, i, t):  # type: ignore[no-untyped-def]
-    """Return the place (x, y) [m] of a motion at t [s], if no row before i comes after that."""
-    while i < rows.shape[0] and rows[i, 0] <= t:
-        i += 1
-    if i == 0 or i == rows.shape[0]:
-        j = max(i - 1, 0)
-        return rows[j, 1], rows[j, 2]
-    share = (t - rows[i - 1, 0]) / (rows[i, 0] - rows[i - 1, 0])
-    a, b = rows[i - 1, 1], rows[i - 1, 2]
-    return a + share * (rows[i, 1] - a), b + share * (rows[i, 2] - b)
+    edges = span * np.arange(max(1, math.ceil(rows[-1, 0] / span)) + 1)
+    times = np.union1d(edges, rows[:, 0])
+    places = np.column_stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2)])
+    at = np.searchsorted(times, edges)
+    low, high = (extreme(extreme.reduceat(places, at[:-1]), places[at[1:]]) for extreme in (np.minimum, np.maximum))
+    boxes = np.hstack([low, high])
+    return boxes if repeat else np.vstack([boxes, np.tile(rows[-1, 1:3], 2)])
 
 
 @inlined
@@ -75,28 +43,6 @@ def span_at(own, period, count, span):  # type: ignore[no-untyped-def]
     elif i == count - 1:
         left = math.inf
     return i, max(left, TUNING.moment)
-
-
-@kernel
-def comes_by(boxes, count, own, period, duration, frame, radius):  # type: ignore[no-untyped-def]
-    """Return whether the origin of an obstacle may come within a radius of a frame (x, y, X, Y) [m] in a time [s].
-
-    The others are as `keeps_off` takes them.
-    """
-    past = 0.0
-    while True:
-        i, left = span_at(own + past, period, count, SPAN)
-        across = (
-            load_float64(boxes, BOX * i) < frame[2] + radius and load_float64(boxes, BOX * i + 2) > frame[0] - radius
-        )
-        if across and (
-            load_float64(boxes, BOX * i + 1) < frame[3] + radius
-            and load_float64(boxes, BOX * i + 3) > frame[1] - radius
-        ):
-            return True
-        past += left
-        if past >= duration:
-            return False
 
 
 @kernel

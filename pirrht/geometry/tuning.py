@@ -21,15 +21,11 @@ class GeometryTuning(NamedTuple):
     table_places: int = 32_000_000  # places of the largest table of blocks: 4 bytes each
     block_points: int = 24_000_000  # points of all blocks: 12 bytes and about a quarter of a microsecond each
     coarse_cells: int = 4_000_000  # cells of the coarsest blocks: the search for passages takes four places for each
-    queries: int = 1_000_000  # points at which solids are queried one at a time: some 10 microseconds each
-    exact_cells: float = 8.0  # with clearance of so many widths interpolation in a cell errs by less than a hundredth
     blocks_at_once: int = 4096  # blocks that are sampled together: memory against calls
     least_step: float = 1e-3  # a certificate that would advance by less is left to FCL [m]: steps against FCL's queries
     # Distances
     probe: float = 1e-6  # radius of the sphere that stands for the robot's centre; nearer counts as inside [m]
-    hull_error: float = 4e-6  # over-estimate of a distance that is left to ellipsoids and meshes [m]: bisections
     shortest: float = 1e-4  # curve pieces that are still undecided at this length count as blocked [m]: bisections
-    form_error: float = 1e-9  # a closed form is that of a solid if it differs from FCL by less than this [m]
     kink_cells: float = 3.0  # within so many cells of a waiver's rim interpolation is corrected: safe for 1-Lipschitz
     bins_per_side: int = 2048  # of a lattice of solids: memory against solids per bin
     apart_cosine: float = 0.5  # of the angle from which on two directions are those of two walls
@@ -38,7 +34,7 @@ class GeometryTuning(NamedTuple):
     )
     rounding: float = 1e-9  # overlap that is rounding and no contact [m]
     # Passages
-    room_depth: float = 1.0  # a room is deeper than its door by so many spacings of the field, or it is grain
+    room_depth: float = 0.5  # a room is deeper than its door by so many spacings of the field, or it is grain
     solid_depth: float = (
         0.5  # an obstacle is deeper than a gap by this share of the robot's radius; inside by all of it
     )

@@ -23,6 +23,7 @@ Examples:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -30,16 +31,59 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment
 from pirrht.geometry.field import Field, clearance, two_walls
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.jit.jit import inlined
 
+WALL = 5  # numbers of a moving wall: clearance [m], unit vector (x, y) away, velocity there (x, y) [m/s]
+NEVER = 2.0  # share of a step at which nothing is met
+
+
+class MovingKernels(NamedTuple):
+    """Kernels that rollouts, proposals and edges call among moving obstacles; all take their numbers (`Moving`) first.
+
+    `watch` is scratch of one path after another; only the kernels know its fields. Rows of walls are clearance [m],
+    unit vector (x, y) away, zero inside, and velocity there (x, y) [m/s]. Places are (x, y) [m], times in [s].
+    """
+
+    watch: Any  # (moving): allocate scratch
+    begin: Any  # (watch): begin another path
+    # (moving, watch, x, y, t, within, out (J, WALL)): write the walls nearer than `within` [m] to rows; return how
+    # many, and until when they keep their velocities and no obstacle is suddenly elsewhere.
+    walls: Any
+    # (moving, watch, (x, y, mx, my), t, dt, cov, (line, weighed), state, out (J, WALL)): judge a noisy step of a
+    # covariance (xx, xy, yy) [m^2], whether noise acts along a line, whether survival is weighed. Return the next state
+    # of the random sequence, the share at which one is met, its wall being row 0, or NEVER, and log survival [nats].
+    bridge: Any
+    # (moving, watch, (x, y, mx, my, turn), t, dt, stop): share at which a step without position noise, an arc that
+    # turns [rad], meets one, or NEVER; a share `stop` is judged.
+    sweep: Any
+    clearance: Any  # (moving, x, y, t): clearance from the nearest [m]
+    certify: Any  # (moving, (ax, ay, s, bx, by, t)): FREE, BLOCKED or UNSURE for a straight step from a at s to b at t
+
+
+@inlined
+def unwatched(moving):  # type: ignore[no-untyped-def]
+    """Note nothing where nothing moves."""
+    return 0
+
+
+NOTHING_MOVES: Any = MovingKernels(unwatched, *[None] * 6)  # what kernels name in place of None, and never call
+
 
 class Moving(Protocol):
-    """J moving obstacles as a `World` queries them, lengths in [m] and times in [s]; kernels read its numbers."""
+    """J moving obstacles as a `World` queries them, lengths in [m] and times in [s].
+
+    Kernels take it as a NamedTuple of numbers. Among them are J and `speed`, the greatest of any point [m/s].
+    """
 
     @property
     def J(self) -> int:
         """Count the obstacles."""
+
+    @property
+    def kernels(self) -> MovingKernels | None:
+        """Return the kernels that answer for them; None where nothing moves."""
 
     def clearance(self, x: float, y: float, t: float) -> float:
         """Return the clearance of the robot's centre from the nearest [m]."""
@@ -49,6 +93,50 @@ class Moving(Protocol):
 
     def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
         """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) at s to (bx, by) at t."""
+
+    def distance(self, place: Array, t: float) -> float:
+        """Return FCL's clearance of the robot's centre at a place (2,)."""
+
+    def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
+        """Return whether a straight step from a (2,) at s to b (2,) at t meets one, by FCL where in doubt."""
+
+    def with_motions(self, movers: Sequence[Mover]) -> Moving:
+        """Return the obstacles on other motions; one thread at a time may query either."""
+
+
+class NoMoving(NamedTuple):
+    """Moving obstacles of a static world: none."""
+
+    J: int = 0
+    speed: float = 0.0
+
+    @property
+    def kernels(self) -> None:
+        """Kernels that are compiled leave moving obstacles out."""
+
+    def clearance(self, x: float, y: float, t: float) -> float:
+        """Nothing is near."""
+        return np.inf
+
+    def walls(self, x: float, y: float, t: float, within: float) -> Array:
+        """Return no rows, (0, 5)."""
+        return np.empty((0, WALL))
+
+    def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
+        """Certify any step."""
+        return FREE
+
+    def distance(self, place: Array, t: float) -> float:
+        """Nothing is near."""
+        return np.inf
+
+    def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
+        """No step meets anything."""
+        return False
+
+    def with_motions(self, movers: Sequence[Mover]) -> NoMoving:
+        """Nothing moves."""
+        return self
 
 
 class World(NamedTuple):
@@ -89,21 +177,13 @@ class World(NamedTuple):
 
 
 @inlined
-def with_wall(walls, e, ex, ey, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two walls in order and a third, which counts as no nearer than `widest` [m]."""
-    c, nx, ny, d, mx, my = walls
-    e, ex, ey = np.float32(max(e, widest)), np.float32(ex), np.float32(ey)
-    if e < c:
-        return e, ex, ey, c, nx, ny
-    if e < d:
-        return c, nx, ny, e, ex, ey
-    return c, nx, ny, d, mx, my
-
-
-@inlined
 def with_walls(walls, near, count, widest):  # type: ignore[no-untyped-def]
-    """Return the two nearest of two static walls and `count` rows of `near` (J, 5); none nearer than `widest`."""
+    """Return the two nearest of two static walls and `count` rows of `near` (J, WALL); none nearer than `widest`."""
     c, nx, ny, d, mx, my = walls
     for k in range(count):
-        c, nx, ny, d, mx, my = with_wall((c, nx, ny, d, mx, my), near[k, 0], near[k, 1], near[k, 2], widest)
+        e, ex, ey = np.float32(max(near[k, 0], widest)), np.float32(near[k, 1]), np.float32(near[k, 2])
+        if e < c:
+            c, nx, ny, d, mx, my = e, ex, ey, c, nx, ny
+        elif e < d:
+            d, mx, my = e, ex, ey
     return c, nx, ny, d, mx, my

@@ -5,12 +5,18 @@ Numba assigns slices with a message for shapes that differ, which takes a sevent
 
 from __future__ import annotations
 
+import ctypes
 from functools import cache
 from typing import Any
 
+import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from pirrht.jit.jit import jitable, kernel, load_float64, part, store_float64
+from pirrht.jit.jit import DISABLED, jitable, kernel, load_float64, part, store_float64
 
 
 @jitable
@@ -83,3 +89,51 @@ def matvec(count: int, width: int) -> Any:
             store_float64(out, j, total)
 
     return multiply
+
+
+def _blended() -> Any:
+    """Make the function of `blended`, in vector instructions; uncompiled, it reads views of memory."""
+    if DISABLED:
+
+        def plain(first: int, second: int, one: Any, other: Any, along: Any) -> tuple[Any, ...]:
+            (a, b), (c, d) = (np.ctypeslib.as_array((ctypes.c_float * 8).from_address(int(at))).reshape(2, 4)
+                               for at in (first, second))  # fmt: skip
+            low, high = a * (1 - one) + b * one, c * (1 - other) + d * other
+            return tuple(low + along * (high - low))
+
+        return plain
+
+    @intrinsic  # type: ignore[untyped-decorator]
+    def blend(typing_context: Any, *kinds: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+            kind, places = ir.VectorType(ir.FloatType(), 4), [ir.Constant(ir.IntType(32), k) for k in range(4)]
+
+            def rows(address: Any) -> list[Any]:
+                start = builder.inttoptr(address, kind.as_pointer())
+                return [builder.load(builder.gep(start, [place]), align=4) for place in places[:2]]
+
+            def fill(number: Any) -> Any:
+                empty = ir.Constant(kind, ir.Undefined)
+                one = builder.insert_element(empty, number, places[0])
+                return builder.shuffle_vector(one, empty, ir.Constant(ir.VectorType(ir.IntType(32), 4), None))
+
+            def between(low: Any, high: Any, share: Any) -> Any:
+                rest = builder.fsub(ir.Constant(ir.FloatType(), 1.0), share)
+                return builder.fadd(builder.fmul(low, fill(rest)), builder.fmul(high, fill(share)))
+
+            first, second, one, other, along = cgutils.unpack_tuple(builder, values[0])
+            low, high = between(*rows(first), one), between(*rows(second), other)
+            row = builder.fadd(low, builder.fmul(fill(along), builder.fsub(high, low)))
+            return context.make_tuple(
+                builder, signature.return_type, [builder.extract_element(row, place) for place in places]
+            )
+
+        numbers = (types.intp, types.intp, *3 * [types.float32])
+        return types.UniTuple(types.float32, 4)(types.StarArgTuple(numbers)), generate
+
+    return blend
+
+
+# (first, second, one, other, along): four float32 between rows of four. At two addresses lie two rows each; between
+# these a share each is taken, and a share `along` between the results.
+blended = _blended()

@@ -2,10 +2,9 @@
 
 obstacles          J moving obstacles as arrays for kernels; collision: the same obstacles as FCL has them
 distances          poses, clearances and walls at a time, in kernels
-exits              meetings of a sampled step with a moving obstacle
+exits              which are near a path, and how they end a sampled step
 certify            certificates of straight steps in space and time
-broad_phase        obstacles that may be near a cell of space and time, or near one path
 tuning             numbers that trade accuracy for time or memory, and widths of arrays
 
-It imports geometry and compilation; the method takes it through `geometry.world`, but for some kernels.
+It implements `Moving` of `geometry.world`, through which the method takes it.
 """

@@ -10,79 +10,52 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
-from pirrht.geometry.spans import BOX, comes_by, keeps_off
+from pirrht.geometry.spans import BOX, keeps_off
 from pirrht.geometry.tuning import TUNING as SPANS
 from pirrht.jit.jit import inlined, kernel, load_int64
-from pirrht.moving.distances import LEAD, PERIOD, clearance_of_body, disc_of, inexact, of_body, piece_of
-from pirrht.moving.tuning import PARTS, TUNING
+from pirrht.moving.distances import clearance_facing, clock_of, disc_of, piece_of, solids_of
+from pirrht.moving.tuning import PARTS, TABLE, TUNING
 
 
 @kernel
-def certify_leg(moving, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for the straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-    return certify_some(moving, None, moving.J, (ax, ay, s, bx, by, t))
-
-
-@kernel
-def list_passed(moving, frame, begin, end, candidates):  # type: ignore[no-untyped-def]
-    """Write to `candidates` (J,) obstacles that may touch a frame (x, y, X, Y) [m] in a time [s]; return how many."""
-    count = 0
-    for j in range(moving.J):
-        boxes, many, own, period = _boxes_of(moving, j, begin)
-        if comes_by(boxes, many, own, period, end - begin, frame, disc_of(moving, j) + LEAST_STEP):
-            candidates[count] = j
-            count += 1
-    return count
-
-
-@kernel
-def certify_some(moving, candidates, count, leg):  # type: ignore[no-untyped-def]
-    """Certify a straight step (ax, ay, s, bx, by, t) by the first `count` obstacles of a list, or of all."""
-    ax, ay, s, bx, by, t = leg
+def certify(moving, leg):  # type: ignore[no-untyped-def]
+    """Return FREE, BLOCKED or UNSURE for a straight step (ax, ay, s, bx, by, t) from a [m] at s [s] to b at t."""
     verdict = FREE
-    for k in range(count):
-        one = certify_past(moving, k if candidates is None else candidates[k], ax, ay, s, bx, by, t)
+    for j in range(moving.J):
+        one = certify_past(moving, j, leg)
         if one == BLOCKED:
             return BLOCKED
-        if one == UNSURE:
-            verdict = UNSURE
+        verdict = min(verdict, one)
     return verdict
 
 
-@inlined
-def _boxes_of(moving, j, t):  # type: ignore[no-untyped-def]
-    """Return address and number of the boxes of obstacle j, its own clock's time at t, and its period [s]."""
-    first, last = load_int64(moving.parts, PARTS * j + 4), load_int64(moving.parts, PARTS * j + 5)
-    own, period = t + of_body(moving, j, LEAD), of_body(moving, j, PERIOD)
-    return moving.boxes + 8 * BOX * first, last - first, own, period
-
-
 @kernel
-def note_unsure(moving, ax, ay, s, bx, by, t, out):  # type: ignore[no-untyped-def]
-    """Write to `out` (J,) which obstacles the step from (ax, ay) [m] at s [s] to (bx, by) at t does not surely pass."""
+def note_unsure(moving, leg, out):  # type: ignore[no-untyped-def]
+    """Write to `out` (J,) which obstacles a step does not surely pass."""
     for j in range(moving.J):
-        out[j] = certify_past(moving, j, ax, ay, s, bx, by, t) != FREE
+        out[j] = certify_past(moving, j, leg) != FREE
 
 
 @inlined
-def certify_past(moving, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
+def certify_past(moving, j, leg):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a straight step by obstacle j alone."""
-    per = 1.0 / (t - s) if t > s else 0.0
+    ax, ay, s, bx, by, t = leg
+    per, radius = 1.0 / (t - s) if t > s else 0.0, disc_of(moving, j) + LEAST_STEP
     ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
-    boxes, count, own, period = _boxes_of(moving, j, s)
-    if keeps_off(boxes, count, own, period, (ax, ay, ux, uy), t - s, disc_of(moving, j) + LEAST_STEP):
+    first, last = load_int64(moving.parts, PARTS * j + 4), load_int64(moving.parts, PARTS * j + 5)
+    lead, period = clock_of(moving, j)
+    if keeps_off(moving.boxes + 8 * BOX * first, last - first, s + lead, period, (ax, ay, ux, uy), t - s, radius):
         return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(moving, j, now)
         x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + SPANS.moment), t)
-        begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, disc_of(moving, j) + LEAST_STEP)
+        begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, radius)
         if begin <= leaves:
             speed = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(moving, j)
             one = _marched(moving, j, (ox, oy, yaw, vx, vy, turn), (x, y, ux, uy), begin, leaves, speed)
             if one == BLOCKED:
                 return BLOCKED
-            if one == UNSURE:
-                verdict = UNSURE
+            verdict = min(verdict, one)
         if end >= t:
             return verdict
         now = end
@@ -105,22 +78,19 @@ def within(x, y, vx, vy, duration, radius):  # type: ignore[no-untyped-def]
 
 @kernel
 def _marched(moving, j, pose, way, now, end, speed):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a piece of the motion of obstacle j and one of a step.
+    """Return FREE, BLOCKED or UNSURE for a piece of the motion of obstacle j and one of a step, between two times [s].
 
-    Args:
-        moving, j: the body's.
-        pose: of the obstacle at time 0 [m, m, rad], and its rates [1/s], (6,).
-        way: place at time 0 [m] and velocity [m/s], (4,).
-        now, end: the times [s].
-        speed: by which clearances change at most [m/s].
+    Pose [m, m, rad] and rates [1/s] of the obstacle (6,), place [m] and velocity [m/s] of the robot (4,) are those at
+    time 0; clearances change at most at a speed [m/s].
     """
     (ox, oy, yaw, vx, vy, turn), (x, y, ux, uy) = pose, way
     error, least, verdict = 0.0, TUNING.certain, FREE
-    if inexact(moving, j):
-        error, least = moving.pitch, LEAST_STEP
+    for k in solids_of(moving, j):
+        if load_int64(moving.form, TABLE * k) < 0:  # distances are those of a table
+            error, least = moving.pitch, LEAST_STEP
     while True:
-        px, py, qx, qy = ox + now * vx, oy + now * vy, x + now * ux, y + now * uy
-        c = clearance_of_body(moving, j, px, py, yaw + now * turn, qx, qy) - error
+        a, qx, qy = yaw + now * turn, x + now * ux, y + now * uy
+        c = clearance_facing(moving, j, ox + now * vx, oy + now * vy, math.cos(a), math.sin(a), qx, qy) - error
         if c < least:
             if c <= -2.0 * error:
                 return BLOCKED

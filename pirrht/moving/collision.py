@@ -19,8 +19,7 @@ import numpy as np
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import SHORTEST, Collision
-from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.tuning import TUNING as GEOMETRY
@@ -115,13 +114,10 @@ class Body:
 
 
 class MovingObstacles:
-    """All moving obstacles around a robot.
-
-    Args:
-        shapes: of the same bodies, as another record has them; they are shared, and queried by one thread at a time.
-    """
+    """All moving obstacles around a robot."""
 
     def __init__(self, movers: Sequence[Mover], footprint: Footprint, shapes: Sequence[Collision] = ()) -> None:
+        self._footprint = footprint
         known = shapes or repeat(None, len(movers))
         self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
@@ -130,10 +126,9 @@ class MovingObstacles:
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
 
-    @property
-    def shapes(self) -> list[Collision]:
-        """Return the solids of each obstacle in its own frame, as FCL has them."""
-        return [body.shape for body in self._bodies]
+    def with_motions(self, movers: Sequence[Mover]) -> MovingObstacles:
+        """Return these obstacles on other motions; FCL's solids are shared, and queried by one thread at a time."""
+        return MovingObstacles(movers, self._footprint, [body.shape for body in self._bodies])
 
     def clearance(self, place: Array, time: float) -> float:
         """Return the free distance to the nearest obstacle at a place (2,) [m] and time [s]; at most 0 in contact."""

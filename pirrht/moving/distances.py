@@ -16,9 +16,9 @@ LEAD, PERIOD, JUMPING, RADIUS, FASTEST = range(BODY)
 
 
 @inlined
-def of_body(moving, j, what):  # type: ignore[no-untyped-def]
-    """Return one of the numbers of obstacle j."""
-    return load_float64(moving.body, BODY * j + what)
+def clock_of(moving, j):  # type: ignore[no-untyped-def]
+    """Return how much later than now the clock of obstacle j's rows is, and when it starts over (0: never) [s]."""
+    return load_float64(moving.body, BODY * j + LEAD), load_float64(moving.body, BODY * j + PERIOD)
 
 
 @inlined
@@ -28,13 +28,20 @@ def disc_of(moving, j):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def fastest_of(moving, j):  # type: ignore[no-untyped-def]
+    """Return the greatest speed of any point of obstacle j, jumps aside [m/s]."""
+    return load_float64(moving.body, BODY * j + FASTEST)
+
+
+@inlined
 def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when these hold [s].
 
     At a time at which the rates change they are those from then on.
     """
     begin, end = load_int64(moving.parts, PARTS * j), load_int64(moving.parts, PARTS * j + 1)
-    now, period = t + load_float64(moving.body, BODY * j + LEAD), load_float64(moving.body, BODY * j + PERIOD)
+    lead, period = clock_of(moving, j)
+    now = t + lead
     if period > 0.0 and now > 0.0:
         now -= math.floor(now / period) * period
     low, high = begin, end  # the row that begins the piece is from low on and before high
@@ -57,16 +64,10 @@ def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
 @inlined
 def restart_of(moving, j, t):  # type: ignore[no-untyped-def]
     """Return when obstacle j is suddenly elsewhere, next after t [s]; infinity if it never is."""
-    if of_body(moving, j, JUMPING) == 0.0:
+    if load_float64(moving.body, BODY * j + JUMPING) == 0.0:
         return math.inf
-    offset, period = of_body(moving, j, LEAD), of_body(moving, j, PERIOD)
-    return max(math.floor((t + offset) / period) + 1.0, 1.0) * period - offset
-
-
-@inlined
-def pose_of(moving, j, t):  # type: ignore[no-untyped-def]
-    """Return x, y [m] and yaw [rad] of obstacle j at t [s]."""
-    return piece_of(moving, j, t)[:3]
+    lead, period = clock_of(moving, j)
+    return max(math.floor((t + lead) / period) + 1.0, 1.0) * period - lead
 
 
 @inlined
@@ -139,18 +140,9 @@ def offset_of_solid(moving, k, u, v):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def inexact(moving, j):  # type: ignore[no-untyped-def]
-    """Return whether distances from a solid of obstacle j are those of a table."""
-    found = False
-    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
-        found |= load_int64(moving.form, TABLE * k) < 0
-    return found
-
-
-@inlined
-def clearance_of_body(moving, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
-    """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and yaw [rad], up to the cutoff [m]."""
-    return clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
+def solids_of(moving, j):  # type: ignore[no-untyped-def]
+    """Return the numbers of the solids of obstacle j."""
+    return range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3))
 
 
 @inlined
@@ -158,70 +150,37 @@ def clearance_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-
     """Return the clearance of (x, y) [m] from obstacle j at (ox, oy) [m] and a yaw of cosine c and sine s [m]."""
     dx, dy = x - ox, y - oy
     u, v, best = c * dx + s * dy, c * dy - s * dx, moving.cutoff
-    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
+    for k in solids_of(moving, j):
         best = min(best, clearance_of_solid(moving, k, u, v))
     return best
 
 
 @inlined
-def wall_of_body(moving, j, ox, oy, yaw, x, y):  # type: ignore[no-untyped-def]
+def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
     """Return clearance, unit vector (x, y) away from obstacle j's nearest point, and the vector (x, y) from there [m].
 
-    Both vectors are zero inside of the obstacle and beyond the cutoff.
+    It is at (ox, oy) [m] and a yaw of cosine c and sine s. Both vectors are zero inside of it and beyond the cutoff.
     """
-    return wall_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y)
-
-
-@inlined
-def wall_facing(moving, j, ox, oy, c, s, x, y):  # type: ignore[no-untyped-def]
-    """Return what `wall_of_body` does, from cosine c and sine s of the yaw."""
     dx, dy = x - ox, y - oy
     u, v, best, which = c * dx + s * dy, c * dy - s * dx, moving.cutoff, -1
-    for k in range(load_int64(moving.parts, PARTS * j + 2), load_int64(moving.parts, PARTS * j + 3)):
+    for k in solids_of(moving, j):
         d = clearance_of_solid(moving, k, u, v)
         if d < best:
             best, which = d, k
     if which < 0:
         return best, 0.0, 0.0, 0.0, 0.0
     ex, ey, gx, gy = offset_of_solid(moving, which, u, v)
-    size = math.sqrt(gx * gx + gy * gy)
-    if size > 0.0:
-        gx, gy = gx / size, gy / size
+    size = max(math.sqrt(gx * gx + gy * gy), 1e-300)
+    gx, gy = gx / size, gy / size
     return best, c * gx - s * gy, s * gx + c * gy, c * ex - s * ey, s * ex + c * ey
 
 
-@inlined
+@kernel
 def moving_clearance(moving, x, y, t):  # type: ignore[no-untyped-def]
     """Return the clearance of the robot's centre at (x, y) [m] from all obstacles at t [s], up to the cutoff [m]."""
     best = moving.cutoff
     for j in range(moving.J):
-        ox, oy, yaw = pose_of(moving, j, t)
+        ox, oy, yaw, _, _, _, _ = piece_of(moving, j, t)
         if outside_of(moving, j, ox, oy, x, y) < best:
-            best = min(best, clearance_of_body(moving, j, ox, oy, yaw, x, y))
+            best = min(best, clearance_facing(moving, j, ox, oy, math.cos(yaw), math.sin(yaw), x, y))
     return best
-
-
-@kernel
-def moving_walls(moving, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write obstacles nearer than `within` to (x, y) [m] at t [s] to rows of `out` (J, WALL); return how many.
-
-    A row is the clearance [m], the unit vector (x, y) away from the nearest point, and the velocity (x, y) that the
-    body has there [m/s]; at a time at which that changes, that from then on.
-    """
-    return walls_of_some(moving, None, moving.J, x, y, t, within, out)
-
-
-@kernel
-def walls_of_some(moving, candidates, many, x, y, t, within, out):  # type: ignore[no-untyped-def]
-    """Write the nearer ones of the first `many` candidates, or of all, as `moving_walls` does; return how many."""
-    count = 0
-    for k in range(many):
-        j = k if candidates is None else candidates[k]
-        ox, oy, yaw, vx, vy, turn, _ = piece_of(moving, j, t)
-        if outside_of(moving, j, ox, oy, x, y) < within:
-            d, nx, ny, ex, ey = wall_of_body(moving, j, ox, oy, yaw, x, y)
-            if d < within:
-                out[count, 0], out[count, 1], out[count, 2] = d, nx, ny
-                out[count, 3], out[count, 4] = vx - turn * (y - ey - oy), vy + turn * (x - ex - ox)
-                count += 1
-    return count

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Scene, Workspace
 from pirrht.geometry.shapes import Solids
 from pirrht.geometry.spans import BOX, boxes_of
-from pirrht.moving.certify import certify_leg
-from pirrht.moving.collision import jumps, radius_of, speed_bound
-from pirrht.moving.distances import FASTEST, LEAD, RADIUS, moving_clearance, moving_walls
-from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING, WALL
+from pirrht.geometry.world import WALL, MovingKernels
+from pirrht.moving.certify import certify, note_unsure
+from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
+from pirrht.moving.distances import FASTEST, moving_clearance
+from pirrht.moving.exits import begin, bridge, sweep, walls, walls_at, watch
+from pirrht.moving.tuning import BODY, PARTS, ROW, TUNING
+
+KERNELS = MovingKernels(watch, begin, walls, bridge, sweep, moving_clearance, certify)
 
 
 class ObstacleNumbers(NamedTuple):
@@ -41,11 +44,11 @@ class ObstacleNumbers(NamedTuple):
 
 
 class MovingObstacleArrays(ObstacleNumbers):
-    """J moving obstacles together with the arrays that the addresses point to."""
+    """J moving obstacles together with the arrays that the addresses point to: `geometry.world.Moving`."""
 
     arrays: Sequence[Array | IntArray]
-    radius: Array  # (J,) of the disc around a body's origin outside of which the robot's centre is free [m]
-    fastest: Array  # (J,) speed of any point of a body at most, jumps aside [m/s]
+    collision: MovingObstacles  # the same obstacles as FCL has them
+    kernels = KERNELS
 
     @classmethod
     def of(cls, scene: Scene) -> MovingObstacleArrays:
@@ -56,30 +59,26 @@ class MovingObstacleArrays(ObstacleNumbers):
     @classmethod
     def around(cls, footprint: Footprint, movers: Sequence[Mover], cutoff: float) -> MovingObstacleArrays:
         """Gather obstacles around a robot, distances from whose solids are right up to a cutoff [m]."""
-        motions = _motions(movers, footprint.radius)
         shapes, pitch = _shapes([solid for mover in movers for solid in mover.solids], footprint, cutoff)
-        numbers = pitch, float(footprint.height), float(footprint.radius), _fastest(motions[0]), cutoff
-        return cls._holding((*motions, *shapes), numbers)
+        sizes = pitch, float(footprint.height), float(footprint.radius)
+        return cls._holding(movers, shapes, sizes, cutoff, MovingObstacles(movers, footprint))
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
-        """Return these obstacles on other motions."""
-        motions, shapes = _motions(movers, self.robot), self.arrays[4:]  # the first four are of motions
-        numbers = self.pitch, self.height, self.robot, _fastest(motions[0]), self.cutoff
-        return self._holding((*motions, *shapes), numbers)
+        """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
+        shapes, sizes = self.arrays[4:], (self.pitch, self.height, self.robot)  # the first four are of motions
+        return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
 
     @classmethod
-    def _holding(cls, arrays: Sequence[Array | IntArray], numbers: Sequence[float]) -> MovingObstacleArrays:
-        arrays = tuple(map(np.ascontiguousarray, arrays))
-        body = np.asarray(arrays[0], dtype=float)
-        made = cls(len(body), *(array.ctypes.data for array in arrays), *numbers)
-        made.arrays, made.radius, made.fastest = arrays, body[:, RADIUS], body[:, FASTEST]
+    def _holding(
+        cls, movers: Sequence[Mover], shapes: Sequence[Array | IntArray], sizes: tuple[float, float, float],
+        cutoff: float, collision: MovingObstacles,
+    ) -> MovingObstacleArrays:  # fmt: skip
+        motions = _motions(movers, sizes[2])
+        arrays: Sequence[Any] = [np.ascontiguousarray(one) for one in (*motions, *shapes)]
+        numbers: Sequence[float] = *sizes, float(motions[0][:, FASTEST].max(initial=0.0)), cutoff
+        made = cls(len(movers), *(array.ctypes.data for array in arrays), *numbers)
+        made.arrays, made.collision = arrays, collision
         return made
-
-    def after(self, time: float) -> MovingObstacleArrays:
-        """Return the obstacles on a clock that starts at a time [s] of this one's."""
-        later = self.arrays[0].copy()
-        later[:, LEAD] += time
-        return self._holding((later, *self.arrays[1:]), (self.pitch, self.height, self.robot, self.speed, self.cutoff))
 
     def clearance(self, x: float, y: float, t: float) -> float:
         """Return the clearance of the robot's centre (x, y) [m] from the nearest at t [s], up to the cutoff [m]."""
@@ -88,11 +87,21 @@ class MovingObstacleArrays(ObstacleNumbers):
     def walls(self, x: float, y: float, t: float, within: float) -> Array:
         """Return clearance [m], unit vector (x, y) away and velocity (x, y) [m/s] of those `within` [m], (k, 5)."""
         out = np.empty((self.J, WALL))
-        return out[: moving_walls(self, x, y, t, within, out)]
+        return out[: walls_at(self, x, y, t, within, out)]
 
     def certify(self, ax: float, ay: float, bx: float, by: float, s: float, t: float) -> int:
         """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
-        return int(certify_leg(self, ax, ay, s, bx, by, t))
+        return int(certify(self, (ax, ay, s, bx, by, t)))
+
+    def distance(self, place: Array, t: float) -> float:
+        """Return FCL's clearance of the robot's centre at a place (2,) [m] at t [s]."""
+        return self.collision.clearance(place, t)
+
+    def meets(self, a: Array, s: float, b: Array, t: float) -> bool:
+        """Return whether a straight step from a (2,) [m] at s [s] to b (2,) at t meets one, by FCL where in doubt."""
+        unsure = np.zeros(self.J, dtype=np.bool_)
+        note_unsure(self, (float(a[0]), float(a[1]), s, float(b[0]), float(b[1]), t), unsure)
+        return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure)
 
 
 def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
@@ -150,11 +159,6 @@ def _excess(distance: Array, pitch: float) -> Array:
     nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
     excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
     return excess
-
-
-def _fastest(body: Array) -> float:
-    """Return the greatest speed of any point of bodies (J, BODY) [m/s]."""
-    return float(body[:, FASTEST].max(initial=0.0))
 
 
 def _with_rates(rows: Array) -> Array:

@@ -2,11 +2,10 @@
 
 tree         `HomologyTree`: Algorithms 1 (Expansion), 2 (ChooseParent) and 3 (Rewire), to be read from top to bottom
 references   Algorithm 5 (ExtractReference): paths of all classes, shortened
-expand       Algorithm 1 for many draws in one kernel, draws in passages, and storage: all that changes in a tree
-rewire       Algorithms 2 and 3 in kernels: the search over the queue, and the classes at a state
-nodes        AppendNode: classes that a vertex keeps, under |1 - H_i| <= H_limit, and the queue
-graph        records of vertices, edges and nodes in memory
-file, checks   trees as files, which are examined before they are trusted
+expand       Algorithm 1 for many draws in one kernel, and draws in passages
+rewire       Algorithms 2 and 3 in kernels: classes that a vertex keeps (AppendNode), and the search over the queue
+graph        vertices, edges and nodes in memory: all of a tree that changes
+file         trees as files, which are examined before they are trusted
 tuning       tuned numbers
 
 An edge is known only to its kind of motion (`steering.motion`), a class only to its `Signature`: nothing here depends

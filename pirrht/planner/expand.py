@@ -1,7 +1,4 @@
-"""Algorithm 1: states become vertices of the graph with their edges, in compiled code as far as it can decide.
-
-`Storage` keeps vertices, edges and nodes, and makes room for more: all of the tree that changes.
-"""
+"""Algorithm 1: states become vertices of the graph with their edges, in compiled code as far as it can decide."""
 
 from __future__ import annotations
 
@@ -25,76 +22,14 @@ from pirrht.jit.jit import (
     store_int16,
     store_int32,
     store_int64,
-)
+)  # fmt: skip
 from pirrht.planner import graph as g
-from pirrht.planner.graph import STATUS, Vertices
-from pirrht.planner.nodes import SearchRules, ask_again
-from pirrht.planner.rewire import reaches, relax, relaxed
+from pirrht.planner.graph import STATUS
+from pirrht.planner.rewire import ask_again, reaches, relaxed
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import NO_EDGES, Edges, judge_with
 from pirrht.steering.motion import MotionKernels
 from pirrht.topology.homology import write_base
-
-MORE = {STATUS.nodes_full: (g.NODES, 1), STATUS.queue_full: (g.QUEUE, 0), STATUS.pairs_full: (g.NODE_PAIRS, 2)}
-
-
-class Storage:
-    """Vertices and graph of a tree; both are replaced by larger ones whenever they are full."""
-
-    def __init__(self, vertices: Vertices, graph: g.Graph) -> None:
-        self.vertices, self.places = vertices, g.Places.of(graph)
-
-    @classmethod
-    def empty(cls, n: int, M: int, classes: int) -> Storage:
-        """Allocate room for states of n numbers, M obstacles and so many classes per vertex."""
-        vertices = Vertices(np.zeros((TUNING.vertices, n)), np.zeros(TUNING.vertices, dtype=np.bool_))
-        return cls(vertices, g.empty_graph(TUNING.vertices, TUNING.edges, classes, M))
-
-    @property
-    def size(self) -> int:
-        """Number of vertices."""
-        return int(self.places.graph.size[g.SIZE.vertices])
-
-    def write(self, x: Array, root: bool) -> int:
-        """Write a state (n,) where the next vertex will be; its index."""
-        v = self.size
-        if v >= len(self.vertices.states):
-            self._double_vertices()
-        self.vertices.states[v], self.vertices.in_goal[v] = x, root
-        return v
-
-    def reserve(self, vertices: int) -> None:
-        """Make room for about so many vertices, their edges and pairs."""
-        size = self.places.graph.size
-        more = 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
-        while len(self.vertices.states) < vertices:
-            self._double_vertices()
-        self._make_room(int(more * size[g.SIZE.edges]), int(more * size[g.SIZE.pairs]))
-
-    def make_room(self, *batches: Edges) -> None:
-        """Make room for more edges."""
-        self._make_room(sum(len(one.near) for one in batches), sum(len(one.turns.marker) for one in batches))
-
-    def relax(self, rules: SearchRules) -> None:
-        """Relax costs until no node improves."""
-        while (status := relax(self.places, rules)) != STATUS.done:
-            self._double(*MORE[status])
-
-    def _make_room(self, edges: int, pairs: int) -> None:
-        while self.places.graph.size[g.SIZE.edges] + edges > len(self.places.graph.tail):
-            self._double(g.EDGES)
-        while self.places.graph.size[g.SIZE.pairs] + pairs > len(self.places.graph.edge_marker):
-            self._double(g.EDGE_PAIRS)
-
-    def _double_vertices(self) -> None:
-        self._double(g.VERTICES + g.NODES)
-        states, in_goal = self.vertices
-        self.vertices = Vertices(
-            np.vstack([states, np.zeros_like(states)]), np.concatenate([in_goal, np.zeros_like(in_goal)])
-        )
-
-    def _double(self, names: tuple[str, ...], axis: int = 0) -> None:
-        self.places = g.Places.of(g.doubled(self.places.graph, names, axis))
 
 
 class PassageSampler:
@@ -104,32 +39,26 @@ class PassageSampler:
     file in between, is the tree that is grown at once. At least every second draw is uniform, so paths converge.
 
     Attributes:
-        waiting: index of each state that is no vertex yet.
+        waiting: the states that are no vertices yet, as bytes.
     """
 
     def __init__(self, states: Array) -> None:
-        self.states = states
-        self.waiting = {state.tobytes(): k for k, state in enumerate(states)}
-        self._open = np.ones(len(states), dtype=bool)
-        self._seen = 0
+        self.states, self.waiting, self._seen = states, {state.tobytes() for state in states}, 0
         self._period = max(TUNING.offer_period, 2 * len(states))
 
     def note(self, states: Array) -> None:
         """Take the states (V, n) of all vertices from the list of those that are waited for."""
         if self.waiting:
-            for state in states[self._seen :]:
-                k = self.waiting.pop(state.tobytes(), None)
-                if k is not None:
-                    self._open[k] = False
+            self.waiting.difference_update(state.tobytes() for state in states[self._seen :])
         self._seen = len(states)
 
     def at(self, draw: int) -> Array | None:
         """The state (n,) that is offered as a draw of some number; None: this draw is uniform."""
         place, uniform = divmod(draw % self._period, 2)
-        if uniform or place >= len(self.states) or not self._open[place]:
+        if uniform or place >= len(self.states):
             return None
         offered: Array = self.states[place]
-        return offered
+        return offered if offered.tobytes() in self.waiting else None
 
     def together(self, draw: int) -> int:
         """Number of draws from this one on that need no `note` in between: none of them is offered twice."""
@@ -140,6 +69,17 @@ class PassageSampler:
 def near_count(size, n):  # type: ignore[no-untyped-def]
     """The RRG's k = e (1 + 1/n) log |V|, rounded up, for `size` vertices and the new one (section IV-B)."""
     return math.ceil(math.e * (1.0 + 1.0 / n) * math.log(size + 1))
+
+
+@part
+def _link(at, e):  # type: ignore[no-untyped-def]
+    """Put edge e at the head of the lists of both of its vertices."""
+    edge = g.edge_at(at, e)
+    first_out, first_in = g.vertex_at(at, load_int32(edge, g.TAIL)), g.vertex_at(at, load_int32(edge, g.HEAD))
+    store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
+    store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
+    store_int32(first_out, g.FIRST_OUT, e)
+    store_int32(first_in, g.FIRST_IN, e)
 
 
 @part
@@ -156,15 +96,12 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
         store_int16(at.edge_turn, used, turn)
         key += turn * weights[marker]
         used += 1
-    edge, first_out, first_in = g.edge_at(at, e), g.vertex_at(at, tail), g.vertex_at(at, head)
+    edge = g.edge_at(at, e)
     store_int32(edge, g.TAIL, tail)
     store_int32(edge, g.HEAD, head)
     store_float64(edge, g.EDGE_COST, edges.cost[i])
     store_int64(edge, g.EDGE_KEY, key)
-    store_int32(edge, g.NEXT_OUT, load_int32(first_out, g.FIRST_OUT))
-    store_int32(edge, g.NEXT_IN, load_int32(first_in, g.FIRST_IN))
-    store_int32(first_out, g.FIRST_OUT, e)
-    store_int32(first_in, g.FIRST_IN, e)
+    _link(at, e)
     store_int64(at.edge_first, e + 1, used)
     store_int64(at.size, g.SIZE.edges, e + 1)
     store_int64(at.size, g.SIZE.pairs, used)
@@ -206,6 +143,18 @@ def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no
                 ask_again(at, u)
 
 
+@kernel
+def restore(at, in_goal):  # type: ignore[no-untyped-def]
+    """Link all edges, and give nodes to the roots, where `in_goal` (V,); costs settle later."""
+    for v in range(load_int64(at.size, g.SIZE.vertices)):
+        store_int32(g.vertex_at(at, v), g.COUNT, np.int32(in_goal[v]))
+    for e in range(load_int64(at.size, g.SIZE.edges)):
+        _link(at, e)
+        edge = g.edge_at(at, e)
+        if in_goal[load_int32(edge, g.HEAD)]:
+            ask_again(at, load_int32(edge, g.TAIL))
+
+
 _propose = caller((NO_EDGES, 0))
 
 
@@ -213,7 +162,7 @@ _propose = caller((NO_EDGES, 0))
 def proposer(
     nearest: Callable[..., None], connect: Callable[..., Any], count: int, motion: MotionKernels
 ) -> Callable[..., tuple[Edges, int]]:
-    """Make what `grow` calls of a steering method (`steering.Compiled`, `count` numbers) and its motions."""
+    """Make what `grow` calls of a `CompiledSteering` (`nearest_with`, optimum, `count` numbers) and its motions."""
     judge = judge_with(motion)
 
     def propose(vertices, size, x, around, values, forward, root, straight):  # type: ignore[no-untyped-def]

@@ -11,24 +11,17 @@ random, and whatever lies apart is fetched apart. The dtypes say where in a reco
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.jit.jit import inlined, kernel, load_int32, load_int64
+from pirrht.jit.jit import inlined, load_int32, load_int64
 from pirrht.planner.tuning import TUNING
 from pirrht.topology.crossings import spread
 
 ROOT = -1  # in place of the edge to a parent
-
-
-class Vertices(NamedTuple):
-    """States of vertices, with room to grow."""
-
-    states: Array  # (V, n), x and y first [m]
-    in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal
 
 
 class Status(NamedTuple):
@@ -55,11 +48,20 @@ class Size(NamedTuple):
 STATUS, SIZE = Status(), Size()
 
 
+class Vertices(NamedTuple):
+    """States of vertices, with room to grow."""
+
+    states: Array  # (V, n), x and y first [m]
+    in_goal: NDArray[np.bool_]  # (V,) whether it is a root: it lies in the goal
+
+
 class Graph(NamedTuple):
     """Plain arrays with room to grow; the first `size` entries count. Kernels change them in place."""
 
     size: NDArray[np.int64]  # (5,) vertices, edges, queue entries, vertices to refill, pairs of edges
     pruned: NDArray[np.int64]  # (1,) classes refused or dropped because K cheaper ones were known
+    states: Array  # (V, n) as `Vertices`
+    in_goal: NDArray[np.bool_]  # (V,)
     straight: Array  # (V, M) H of the straight line to the goal point [turns]
     first_out: NDArray[np.int32]  # (V,) first edge that leaves a vertex, -1 if none
     first_in: NDArray[np.int32]  # (V,) first edge that enters it
@@ -106,14 +108,6 @@ EDGE_COST, EDGE_KEY = _index(EDGE, "edge_cost", "edge_key")
 COST, KEY, PARENT, NODE_PAIR_COUNT = _index(NODE, "cost", "key", "parent", "pairs")
 VERTEX_BYTES, EDGE_BYTES, NODE_BYTES = VERTEX.itemsize, EDGE.itemsize, NODE.itemsize
 
-# Arrays that grow together.
-EDGES = ("edge_first", *(EDGE.names or ()))
-EDGE_PAIRS = ("edge_marker", "edge_turn")
-VERTICES = ("straight", "refill", "waiting")
-NODES = (*(NODE.names or ()), "marker", "turn")
-NODE_PAIRS = ("marker", "turn")
-QUEUE = ("queue_cost", "queue_vertex", "queue_key")
-
 
 class Addresses(NamedTuple):
     """Addresses of a graph's arrays that kernels read and write (up to `waiting`), and their sizes."""
@@ -142,6 +136,17 @@ class Addresses(NamedTuple):
     pair_room: int
 
 
+class Capacity(NamedTuple):
+    """Numbers of entries that there is room for, as in the shapes of a `Graph`."""
+
+    V: int
+    E: int
+    P: int
+    K: int
+    C: int
+    Q: int
+
+
 class Places(Addresses):
     """`Addresses` together with the graph that they point into."""
 
@@ -159,66 +164,78 @@ class Places(Addresses):
 
 
 def _records(count: int, dtype: np.dtype[np.void]) -> NDArray[np.void]:
-    """Zeros that begin where a line does."""
-    raw = np.zeros(count * dtype.itemsize + 64, np.uint8)  # a processor fetches 64 bytes at once
+    """Zeros that begin where a line does: a processor fetches 64 bytes at once."""
+    raw = np.zeros(count * dtype.itemsize + 64, np.uint8)
     begin = -raw.ctypes.data % 64
     return raw[begin : begin + count * dtype.itemsize].view(dtype)
 
 
-def _edge_room(count: int) -> dict[str, NDArray[Any]]:
-    """The arrays that lie together in the records of so many edges."""
-    edge = _records(count, EDGE)
-    edge["next_in"] = edge["next_out"] = -1
-    return {name: edge[name] for name in EDGE.names or ()}
-
-
-def _vertex_room(count: int, nodes: int) -> dict[str, NDArray[Any]]:
-    """The arrays that lie together in the records of so many vertices."""
-    vertex = _records(count, np.dtype([*VERTEX.descr, ("node", NODE, (nodes,))]))
-    vertex["first_out"] = vertex["first_in"] = -1
+def empty_graph(capacity: Capacity, n: int, M: int) -> Graph:
+    """Allocate a graph without vertices, for states of n numbers and M markers."""
+    V, E, P, K, C, Q = capacity
+    edge, vertex = _records(E, EDGE), _records(V, np.dtype([*VERTEX.descr, ("node", NODE, (K,))]))
+    edge["next_in"] = edge["next_out"] = vertex["first_out"] = vertex["first_in"] = -1
     vertex["node"]["parent"] = ROOT
-    fields = {name: vertex[name] for name in ("nodes", "first_out", "first_in")}
-    return fields | {name: vertex["node"][name] for name in NODE.names or ()}
-
-
-def empty_graph(vertices: int, edges: int, nodes: int, M: int) -> Graph:
-    """Room for so many vertices V, edges E, of as many pairs P, and nodes per vertex K, of C = min(M, 16) pairs."""
-    C = min(M, TUNING.pairs)
     return Graph(
         size=np.zeros(5, np.int64),
         pruned=np.zeros(1, np.int64),
-        straight=np.zeros((vertices, M)),
-        edge_first=np.zeros(edges + 1, np.int64),
-        edge_marker=np.zeros(edges, np.int32),
-        edge_turn=np.zeros(edges, np.int16),
-        marker=np.zeros((vertices, nodes, C), np.int32),
-        turn=np.zeros((vertices, nodes, C), np.int16),
-        queue_cost=np.zeros(1024),
-        queue_vertex=np.zeros(1024, np.int32),
-        queue_key=np.zeros(1024, np.int64),
-        refill=np.zeros(vertices, np.int32),
-        waiting=np.zeros(vertices, np.bool_),
-        **_edge_room(edges),
-        **_vertex_room(vertices, nodes),
+        states=np.zeros((V, n)),
+        in_goal=np.zeros(V, np.bool_),
+        straight=np.zeros((V, M)),
+        edge_first=np.zeros(E + 1, np.int64),
+        edge_marker=np.zeros(P, np.int32),
+        edge_turn=np.zeros(P, np.int16),
+        marker=np.zeros((V, K, C), np.int32),
+        turn=np.zeros((V, K, C), np.int16),
+        queue_cost=np.zeros(Q),
+        queue_vertex=np.zeros(Q, np.int32),
+        queue_key=np.zeros(Q, np.int64),
+        refill=np.zeros(V, np.int32),
+        waiting=np.zeros(V, np.bool_),
+        **{name: edge[name] for name in EDGE.names or ()},
+        **{name: vertex[name] for name in ("nodes", "first_out", "first_in")},
+        **{name: vertex["node"][name] for name in NODE.names or ()},
     )
 
 
-def doubled(graph: Graph, names: tuple[str, ...], axis: int = 0) -> Graph:
-    """The graph with twice the room along one axis of the named arrays, 1 being K and 2 C; what is in them stays."""
-    V, K = graph.cost.shape
-    bigger: dict[str, NDArray[Any]] = {}
-    if "tail" in names:
-        bigger |= _edge_room(2 * len(graph.tail))
-    if "cost" in names:
-        bigger |= _vertex_room(2 * V if axis == 0 else V, 2 * K if axis == 1 else K)
-    for name in set(names) - set(bigger):
-        shape = list(getattr(graph, name).shape)
-        shape[axis] *= 2
-        bigger[name] = np.zeros(shape, getattr(graph, name).dtype)
-    for name, new in bigger.items():
-        old = getattr(graph, name)
-        new[tuple(slice(0, length) for length in old.shape)] = old
-    return graph._replace(**bigger)
+class Storage:
+    """Vertices, edges and nodes of a tree; the graph is replaced by a larger one whenever it is full."""
+
+    def __init__(self, n: int, M: int, classes: int) -> None:
+        """Allocate room for states of n numbers, M markers and so many classes per vertex; 0: as many as come."""
+        E = TUNING.edges
+        self.capacity = Capacity(V=TUNING.vertices, E=E, P=E, K=classes or 8, C=min(M, TUNING.pairs), Q=1024)
+        self.places = Places.of(empty_graph(self.capacity, n, M))
+
+    @property
+    def vertices(self) -> Vertices:
+        """States of the vertices."""
+        return Vertices(self.places.graph.states, self.places.graph.in_goal)
+
+    def write(self, x: Array, root: bool) -> int:
+        """Write a state (n,) where the next vertex will be; its index."""
+        v = int(self.places.graph.size[SIZE.vertices])
+        self.make_room(V=v + 1)
+        self.places.graph.states[v], self.places.graph.in_goal[v] = x, root
+        return v
+
+    def double(self, status: int) -> None:
+        """Make room for more of what is full by a status."""
+        name = {STATUS.nodes_full: "K", STATUS.queue_full: "Q", STATUS.pairs_full: "C"}[status]
+        self.make_room(**{name: getattr(self.capacity, name) + 1})
+
+    def make_room(self, **least: int) -> None:
+        """Double what is too small for so many of V vertices, E edges, P pairs, K nodes, C pairs or Q nodes queued."""
+        counts, old = self.capacity._asdict(), self.places.graph
+        for name, count in least.items():
+            while counts[name] < count:
+                counts[name] *= 2
+        if (larger := Capacity(**counts)) != self.capacity:
+            graph = empty_graph(larger, old.states.shape[1], old.straight.shape[1])
+            for name in Graph._fields:
+                array = getattr(old, name)
+                getattr(graph, name)[tuple(slice(0, length) for length in array.shape)] = array
+            self.capacity, self.places = larger, Places.of(graph)
 
 
 @inlined
@@ -252,12 +269,6 @@ def slot_of(vertex, key):  # type: ignore[no-untyped-def]
 def is_root(vertex):  # type: ignore[no-untyped-def]
     """Return whether the vertex at an address lies in the goal."""
     return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
-
-
-@kernel
-def find(at, vertex, key):  # type: ignore[no-untyped-def]
-    """Slot of the class of a key at a vertex (an index), -1 if it has none."""
-    return slot_of(vertex_at(at, vertex), key)
 
 
 def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:

@@ -7,7 +7,6 @@ two be free. A tree keeps the cheaper at every vertex, which need not be the che
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -17,16 +16,13 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoReference
-from pirrht.geometry.arcs import FREE
-from pirrht.jit.jit import inlined, kernel, load_float64, load_int32, load_int64, mapped
-from pirrht.jit.vectors import copy_row, copy_rows
+from pirrht.jit.jit import kernel, load_int32, load_int64, mapped
 from pirrht.planner import graph as g
-from pirrht.planner.rewire import Best, best_classes
 from pirrht.planner.tuning import TUNING
+from pirrht.shortening.chain import keys_of
 from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
 from pirrht.steering.motion import Motions, Trajectory
-from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.signature import class_id, integers
 
 
@@ -63,15 +59,6 @@ class Reference:
         return f"Reference(class {formatting.turns(self.id)}: cost {self.cost:.4g}, {self.length:.3g} m)"
 
 
-class _Path(NamedTuple):
-    """Path of a class from a state into the goal."""
-
-    winding: tuple[int, ...]
-    motions: Any
-    resumed: bool  # whether it goes on from an earlier one that has been shortened
-    others: tuple[Any, ...] = ()  # paths of the class apart from it, which may be shorter once all are shortened
-
-
 class ReferenceQuery(NamedTuple):
     """One query of a tree as it is now; the fields after it are those of `HomologyTree.references`."""
 
@@ -88,61 +75,67 @@ class ReferenceQuery(NamedTuple):
         Raises:
             NoReference: no allowed class reaches the goal from x.
         """
-        steering = self.tree.steering
+        tree, homology = self.tree, self.tree.homology
+        steering, checker = tree.steering, tree.checker
         known = self.before if self.shortened and resumes(steering) else {}
-        paths = self._paths(x, known)
-        if self.shortened:
-            fresh = [i for i, path in enumerate(paths) if not path.resumed]
-            if known and steering.timed:
-                fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
-            self._shorten(paths, fresh)
-        return sorted((self._reference(x, path) for path in paths), key=lambda reference: reference.cost)
-
-    def _paths(self, x: Array, known: Mapping[tuple[int, ...], Motions]) -> list[_Path]:
-        """Path of every allowed class, cheapest of the tree's own first.
-
-        Of more than `most` classes those are evaluated that seem cheapest, by these and by earlier paths.
-        """
-        tree = self.tree
-        steering, storage, weights = tree.steering, tree.storage, tree.homology.hash_weights
         edges = tree.choose_parent(x, steering.min_neighbours, self.threads)  # line 1
-        several = self.shortened and not known and steering.timed
-        best = Best.empty(tree.classes or max(1, int(tree.graph.nodes[edges.near[edges.free]].sum())))
-        count = best_classes(storage.places, tree.homology.base(x), edges, weights, tree.rules, best)
-        if count == 0:
+        rows = _rows(tree, edges)
+        classes = self._classes(x, edges, rows, known)
+        if not classes:
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit)
-        cost = best.cost[:count]
-        order = np.argsort(cost, kind="stable")
-        if self.most is not None and self.most < count:
-            earlier = [known.get(self._winding(edges, int(best.edge[i]), int(best.slot[i]))) for i in range(count)]
-            least = [c if path is None else min(c, path.cost.sum()) for c, path in zip(cost, earlier, strict=True)]
-            order = order[np.isin(order, np.argsort(least, kind="stable")[: self.most])]
+        several = self.shortened and not known and steering.timed
 
-        def path(i: int) -> _Path:
-            found = self._path(x, edges, int(best.edge[i]), int(best.slot[i]), known)
-            if found.resumed or not several:
-                return found
-            return found._replace(others=self._others(x, edges, int(best.key[i])))
+        def of_class(winding: tuple[int, ...]) -> tuple[bool, list[Any]]:
+            """Return true and a path that has been shortened, or false and paths to shorten, cheapest first."""
+            row = classes[winding]
+            path = self._path(x, edges, row)
+            again = self._resumed(x, known[winding], winding) if winding in known else None
+            if again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + TUNING.resumed_excess):
+                return True, [again]
+            return False, self._optima(x, edges, rows[rows["key"] == row["key"]]) if several else [path]
 
-        return mapped(path, order, self.threads)
+        found = mapped(of_class, classes, self.threads)
+        fresh = [i for i, (resumed, _) in enumerate(found) if self.shortened and not resumed]
+        if known and steering.timed:
+            fresh = [] if self.over_budget() else fresh[: TUNING.new_classes]
+        each = [(i, path) for i in fresh for path in found[i][1]]
+        short = mapped(lambda one: shorten(one[1], steering, checker), each, self.threads)
+        paths = [options[0] for _, options in found]
+        for i in fresh:
+            own = [path for (j, _), path in zip(each, short, strict=True) if j == i]
+            paths[i] = min(own, key=lambda path: float(path.cost.sum()))
+        references = [
+            Reference(
+                winding=winding, signature=homology.signature(x, winding), trajectory=steering.trajectory(path),
+                named=homology.named,
+            )
+            for winding, path in zip(classes, paths, strict=True)
+        ]  # fmt: skip
+        return sorted(references, key=lambda reference: reference.cost)
 
-    def _path(self, x: Array, edges: Edges, edge: int, slot: int, known: Mapping[tuple[int, ...], Motions]) -> _Path:
-        """Path from x (n,) over one of the edges and on from a node at its head, or what is left of an earlier one."""
-        path, winding = self._motions(x, edges, edge, slot), self._winding(edges, edge, slot)
-        again = self._resumed(x, known[winding], winding) if winding in known else None
-        taken = again is not None and again.cost.sum() <= path.cost.sum() * (1.0 + TUNING.resumed_excess)
-        return _Path(winding, again if taken else path, taken)
+    def _classes(self, x: Array, edges: Edges, rows: Any, known: Mapping[tuple[int, ...], Motions]) -> dict[Any, Any]:
+        """The cheapest row of every allowed class by its winding, cheapest first.
 
-    def _motions(self, x: Array, edges: Edges, edge: int, slot: int) -> Any:
-        """Path from x (n,) over one of the edges and on from a node at its head, into the goal (line 3)."""
-        tree = self.tree
-        states = np.vstack([x, tree.states[tree.path_of(int(edges.near[edge]), slot)]])
+        Of more than `most` classes those are kept that seem cheapest, by these and by earlier paths.
+        """
+        tree, best = self.tree, {}
+        base = tree.homology.base(x)
+        for row in rows[np.sort(np.unique(rows["key"], return_index=True)[1])]:
+            turns = g.class_at(tree.graph, edges.near[row["edge"]], row["slot"])
+            winding = integers(turns + edges.turns.dense(row["edge"], tree.homology.M))
+            if np.all(np.abs(base + winding) <= tree.limit):
+                best[winding] = row
+                if len(best) == tree.classes:
+                    break
+        seem = {w: min(row["cost"], known[w].cost.sum() if w in known else np.inf) for w, row in best.items()}
+        kept = sorted(seem, key=seem.__getitem__)[: self.most]
+        return {winding: row for winding, row in best.items() if winding in kept}
+
+    def _path(self, x: Array, edges: Edges, row: Any) -> Any:
+        """Path from x (n,) over an edge and on from a node at its head, into the goal (line 3)."""
+        tree, vertex = self.tree, int(edges.near[row["edge"]])
+        states = np.vstack([x, tree.states[path_of(tree.storage.places, vertex, int(row["slot"]))]])
         return tree.checker.until_goal(tree.steering.connect(states[:-1], states[1:]))
-
-    def _winding(self, edges: Edges, edge: int, slot: int) -> tuple[int, ...]:
-        """Class of the path over one of the edges and on from a node at its head."""
-        turns = edges.turns.dense(edge, self.tree.homology.M)
-        return integers(g.class_at(self.tree.graph, int(edges.near[edge]), slot) + turns)
 
     def _resumed(self, x: Array, path: Motions, winding: tuple[int, ...]) -> Any:
         """Cheapest path of the class from x (n,) over corners of an earlier one; None if there is none."""
@@ -155,121 +148,41 @@ class ReferenceQuery(NamedTuple):
         turns = np.sum([edges.turns.dense(i, M) for i in range(count)], axis=0)
         return found if integers(turns) == winding else None
 
-    def _others(self, x: Array, edges: Edges, key: int) -> tuple[Any, ...]:
-        """Paths of a class apart from the cheapest, which may end in other local optima."""
-        tree, chosen = self.tree, np.empty((TUNING.optima, 2), np.int64)
-        steering: Any = tree.steering  # in time
-        far = TUNING.optima_apart * float(np.hypot(*(x[:2] - tree.space.scene.goal.center)))
-        rules = (far, TUNING.optima_excess, float(steering.pace))
-        weights, storage = tree.homology.hash_weights, tree.storage
-        count = choose(storage.places, storage.vertices.states, edges, weights, key, x, rules, chosen)
-        return tuple(self._motions(x, edges, int(edge), int(slot)) for edge, slot in chosen[1:count])
-
-    def _shorten(self, paths: list[_Path], fresh: list[int]) -> None:
-        """Shorten some of the paths, in place."""
-        tree = self.tree
-        each = [(i, motions) for i in fresh for motions in (paths[i].motions, *paths[i].others)]
-        short = mapped(lambda one: shorten(one[1], tree.steering, tree.checker), each, self.threads)
-        for i in fresh:
-            own = [motions for (j, _), motions in zip(each, short, strict=True) if j == i]
-            paths[i] = paths[i]._replace(motions=min(own, key=lambda motions: float(motions.cost.sum())))
-
-    def _reference(self, x: Array, path: _Path) -> Reference:
-        homology, steering = self.tree.homology, self.tree.steering
-        return Reference(
-            winding=path.winding, signature=homology.signature(x, path.winding),
-            trajectory=steering.trajectory(path.motions), named=homology.named,
-        )  # fmt: skip
+    def _optima(self, x: Array, edges: Edges, rows: Any) -> list[Any]:
+        """Paths of a class, each apart from all cheaper ones: they may end in different local optima."""
+        rows = rows[rows["cost"] <= (1.0 + TUNING.optima_excess) * rows["cost"][0]]
+        far = TUNING.optima_apart * float(np.hypot(*(x[:2] - self.tree.space.scene.goal.center)))
+        paths = [self._path(x, edges, row) for row in rows[:: 1 + len(rows) // TUNING.optima_tried]]
+        times = np.linspace(x[2], paths[0].knots[-1, 2], TUNING.stations)
+        chosen: list[tuple[Any, Array]] = []
+        for path in paths:
+            places = np.column_stack([np.interp(times, path.knots[:, 2], axis) for axis in path.knots.T[:2]])
+            if all(np.hypot(*(places - other).T).max() > far for _, other in chosen):
+                chosen.append((path, places))
+        return [path for path, _ in chosen[: TUNING.optima]]
 
 
-def path_of(places: g.Places, vertex: int, slot: int) -> list[int]:
-    """Vertices from a node to its root, first to last (ReconstructPath)."""
-    graph = places.graph
-    key, path = graph.key[vertex, slot], [vertex]
-    while graph.parent[vertex, slot] != g.ROOT:
-        e = graph.parent[vertex, slot]
-        with np.errstate(over="ignore"):
-            key = key - graph.edge_key[e]
-        vertex = int(graph.head[e])
-        slot = g.find(places, vertex, key)
-        path.append(vertex)
-    return path
-
-
-@inlined
-def _over(at, edges, i, weights, key):  # type: ignore[no-untyped-def]
-    """Cost and slot of the cheapest path into a class over a candidate edge; infinite if there is none."""
-    if edges.status[i] != FREE:
-        return np.inf, -1
-    turns = edges.turns
-    rest = key - key_of_pairs(turns.marker, turns.turn, turns.first[i], turns.first[i + 1], weights)
-    vertex = g.vertex_at(at, edges.near[i])
-    slot = g.slot_of(vertex, rest)
-    return (np.inf, -1) if slot < 0 else (edges.cost[i] + load_float64(g.node_at(vertex, slot), g.COST), slot)
+def _rows(tree: Any, edges: Edges) -> Any:
+    """Cost, key of the class, edge and slot of the paths over every edge and on from a node, cheapest first."""
+    graph, near = tree.graph, edges.near
+    edge, slot = np.nonzero((np.arange(graph.cost.shape[1]) < graph.nodes[near][:, None]) & edges.free[:, None])
+    rows = np.empty(len(edge), [("cost", "f8"), ("key", "i8"), ("edge", "i8"), ("slot", "i8")])
+    rows["edge"], rows["slot"] = edge, slot
+    rows["cost"] = edges.cost[edge] + graph.cost[near[edge], slot]
+    with np.errstate(over="ignore"):  # keys wrap
+        rows["key"] = keys_of(edges.turns, tree.homology.hash_weights)[edge] + graph.key[near[edge], slot]
+    return rows[np.argsort(rows["cost"], kind="stable")]
 
 
 @kernel
-def _follow(at, states, speed, x, vertex, slot, times, places):  # type: ignore[no-untyped-def]
-    """Write places (T, 2) at times (T,) of the path from x (3,) over a node; the time at which it arrives.
-
-    It waits where it arrives. The last leg, into a state without a time, has that speed [m/s].
-    """
-    key = load_int64(g.node_at(g.vertex_at(at, vertex), slot), g.KEY)
-    ax, ay, s, k, T = x[0], x[1], x[2], 0, times.shape[0]
-    while True:
-        bx, by, t = states[vertex, 0], states[vertex, 1], states[vertex, 2]
-        if math.isnan(t):
-            t = s + math.hypot(bx - ax, by - ay) / speed
-        while k < T and times[k] <= t:
-            share = (times[k] - s) / max(t - s, 1e-300)
-            places[k, 0], places[k, 1] = ax + share * (bx - ax), ay + share * (by - ay)
-            k += 1
-        ax, ay, s = bx, by, t
-        node = g.node_at(g.vertex_at(at, vertex), g.slot_of(g.vertex_at(at, vertex), key))
-        e = load_int32(node, g.PARENT)
-        if e == g.ROOT:
-            break
-        edge = g.edge_at(at, e)
+def path_of(at, vertex, slot):  # type: ignore[no-untyped-def]
+    """Vertices from a node to its root, first to last (ReconstructPath)."""
+    node, path = g.node_at(g.vertex_at(at, vertex), slot), [vertex]
+    key = load_int64(node, g.KEY)
+    while load_int32(node, g.PARENT) != g.ROOT:
+        edge = g.edge_at(at, load_int32(node, g.PARENT))
         key -= load_int64(edge, g.EDGE_KEY)
         vertex = np.int64(load_int32(edge, g.HEAD))
-    while k < T:
-        places[k, 0], places[k, 1] = ax, ay
-        k += 1
-    return s
-
-
-@kernel
-def choose(at, states, edges, weights, key, x, rules, chosen):  # type: ignore[no-untyped-def]
-    """Choose paths of a class from x (3,) over k `Edges`: each apart from all cheaper ones; their number.
-
-    Args:
-        key: of the class.
-        rules: least distance at some time [m], greatest excess of cost (share of the cheapest), speed of arrival [m/s].
-        chosen: (c, 2) edges and slots, cheapest first; filled up to the number that is returned.
-    """
-    k, (far, excess, speed) = edges.near.shape[0], rules
-    cost, slot = np.empty(k), np.empty(k, np.int64)
-    for i in range(k):
-        cost[i], slot[i] = _over(at, edges, i, weights, key)
-    order = np.argsort(cost, kind="mergesort")
-    count, most = 0, chosen.shape[0]
-    T = TUNING.stations
-    times, places, here = np.zeros(T), np.empty((most, T, 2)), np.empty((T, 2))
-    for i in order:
-        if count == most or not cost[i] <= (1.0 + excess) * cost[order[0]]:
-            break
-        if count == 0:
-            end = _follow(at, states, speed, x, np.int64(edges.near[i]), slot[i], times[:0], here)
-            copy_row(np.linspace(x[2], end, T), times)
-        _follow(at, states, speed, x, np.int64(edges.near[i]), slot[i], times, here)
-        new = True
-        for j in range(count):
-            widest = 0.0
-            for p in range(T):
-                widest = max(widest, math.hypot(here[p, 0] - places[j, p, 0], here[p, 1] - places[j, p, 1]))
-            new = new and widest > far
-        if new:
-            copy_rows(here, places[count])
-            chosen[count, 0], chosen[count, 1] = i, slot[i]
-            count += 1
-    return count
+        node = g.node_at(g.vertex_at(at, vertex), g.slot_of(g.vertex_at(at, vertex), key))
+        path.append(vertex)
+    return np.array(path)

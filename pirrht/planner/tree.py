@@ -21,15 +21,14 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.jit.jit import address_of, mapped
 from pirrht.planner import references
-from pirrht.planner.expand import PassageSampler, Storage, grow, insert, near_count, proposer
-from pirrht.planner.graph import STATUS, Graph
-from pirrht.planner.nodes import SearchRules
+from pirrht.planner.expand import PassageSampler, grow, insert, near_count, proposer
+from pirrht.planner.graph import SIZE, STATUS, Graph, Storage
 from pirrht.planner.references import Reference
-from pirrht.planner.rewire import reaches
+from pirrht.planner.rewire import SearchRules, reaches, relax
 from pirrht.planner.tuning import TUNING, PlannerTuning
 from pirrht.steering.edges import NO_EDGES, EdgeChecker, Edges, concatenated
 from pirrht.steering.motion import Motions
-from pirrht.steering.steering import Compiled, Steering
+from pirrht.steering.steering import CompiledSteering, Steering, nearest_with
 
 
 class HomologyTree:
@@ -85,10 +84,9 @@ class HomologyTree:
         bases_allowed = limit >= self.homology.most_base
         self.rules = SearchRules(float(limit), int(classes), bases_allowed, bool(steering.symmetric))
         self.checker = EdgeChecker.of(space, steering)
-        self.storage = Storage.empty(steering.n, self.homology.M, max(1, classes) if classes else 8)
+        self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
-        self._compiled = steering.compiled
         self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
@@ -132,7 +130,7 @@ class HomologyTree:
                     self.extend(draws[i])
                 i += 1
             elif status != STATUS.done:
-                self.storage.relax(self.rules)
+                self.relax()
 
     def extend(self, x: Array) -> bool:
         """Expand by a random state x (n,); return whether it became a vertex (Algorithm 1, lines 4 to 12)."""
@@ -148,7 +146,7 @@ class HomologyTree:
         v = self.storage.write(x, root)
         back = self.rewire(v) if root or not self.rules.mirrored else edges  # line 11
         self._insert(x, edges, back)  # line 10
-        self.storage.relax(self.rules)  # Algorithm 2, lines 6 to 8; Algorithm 3, lines 8 to 17
+        self.relax()  # Algorithm 2, lines 6 to 8; Algorithm 3, lines 8 to 17
         return True
 
     def _sampling(self, count: int) -> Array:
@@ -164,9 +162,16 @@ class HomologyTree:
 
     def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
         """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
-        self.storage.make_room(edges, back)
-        storage, around = self.storage, self.checker.around
-        insert(storage.places, storage.vertices, self.homology.base(x), edges, back, around, self.rules)
+        storage, size = self.storage, self.graph.size
+        more, pairs = len(edges.near) + len(back.near), len(edges.turns.marker) + len(back.turns.marker)
+        storage.make_room(E=size[SIZE.edges] + more, P=size[SIZE.pairs] + pairs)
+        base, around = self.homology.base(x), self.checker.around
+        insert(storage.places, storage.vertices, base, edges, back, around, self.rules)
+
+    def relax(self) -> None:
+        """Relax costs until no node improves (`rewire.relaxed`)."""
+        while (status := relax(self.storage.places, self.rules)) != STATUS.done:
+            self.storage.double(status)
 
     # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
 
@@ -247,7 +252,7 @@ class HomologyTree:
 
     def path_of(self, vertex: int, slot: int) -> list[int]:
         """Vertices from a node to its root, first to last (ReconstructPath)."""
-        return references.path_of(self.storage.places, vertex, slot)
+        return cast(list[int], references.path_of(self.storage.places, vertex, slot).tolist())
 
     # -- the rest --------------------------------------------------------------------------------------------------
 
@@ -259,23 +264,29 @@ class HomologyTree:
     def reserve(self, vertices: int) -> None:
         """Make room for about so many vertices at once, lest growth stop for it later, or to be compiled."""
         self._grown(self.states[:0], 0)
-        self.storage.reserve(vertices)
+        more = 1.0 + 1.5 * vertices / self.size  # a vertex of a larger tree has more neighbours
+        edges, pairs = int(more * self.graph.size[SIZE.edges]), int(more * self.graph.size[SIZE.pairs])
+        self.storage.make_room(V=vertices, E=edges, P=pairs)
 
     def _grown(self, draws: Array, i: int) -> tuple[int, int]:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
-        if self._compiled is None:
+        if not isinstance(self.steering, CompiledSteering):
             return i, STATUS.ask
-        values, storage = np.array(self._compiled.numbers), self.storage
-        given = (self._propose, storage.places, storage.vertices, draws, i, self._remembering, values, self.rules)
-        return cast(tuple[int, int], grow(*given))
+        values, storage = np.array(self.steering.numbers), self.storage
+        places, vertices = storage.places, storage.vertices
+        return cast(
+            tuple[int, int], grow(self._propose, places, vertices, draws, i, self._remembering, values, self.rules)
+        )
 
     @cached_property
     def _propose(self) -> Any:
         """Address of its `proposer`."""
-        nearest, connect, numbers = cast(Compiled, self._compiled)
-        known, straight = (self._remembering, np.array(numbers)), np.empty(self.homology.M)
-        given = (self.storage.vertices, 1, self.states[0], *known, True, False, straight)
-        return address_of(proposer(nearest, connect, len(numbers), self.steering.motion.kernels), given)
+        steering = cast(CompiledSteering, self.steering)
+        numbers, kind = np.array(steering.numbers), type(steering)
+        straight = np.empty(self.homology.M)
+        given = (self.storage.vertices, 1, self.states[0], self._remembering, numbers, True, False, straight)
+        kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
+        return address_of(proposer(*kernels), given)
 
     @cached_property
     def passages(self) -> Passages:
@@ -286,29 +297,13 @@ class HomologyTree:
     def _passage_draws(self) -> PassageSampler:
         return PassageSampler(self.steering.offers(self.passages, self.space, self.origin))
 
-    states = property(lambda self: cast(Array, self.storage.vertices.states), doc="States of vertices, (V, n).")
-    in_goal = property(lambda self: self.storage.vertices.in_goal, doc="Whether a vertex is a root, (V,).")
-    size = property(lambda self: self.storage.size, doc="Number of vertices.")
-
-    @property
-    def graph(self) -> Graph:
-        """The graph and its nodes; another one, with more room, whenever they are full."""
-        return self.storage.places.graph
-
-    @property
-    def limit(self) -> float:
-        """H_limit of the allowed set [turns]."""
-        return self.rules.limit
-
-    @property
-    def classes(self) -> int:
-        """The most classes of a vertex; 0: all."""
-        return self.rules.classes
-
-    @property
-    def node_count(self) -> int:
-        """Number of nodes, all classes of all vertices."""
-        return int(self.graph.nodes[: self.size].sum())
+    graph = property(lambda self: cast(Graph, self.storage.places.graph), doc="Replaced by a larger one when full.")
+    states = property(lambda self: cast(Array, self.graph.states), doc="States of vertices, (V, n).")
+    in_goal = property(lambda self: self.graph.in_goal, doc="Whether a vertex is a root, (V,).")
+    size = property(lambda self: int(self.graph.size[SIZE.vertices]), doc="Number of vertices.")
+    limit = property(lambda self: cast(float, self.rules.limit), doc="H_limit of the allowed set [turns].")
+    classes = property(lambda self: cast(int, self.rules.classes), doc="The most classes of a vertex; 0: all.")
+    node_count = property(lambda self: int(self.graph.nodes[: self.size].sum()), doc="All classes of all vertices.")
 
     def __repr__(self) -> str:
         scene, rules = formatting.name(self.space.scene.name), self.rules

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.jit.jit import borrowing, inlined, kernel, part
 from pirrht.jit.vectors import copy_row, copy_rows
-from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.general.kind import KernelSpec
 
 
@@ -49,11 +48,10 @@ def diagonalise(A, vectors):  # type: ignore[no-untyped-def]
                 s = t * c
                 for k in range(m):
                     A[k, i], A[k, j] = c * A[k, i] - s * A[k, j], s * A[k, i] + c * A[k, j]
-                for k in range(m):
-                    A[i, k], A[j, k] = c * A[i, k] - s * A[j, k], s * A[i, k] + c * A[j, k]
-                for k in range(m):
                     one, other = vectors[k, i], vectors[k, j]
                     vectors[k, i], vectors[k, j] = c * one - s * other, s * one + c * other
+                for k in range(m):
+                    A[i, k], A[j, k] = c * A[i, k] - s * A[j, k], s * A[i, k] + c * A[j, k]
 
 
 @borrowing
@@ -86,57 +84,16 @@ def add_transformed(A, v, out):  # type: ignore[no-untyped-def]
             out[i] += A[e, i] * v[e]
 
 
-class ClearanceCost(NamedTuple):
-    """Clearance cost of a step as a function of six numbers: both positions and the loss of velocity."""
-
-    slope: Array  # (6,)
-    bend: Array  # (6, 6)
-    chain: Array  # (6, 2 n) derivatives of these numbers in the states before and after
-    bent: Array  # (6, 2 n) bend times chain
-    cross: Array  # (n, n)
-
-
-PRICE: Any = ClearanceCost
-
-
 @borrowing
-def add_after(price, costate, P):  # type: ignore[no-untyped-def]
-    """Add the price of the state after a step to gradient (n,) and Hessian (n, n) of the cost-to-go."""
-    n = costate.shape[0]
-    price.bent[:, :] = 0.0
-    add_product(price.bend, price.chain, price.bent)
-    add_transformed(price.chain[:, n:], price.slope, costate)
-    add_product(price.chain[:, n:], price.bent[:, n:], P)
-
-
-@borrowing
-def through_step(costate, P, J, S, lead, g, Q):  # type: ignore[no-untyped-def]
-    """Write J' P J + S to Q and the gradient to g; `lead` (n, N) is scratch."""
-    n = costate.shape[0]
+def through_step(v, W, K, S, lead, g, Q):  # type: ignore[no-untyped-def]
+    """Write K' W K + S to Q and the gradient to g, whose rest is the last row of K; `lead` is scratch."""
+    most = W.shape[0]
     lead[:, :] = 0.0
-    add_product(P, J[:n], lead)
+    add_product(W, K[:most], lead)
     copy_rows(S, Q)
-    add_product(J[:n], lead, Q)
-    copy_row(J[n], g)
-    add_transformed(J[:n], costate, g)
-
-
-@borrowing
-def add_before(price, J, g, Q):  # type: ignore[no-untyped-def]
-    """Add the price of the state before a step, and its coupling to the state after."""
-    n = J.shape[0] - 1
-    before = price.chain[:, :n]
-    price.cross[:, :] = 0.0
-    add_product(before, price.bent[:, n:], price.cross)
-    add_transformed(before, price.slope, g[:n])
-    add_product(before, price.bent[:, :n], Q[:n, :n])
-    for j in range(n):
-        for k in range(J.shape[1]):
-            total = 0.0
-            for e in range(n):
-                total += price.cross[j, e] * J[e, k]
-            Q[j, k] += total
-            Q[k, j] += total
+    add_product(K[:most], lead, Q)
+    copy_row(K[most], g)
+    add_transformed(K[:most], v, g)
 
 
 @borrowing
@@ -186,50 +143,17 @@ def leave(course, i, g, Q, v, W):  # type: ignore[no-untyped-def]
 @cache
 def backward_pass(kind: KernelSpec) -> Any:
     """Build the backward pass of one kind of dynamics."""
-    velocity, expand, arrival, _ = forward_pass(kind)
-    n, m = kind.n, kind.m
-    noisy_position, by_inputs = kind.noisy_position, kind.input_form
+    velocity, expand, expand_end, _ = forward_pass(kind)
+    n, m, noisy_position = kind.n, kind.m, kind.noisy_position
     scratch_walls, _, expand_clearance = clearance_costs(kind.moving)
-
-    @kernel
-    def _end(setup, task, x, v, W):  # type: ignore[no-untyped-def]
-        """Expand `arrival` at x (n,), to v (n,) and W (n, n), by central differences if it has no kink."""
-        if noisy_position and not by_inputs:
-            ax, ay = x[0] - setup.world.goal[0], x[1] - setup.world.goal[1]
-            away = math.sqrt(ax * ax + ay * ay)
-            v[:], W[:, :] = 0.0, 0.0
-            if away > setup.world.radius:
-                v[0], v[1], bent = task.far * ax / away, task.far * ay / away, task.far / (away * away * away)
-                W[0, 0], W[1, 1], W[0, 1] = bent * ay * ay, bent * ax * ax, -bent * ax * ay
-                W[1, 0] = W[0, 1]
-            return
-        z, f, up, down = x.copy(), np.zeros(n), np.empty(n), np.empty(n)
-        here, h = arrival(setup, task, x, f), TUNING.nudge
-        for i in range(n):
-            z[i] = x[i] + h
-            up[i] = arrival(setup, task, z, f)
-            z[i] = x[i] - h
-            down[i] = arrival(setup, task, z, f)
-            z[i] = x[i]
-            v[i], W[i, i] = 0.5 * (up[i] - down[i]) / h, (up[i] - 2.0 * here + down[i]) / (h * h)
-            for k in range(i):
-                z[i], z[k] = x[i] + h, x[k] + h
-                total = 2.0 * here - up[i] - up[k] - down[i] - down[k] + arrival(setup, task, z, f)
-                z[i], z[k] = x[i] - h, x[k] - h
-                total += arrival(setup, task, z, f)
-                z[i], z[k] = x[i], x[k]
-                W[i, k] = 0.5 * total / (h * h)
-                W[k, i] = W[i, k]
 
     @kernel
     def _follow(setup, x, z, bends, chain):  # type: ignore[no-untyped-def]
         """Write derivatives of positions and loss of velocity in the states x, z (n,) of a step to `chain` (6, 2 n)."""
         for k in range(2):
             chain[k, k] = chain[2 + k, n + k] = 1.0
-        if not bends:
-            return
         up, down, nudge = np.zeros(n), np.zeros(n), TUNING.nudge
-        for end in range(2):
+        for end in range(2 if bends else 0):
             at, sign = x.copy() if end == 0 else z.copy(), 1.0 - 2.0 * end
             for i in range(n):
                 here = at[i]
@@ -242,19 +166,25 @@ def backward_pass(kind: KernelSpec) -> Any:
                     chain[4 + k, end * n + i] = 0.5 * sign * (up[k] - down[k]) / nudge
 
     @part
-    def clearance_cost(setup, task, states, i, times, points, price, work):  # type: ignore[no-untyped-def]
-        """Expand the clearance cost of a step in the states before and after it; return whether there is any."""
-        f, other, walls, bends = work
-        x, y, bx, by = states[i, 0], states[i, 1], 0.0, 0.0
-        dx, dy = states[i + 1, 0] - x, states[i + 1, 1] - y
+    def add_clearance(setup, task, states, i, times, points, work, v, W):  # type: ignore[no-untyped-def]
+        """Expand the clearance cost of a step in the states before and after it, (2 n,); return whether there is any.
+
+        It is a function of six numbers: both positions and the loss of velocity.
+        """
+        (f, other, walls, bends, slope, bend, chain, bent), bx, by = work, 0.0, 0.0
         if bends:
             velocity(setup, states[i], f)
             velocity(setup, states[i + 1], other)
             bx, by = f[0] - other[0], f[1] - other[1]
-        step = (x, y, dx, dy, bx, by, times[i], times[i + 1] - times[i])
-        near = expand_clearance(setup, task, step, points, walls, price.slope, price.bend)
+        x, y, dt = states[i, 0], states[i, 1], times[i + 1] - times[i]
+        step = (x, y, states[i + 1, 0] - x, states[i + 1, 1] - y, bx, by, times[i], dt)
+        near = expand_clearance(setup, task, step, points, walls, slope, bend)
         if near:
-            _follow(setup, states[i], states[i + 1], bends, price.chain)
+            _follow(setup, states[i], states[i + 1], bends, chain)
+            bent[:, :] = 0.0
+            add_product(bend, chain, bent)
+            add_transformed(chain, slope, v)
+            add_product(chain, bent, W)
         return near
 
     @kernel
@@ -264,34 +194,34 @@ def backward_pass(kind: KernelSpec) -> Any:
         It writes the first `length` rows of change, gains, share, inverse and volume; `times` (T+1,) are ends of steps
         [s], `damping` is added to the controls' curvature, as a share of lambda dt.
         """
-        states, control, aims = course.states, course.control, course.aims
-        modes = control.shape[1]
-        N, bends = n + modes, not noisy_position and modes > m
-        v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(n), np.zeros((n, n))
-        J, S, Q, g = np.zeros((n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
-        lead, stiff = np.zeros((n, N)), np.zeros((modes, modes))
-        ends = np.zeros(n), np.zeros(n), scratch_walls(setup), bends
+        states, control, aims, modes = course.states, course.control, course.aims, course.control.shape[1]
+        N, bends, expected = n + modes, not noisy_position and modes > m, 0.0
+        v, W, costate, P = np.zeros(n), np.zeros((n, n)), np.zeros(2 * n), np.zeros((2 * n, 2 * n))
+        K, S, Q, g = np.zeros((2 * n + 1, N)), np.zeros((N, N)), np.zeros((N, N)), np.zeros(N)
+        lead, stiff = np.zeros((2 * n, N)), np.zeros((modes, modes))
+        ends = (
+            np.zeros(n), np.zeros(n), scratch_walls(setup), bends, np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)),
+            np.zeros((6, 2 * n)),
+        )  # fmt: skip
         work = stiff, stiff.copy(), stiff.copy(), np.zeros(modes)
-        price = PRICE(np.zeros(6), np.zeros((6, 6)), np.zeros((6, 2 * n)), np.zeros((6, 2 * n)), np.zeros((n, n)))
-        expected = 0.0
+        for j in range(n):
+            K[j, j] = 1.0  # of the state before a step; below is J, and the derivatives of q dt
         if task.hold == 0.0:
-            _end(setup, task, states[length], v, W)
+            expand_end(setup, task.far, states[length], v, W)
         for i in range(length - 1, -1, -1):
             dt = times[i + 1] - times[i]
-            near = clearance_cost(setup, task, states, i, times, points, price, ends)
-            copy_row(v, costate)
-            copy_rows(W, P)
-            if task.hold > 0.0:
-                for j in range(2):
-                    costate[j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
-                    P[j, j] += 2.0 * task.hold * dt
-            if near:
-                add_after(price, costate, P)
-            expand(setup, (states[i], control[i], dt, costate), task.active, task.curved, J, S)
-            through_step(costate, P, J, S, lead, g, Q)
-            if near:
-                add_before(price, J, g, Q)
             passive = task.temperature * dt
+            costate[:], P[:, :] = 0.0, 0.0
+            first = 0 if add_clearance(setup, task, states, i, times, points, ends, costate, P) else n
+            for j in range(n):
+                costate[n + j] += v[j]
+                for k in range(n):
+                    P[n + j, n + k] += W[j, k]
+            for j in range(2 if task.hold > 0.0 else 0):
+                costate[n + j] += 2.0 * task.hold * dt * (states[i + 1, j] - aims[i + 1, j])
+                P[n + j, n + j] += 2.0 * task.hold * dt
+            expand(setup, (states[i], control[i], dt, costate[n:]), task.active, task.curved, K[n:], S)
+            through_step(costate[first:], P[first:, first:], K[first:], S, lead[first:], g, Q)
             for j in range(modes):
                 g[n + j] += passive * control[i, j]
                 Q[n + j, n + j] += passive

@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import kernel
 from pirrht.jit.vectors import copy_row, copy_rows
-from pirrht.moving.broad_phase import held_of
 from pirrht.proposals.backward_pass import backward_pass
-from pirrht.proposals.clearance_cost import touches
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
@@ -31,16 +30,17 @@ from pirrht.topology.moving_crossings import key_of_path
 @cache
 def optimiser(kind: KernelSpec) -> Any:
     """Build the kernel that optimises trajectories of one kind of dynamics."""
-    velocity, _, _, forward = forward_pass(kind)
-    backward = backward_pass(kind)
-    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving
+    (velocity, _, _, forward), backward = forward_pass(kind), backward_pass(kind)
+    n, m, noisy_position, moving = kind.n, kind.m, kind.noisy_position, kind.moving is not None
+    among = kind.moving or NOTHING_MOVES
+    watch, sweep = among.watch, among.sweep
 
     @kernel
     def _is_free(setup, states, length, times, bows):  # type: ignore[no-untyped-def]
         """Check that the first `length` steps of states (T+1, n), straight or bows, touch nothing."""
         f, turn = np.zeros((2, n)), 0.0
         if moving:
-            held, candidates = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
+            notes = watch(setup.world.moving)
         for i in range(length):
             x, y, to_x, to_y = states[i, 0], states[i, 1], states[i + 1, 0], states[i + 1, 1]
             dt = times[i + 1] - times[i]
@@ -50,7 +50,7 @@ def optimiser(kind: KernelSpec) -> Any:
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
             outcome, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
             if outcome == COLLISION or (
-                moving and touches(setup.world.moving, (x, y, to_x, to_y, turn, times[i], dt), held, candidates)
+                moving and sweep(setup.world.moving, notes, (x, y, to_x, to_y, turn), times[i], dt, 1.0) <= 1.0
             ):
                 return False
         return True
@@ -109,6 +109,7 @@ def optimiser(kind: KernelSpec) -> Any:
             whether it is of its class and touches nothing.
         """
         states, control, gains, share, inverse, volume, change, aims = course
+        flat = not noisy_position and control.shape[1] > m
         other, tried = np.zeros(states.shape), np.zeros(control.shape)
         trial = COURSE(other, tried, gains, share, inverse, volume, change, aims)
         copy_row(states[0], other[0])
@@ -119,7 +120,6 @@ def optimiser(kind: KernelSpec) -> Any:
         steps, cost, priced = forward(setup, task, times, course, length, 0.0, points, trial)
         copy_rows(tried, control)
         copy_rows(other, states)
-        flat = not noisy_position and control.shape[1] > m
         problem = setup, task, times, key, flat
         right, sound = _judge(problem, states, steps)
         found = steps, cost, priced, right, sound

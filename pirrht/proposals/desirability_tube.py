@@ -1,4 +1,4 @@
-"""Desirability in a tube around a reference: log psi of one class, from cross-section to cross-section.
+"""Desirability in a tube around a reference, log psi of one class from cross-section to cross-section, and its ascent.
 
 With constant q, psi solves `Laplace psi = k^2 psi`. What starts at x reaches a straight line that leaves it on one side
 with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that to the place on it, about
@@ -6,30 +6,30 @@ with the density `k d / (pi r) K1(k r)`, d the distance to the line and r that t
 back from the goal. Walls on both sides take off what would come from their mirror images. In a channel these transfers
 settle to its slowest mode at its own decay, and behind a corner psi is diffracted.
 
-A cross-section is a straight line across the reference, square to it, or along the bisector of a corner. It ends at a
-wall, or where noise does not carry a path that goes on to the goal. They are dense near walls, sparse in the open.
-
-Samples follow the slope of log psi at the nodes (`rollouts.ways`); towards a wall at a distance c it is known by the
-length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
-
-The loop over the nodes of a cross-section has no branches and single precision: it compiles to vector instructions.
+A cross-section is a straight line across the reference, square to it, or along the bisector of a corner, to walls or
+as far as noise carries paths. Samples follow the slope of log psi at its nodes (`rollouts.tables`); towards a wall at a
+distance c it is known by the length b of `1 - exp(-c / b)`. psi at the start bounds the weight of a class in advance.
+The loop over the nodes has no branches and single precision: it compiles to vector instructions.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance, two_walls
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import HALF, ONE, TWO, ZERO, exponential, logarithm
+from pirrht.jit.vectors import copy_row
+from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.tuning import TUNING
-from pirrht.rollouts.ways import KNOWN, PLACE
+from pirrht.proposals.wall_drift import WallDrift
+from pirrht.rollouts.tables import KNOWN, PLACE, DesirabilityTubes, ProposalTables, slope_along
 
 WIDTH = 32  # at least the nodes of a cross-section, and the point on the reference after the last of them
 # Rows of their numbers: place, the two nearest walls (distance and unit vector away from it), psi there.
@@ -103,9 +103,9 @@ def wall_distance(here, dx, dy, first, second):  # type: ignore[no-untyped-def]
 
 @kernel
 def propagate(k, line, J, step, known, f):  # type: ignore[no-untyped-def]
-    """Fill the rows of f (ROWS,) from those of the next cross-section, `known`: of J nodes, `step` apart [m].
+    """Fill the rows of f (ROWS,) from `known`, those of the next cross-section: of J nodes, `step` apart [m].
 
-    line: point and unit normal of the next cross-section.
+    line: its point and unit normal.
     """
     px, py, tx, ty = np.float32(line[0]), np.float32(line[1]), np.float32(line[2]), np.float32(line[3])
     for i in range(WIDTH):
@@ -183,16 +183,6 @@ def _march(field, x, y, ux, uy, far):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _write(field, spread, x, y, ux, uy, c, out):  # type: ignore[no-untyped-def]
-    """Make cross-section c at (x, y) across (ux, uy), up to `spread` [m]; return whether walls end both sides."""
-    point, ahead, ends = out
-    ends[c, 0], left = _march(field, x, y, -uy, ux, spread)
-    ends[c, 1], right = _march(field, x, y, uy, -ux, spread)
-    point[c, 0], point[c, 1], ahead[c, 0], ahead[c, 1] = x, y, ux, uy
-    return left and right
-
-
-@kernel
 def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
     """Place C cross-sections of a reference (k, 2) [m]: the first through its start, the last before the goal.
 
@@ -224,11 +214,14 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
                 spread = math.sqrt(max(here * (whole - here) / whole, TUNING.section_shortest) / decay)
                 across = TUNING.section_deviations * spread + TUNING.section_extra
                 cx, cy = (bx, by) if t == 0.0 else (ux, uy)
-                channel = _write(field, across, x + t * ux, y + t * uy, cx, cy, count, (point, ahead, ends))
-                free = max(clearance(field, x + t * ux, y + t * uy) - across, 0.0)
+                px, py = x + t * ux, y + t * uy
+                ends[count, 0], left_wall = _march(field, px, py, -cy, cx, across)
+                ends[count, 1], right_wall = _march(field, px, py, cy, -cx, across)
+                point[count, 0], point[count, 1], ahead[count, 0], ahead[count, 1] = px, py, cx, cy
+                free = max(clearance(field, px, py) - across, 0.0)
                 stride = min(TUNING.section_stride + TUNING.section_widening * free, TUNING.section_widest)
                 apart = TUNING.section_apart
-                if channel:
+                if left_wall and right_wall:
                     width = ends[count, 0] + ends[count, 1]
                     stride = min(stride, max(TUNING.section_channel * decay * width * width, TUNING.section_least))
                     apart = min(apart, stride)
@@ -242,39 +235,52 @@ def sections_of(field, line, radius, decay):  # type: ignore[no-untyped-def]
     return point[:count], ahead[:count], ends[:count]
 
 
-class DesirabilityTube(NamedTuple):
-    """Desirability psi along one reference, at J nodes on each of C cross-sections."""
+@dataclass(frozen=True, slots=True, eq=False)
+class DesirabilityAscent(ProposalControl):
+    """Ascent of the desirability in a tube, G u = BB' grad log psi, less the wall drift."""
 
-    place: NDArray[np.float32]  # (C, 6) row of `DesirabilityTubes.place`
-    slope: NDArray[np.float32]  # (C, J, 4) row of `DesirabilityTubes.slope`
-    decay: float  # k [1/m]
+    tubes: DesirabilityTubes  # one, with J nodes on each of C cross-sections
     goal: tuple[float, float]  # centre [m]
-    log_psi: float  # of the class at the start [nats]
+    gain: Array  # (m, 2) lambda R^-1 G' [m/s per nat/m]
+    push: WallDrift
+    promise: float = -math.inf  # predicted log psi of the class, that of the tube at its start [nats]
 
+    @classmethod
+    def of(cls, arena: World, line: Array, x: Array, decay: float, push: WallDrift) -> DesirabilityAscent:
+        """Compute the tube of a reference from x (n,) over corners (k, 2) [m], the goal point as the last.
 
-def tube_of(arena: World, line: Array, x: Array, decay: float, nodes: int = TUNING.nodes) -> DesirabilityTube:
-    """Compute the tube of a reference from x (n,) over the corners of a line (k, 2) [m], the goal point as the last.
+        It is of a world with the goal's disc, where psi decays by k per meter [1/m].
+        """
+        whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
+        cut = sections_of(arena.field, whole, arena.radius, decay)
+        C, J = len(cut[0]), TUNING.nodes
+        place, slope = np.zeros((1, C, PLACE), np.float32), np.zeros((1, C, J, KNOWN), np.float32)
+        log_psi = float(_transfer(arena, cut, decay, place[0], slope[0]))
+        return cls(DesirabilityTubes(np.array([C]), place, slope, decay), arena.goal, push.gain(x), push, log_psi)
 
-    Args:
-        arena: of the world, with the goal's disc.
-        decay: k, of psi per meter [1/m].
-        nodes: J.
-    """
-    whole = np.ascontiguousarray(np.vstack([x[None, :2], line]), dtype=float)
-    cut = sections_of(arena.field, whole, arena.radius, decay)
-    C = len(cut[0])
-    place, slope = np.zeros((C, PLACE), np.float32), np.zeros((C, nodes, KNOWN), np.float32)
-    log_psi = _transfer(arena, cut, decay, place, slope)
-    return DesirabilityTube(place, slope, decay, arena.goal, float(log_psi))
+    @property
+    def sections(self) -> int:
+        """Number of cross-sections, C."""
+        return int(self.tubes.count[0])
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) at x (n,), s [s] after the plan, which matters where obstacles move."""
+        slope = np.zeros(2)
+        slope_along(self.tubes, 0, self.goal, x[0], x[1], self.push.walls(x, s), slope)
+        return np.asarray(self.gain @ slope) - self.push(x, s)
+
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write the tube to the first C cross-sections of the row in `ProposalTables.ways`, and their number."""
+        count = leads.ways.count[h] = self.sections
+        leads.ways.place[h, :count], leads.ways.slope[h, :count] = self.tubes.place[0], self.tubes.slope[0]
 
 
 @inlined
 def _reach(c, push):  # type: ignore[no-untyped-def]
     """Return the reach of a wall at a distance c whose push is known, the inverse of `push_of` [m]."""
-    share = min(push * c, TUNING.drift_most)
-    if share < TUNING.drift_least:
+    if push * c < TUNING.drift_least:
         return 0.0
-    rest = 1.0 / share - 1.0
+    rest = 1.0 / min(push * c, TUNING.drift_most) - 1.0
     s = min(2.0 * rest, 2.0 + 1.5 * math.sqrt(rest))
     for _ in range(TUNING.newton):
         off = s * (0.5 + s * (1.0 / 6.0 + s / 24.0)) - rest
@@ -336,6 +342,5 @@ def _transfer(arena, cut, k, place, slope):  # type: ignore[no-untyped-def]
             for j in range(J):
                 f[LOG_PSI + j] -= top
             base += top
-            for row in range(ROWS):
-                known[row] = f[row]
+            copy_row(f, known)
     return base + f[LOG_PSI + J]

@@ -16,8 +16,8 @@ import numpy as np
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
-from pirrht.proposals.clearance_cost import clearance_costs
 from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 from pirrht.systems.dynamics import no_homing, wrapped
 
@@ -27,7 +27,7 @@ class ForwardPass(NamedTuple):
 
     velocity: Any
     expand: Any
-    arrival: Any
+    expand_end: Any
     forward: Any
 
 
@@ -38,7 +38,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     varying_rate, noisy_position, angles, homing_of = kind.varying_rate, kind.noisy_position, kind.angles, kind.homing
     varying = kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
-    fixed, by_inputs, through_inputs = n - rows, kind.input_form, kind.input_form and varying
+    fixed, through_inputs, all_vary = n - rows, kind.input_form and varying, varying or stratonovich
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
 
@@ -51,10 +51,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
 
     @borrowing
     def displacement(setup, x, a, dt, B, f, out):  # type: ignore[no-untyped-def]
-        """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,).
+        """Write the displacement by a step of dt [s] from x (n,) under modes a to out (n,); return q dt.
 
         B (2, rows, m) and f (n,) are scratch; B[0] keeps B of x, or where G is that of the middle, of the middle.
-        Returns: cost of the states in it, q dt.
         """
         B, G = B[0], B[1]
         if varying:
@@ -66,8 +65,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         if setup.bridge and not noisy_position:
             for j in range(rows):
                 for k in range(m):
-                    mean = 0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0)
-                    out[fixed + j] += dt * B[j, k] * mean
+                    out[fixed + j] += dt * B[j, k] * (0.5 * a[k] - (SWAY * a[m + k] if a.shape[0] > m else 0.0))
         drift(out, setup.parameters, f)
         if stratonovich:
             for j in range(n):
@@ -87,9 +85,24 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @borrowing
+    def arrival(setup, far, x, f):  # type: ignore[no-untyped-def]
+        """Return the cost of the rest to the goal's rim from x (n,), straight ahead; `far` per meter where noise acts.
+
+        It has no kink at the rim, which would be a wall to a guide whose last step ends on it.
+        """
+        gx, gy = setup.world.goal[0] - x[0], setup.world.goal[1] - x[1]
+        if noisy_position:
+            return far * (math.sqrt(gx * gx + gy * gy) - setup.world.radius)
+        rate = velocity(setup, x, f)
+        speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
+        along, square = (gx * f[0] + gy * f[1]) / speed, setup.world.radius**2
+        off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
+        return rate * (along - math.sqrt(off)) / speed
+
+    @borrowing
     def probe(setup, at, i, shift, k, other, work, out):  # type: ignore[no-untyped-def]
-        """Return the weighted displacement and q dt, with variables i and k of (x, a) shifted."""
-        (x, a, dt, costate), (z, c, B, f) = at, work
+        """Return weighted displacement and q dt with variables i and k of (x, a) shifted; of no time: 0, `arrival`."""
+        (x, a, dt, costate, far), (z, c, B, f), total = at, work, 0.0
         copy_row(x, z)
         copy_row(a, c)
         if i < n:
@@ -100,7 +113,9 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
             z[k] += other
         else:
             c[k - n] += other
-        rate, total = displacement(setup, z, c, dt, B, f, out), 0.0
+        if dt == 0.0:
+            return 0.0, arrival(setup, far, z, f)
+        rate = displacement(setup, z, c, dt, B, f, out)
         for j in range(n):
             total += costate[j] * out[j]
         return total, rate
@@ -109,7 +124,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     def differentiate(setup, at, which, nudge, curved, work, out):  # type: ignore[no-untyped-def]
         """Write first derivatives to J and second ones to F, of the weighted displacement, and R, of q dt."""
         (J, F, R), count, up, down = out, which.shape[0], np.empty(nudge.shape), np.empty(nudge.shape)
-        up_rate, down_rate, ahead, behind = np.empty(nudge.shape), np.empty(nudge.shape), np.empty(n), np.empty(n)
+        up_rate, down_rate, ahead, behind = np.empty(nudge.shape), np.empty(nudge.shape), np.zeros(n), np.zeros(n)
         here, rate = probe(setup, at, 0, 0.0, 0, 0.0, work, ahead)
         for c in range(count):
             i = which[c]
@@ -136,8 +151,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     @kernel
     def chain(setup, dt, which, J, F, S):  # type: ignore[no-untyped-def]
         """Complete derivatives in the states where B is constant: modes move the state at which the drift is taken."""
-        N, B = J.shape[1], setup.diffusion
-        D = np.zeros((n, N))
+        N, B, D = J.shape[1], setup.diffusion, np.zeros((n, J.shape[1]))
         for i in range(n):
             D[i, i] = 1.0
         for j in range(rows if setup.bridge and not noisy_position else 0):
@@ -159,18 +173,13 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     def expand(setup, at, active, curved, J, S):  # type: ignore[no-untyped-def]
         """Differentiate a step in (x, a), N = n + modes: by differences in all of them, or where B is constant in x.
 
-        Args:
-            at: x (n,), a (modes,), dt [s], and weights (n,) of the next state's components.
-            active: bits of the states that drift or q depend on.
-            curved: whether second derivatives are required.
-            J: (n+1, N), filled with the first derivatives of the next state and of q dt.
-            S: (N, N), filled with the second derivatives of the weighted sum and q dt.
+        A step is x (n,), a (modes,), dt [s], and weights (n,) of the next state's components. J (n+1, N) is filled with
+        first derivatives of the next state and of q dt, S (N, N) with second ones of the weighted sum and q dt, if they
+        are required; `active` are bits of the states that drift or q depend on.
         """
-        x, a, dt, _ = at
-        modes, size, all_vary = a.shape[0], 0.0, varying or stratonovich
-        N = n + modes
-        which, count = np.empty(N, np.int64), 0
-        work = np.empty(n), np.empty(modes), np.zeros((2, rows, m)), np.empty(n)
+        x, a, dt, costate = at
+        N, size, count = n + a.shape[0], 0.0, 0
+        which, work = np.empty(N, np.int64), (np.empty(n), np.empty(a.shape[0]), np.zeros((2, rows, m)), np.empty(n))
         F, nudge = np.zeros((N, N)), np.full(N, TUNING.nudge)
         J[:, :], S[:, :] = 0.0, 0.0
         for i in range(N if all_vary else n):
@@ -183,36 +192,27 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                 for k in range(m):
                     size = max(size, abs(work[2][0, j, k]))
             nudge[n:] = TUNING.nudge / (dt * size)
-        which = which[:count]
-        differentiate(setup, at, which, nudge, curved, work, (J, F, S))
-        if all_vary:
-            for i in range(N):
-                for k in range(N):
-                    S[i, k] += F[i, k]
-        else:
-            chain(setup, dt, which, J, F, S)
+        differentiate(setup, (x, a, dt, costate, 0.0), which[:count], nudge, curved, work, (J, F, S))
+        if not all_vary:
+            chain(setup, dt, which[:count], J, F, S)
+        for i in range(N if all_vary else 0):
+            for k in range(N):
+                S[i, k] += F[i, k]
         for j in range(n):
             J[j, j] += 1.0
 
-    @borrowing
-    def arrival(setup, task, x, f):  # type: ignore[no-untyped-def]
-        """Return the cost of the rest to the goal's rim from x (n,), straight ahead, or per meter where noise acts."""
-        gx, gy = setup.world.goal[0] - x[0], setup.world.goal[1] - x[1]
-        if noisy_position:
-            gap = math.sqrt(gx * gx + gy * gy) - setup.world.radius
-            # A kink at the rim would be a wall to a guide whose last step ends on it.
-            return task.far * (gap if by_inputs else max(gap, 0.0))
-        rate = velocity(setup, x, f)
-        speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
-        along, square = (gx * f[0] + gy * f[1]) / speed, setup.world.radius**2
-        off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
-        return rate * (along - math.sqrt(off)) / speed
+    @kernel
+    def expand_end(setup, far, x, v, W):  # type: ignore[no-untyped-def]
+        """Expand `arrival` at x (n,), to v (n,) and W (n, n)."""
+        work, at = (np.empty(n), np.empty(m), np.zeros((2, rows, m)), np.empty(n)), (x, np.zeros(m), 0.0, x, far)
+        J, F = np.zeros((n + 1, n)), np.zeros((n, n))
+        differentiate(setup, at, np.arange(n), np.full(n, TUNING.nudge), True, work, (J, F, W))
+        copy_row(J[n], v)
 
     @borrowing
     def _enters(setup, x, y, dx, dy):  # type: ignore[no-untyped-def]
         """Check whether a straight line of (dx, dy) [m] from (x, y) [m] enters the goal."""
-        length, (gx, gy) = math.sqrt(dx * dx + dy * dy), setup.world.goal
-        radius = setup.world.radius
+        length, (gx, gy), radius = math.sqrt(dx * dx + dy * dy), setup.world.goal, setup.world.radius
         if math.sqrt((gx - x) ** 2 + (gy - y) ** 2) - radius >= length:
             return False
         return entry_of_piece(x, y, math.atan2(dy, dx), 0.0, length, gx, gy, radius) < np.inf
@@ -244,10 +244,8 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     def forward(setup, task, times, course, length, step, points, tried):  # type: ignore[no-untyped-def]
         """Simulate a = control + step * change + K (x - states) from the start, and `homing` past `length`.
 
-        Where aims are held to (`Task.hold`) it ends after `length` steps.
-
-        States (T+1, n) and controls (T, modes) go to `tried`, whose first state is the start; `times` (T+1,) [s];
-        the clearance of each step is priced at so many points.
+        Where aims are held to (`Task.hold`) it ends after `length` steps. States (T+1, n) and controls (T, modes) go to
+        `tried`, whose first state is the start; `times` (T+1,) [s]; each step's clearance is priced at so many points.
         Returns: steps that end outside the goal (-1 if it is never entered), cost, cost with clearance priced [cost].
         """
         states, applied, aims = tried.states, tried.control, course.aims
@@ -272,7 +270,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                     velocity(setup, states[i + 1], f)
                 ahead = not held and _enters(setup, x[0], x[1], dx, dy)
             if ahead:
-                rest = arrival(setup, task, x, f)
+                rest = arrival(setup, task.far, x, f)
                 applied[i] = 0.0
                 return i, cost + rest, priced + rest
             for j in range(u.shape[0]):
@@ -287,4 +285,4 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
                 return -1, np.inf, np.inf
         return (length, cost, priced) if held else (-1, np.inf, np.inf)
 
-    return ForwardPass(velocity, expand, arrival, forward)
+    return ForwardPass(velocity, expand, expand_end, forward)

@@ -12,28 +12,36 @@ there on for less.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.field import clearance
+from pirrht.errors import OptionError
 from pirrht.problem import Problem
 from pirrht.proposals.ddp import optimiser
-from pirrht.proposals.guide import Course, DDPGuide, Task, WallsAhead, empty_course
-from pirrht.proposals.half_spaces import constraints_of, drifts_of
-from pirrht.proposals.initialisation import Initialisation
-from pirrht.proposals.noise_scales import Noise, noise_of
+from pirrht.proposals.forward_pass import forward_pass
+from pirrht.proposals.guide import Course, DDPGuide, Initialisation, Task, empty_course
 from pirrht.proposals.tuning import TUNING, ProposalTuning, Stage
 from pirrht.proposals.wall_drift import Scales
+from pirrht.proposals.walls import drift_along
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.general.law import GATE, GATES
-from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_width
+from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_columns
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
 
 UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
+
+
+class Noise(NamedTuple):
+    """Effect of noise alone on a state, and the states that matter to drift and q."""
+
+    strength: float  # b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]
+    position: float  # b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]
+    metric: Array  # (n,) weights of squared differences between states, inverse to their noise, the first's being 1
+    curved: bool  # whether steps have second derivatives
+    active: int  # bit k tells whether drift or q depends on the k-th state
 
 
 class Query(NamedTuple):
@@ -58,14 +66,13 @@ class DDPGuidance:
         self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
     ) -> None:
         assert self.suits(problem)
-        d = problem.dynamics
-        self.problem, self.world, self.tuning, setup = problem, world, tuning, world.setup
+        d, setup = problem.dynamics, world.setup
+        kind = kind_of(problem, setup.world.moving.kernels)
+        self.problem, self.world, self.tuning, self.gated = problem, world, tuning, kind.gated
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
-        kind = kind_of(problem)
-        self.gated = kind.gated
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
-        noise = noise_of(problem, setup, self.width, tuning)
+        noise = _noise_of(problem, setup, self.width, tuning)
         self.metric = noise.metric
         self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
@@ -73,25 +80,21 @@ class DDPGuidance:
         if setup.world.moving.J > 0:
             # A reference passes obstacles in time; tracking it late and avoiding them ends on another side of some.
             tracking, window = tracking._replace(margin=-np.inf, spacing=np.inf), tuning.window
+        self.onward = tuning.onward if kind.homing is no_homing else 0
         self.starts = Initialisation(
-            dynamics=d, setup=setup, width=self.width, halts=kind.homing is no_homing, optimise=self.optimise,
-            tracking=tracking, window=window, asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
+            dynamics=d, setup=setup, width=self.width, optimise=self.optimise, tracking=tracking, window=window,
+            asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
         )  # fmt: skip
-
-    @property
-    def setup(self) -> Setup:
-        """Scene and problem under the current prediction."""
-        return self.world.setup
 
     @property
     def law_width(self) -> int:
         """Numbers of the law of a step."""
-        return law_width(self.problem.dynamics.n, self.width) + (GATES * GATE if self.gated else 0)
+        return law_columns(self.problem.dynamics.n, self.width)[-1]
 
     @staticmethod
     def suits(problem: Problem) -> bool:
         """Check for any system but points among static obstacles, which climb psi."""
-        return kind_of(problem).takes_law
+        return bool(problem.scene.movers) or kind_of(problem).takes_law
 
     def _task(self, warmth: float, noise: Noise) -> Task:
         """Return the numbers of the optimisation for `warmth` times lambda at walls.
@@ -118,15 +121,7 @@ class DDPGuidance:
     def warm_up(self, x: Array) -> None:
         """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
         course = empty_course(2, self.problem.dynamics.n, self.width)
-        self._from(self.query(x, np.arange(3.0), 0, 0.0), (course, 1), self.tuning.warm)
-
-    def improve(
-        self, x: Array, times: Array, key: int, trajectory: Trajectory, last: DDPGuide | None = None,
-        elapsed: float = 0.0, time: float = 0.0,
-    ) -> DDPGuide | None:  # fmt: skip
-        """Return the best local optimum from x (n,) in a class; see `optima`."""
-        query = self.query(x, times, key, time)
-        return next(iter(self.optima(query, trajectory, [] if last is None else [last], elapsed)), None)
+        self._from(self.query(x, np.arange(3.0), 0), (course, 1), self.tuning.warm)
 
     def optima(
         self, query: Query, reference: Trajectory, last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
@@ -144,21 +139,13 @@ class DDPGuidance:
             thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
             short: whether time is short, so that nothing more is improved.
         """
-        if not last and self._is_late(query, reference):
-            return []
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
-        first = found[0] if found else None
-        if first is None or not (first.valid or _clearance(query) <= 0.0):
-            fresh = self._improved(query, reference, thorough, short)
+        first, here = found[0] if found else None, (query.x[0], query.x[1], float(query.clock[0]))
+        if first is None or not (first.valid or query.setup.world.clearance(*here) <= 0.0):
+            fresh = self._fresh(query, reference, thorough, short)
             first, found = fresh[0] if fresh else None, [*fresh, *found[1:]]
         return self._ranked(first, [one for one in found if one is not None and one.valid])
-
-    def _is_late(self, query: Query, reference: Trajectory) -> bool:
-        """Check that controls of a reference enter the goal only after the horizon: optimisation could not start."""
-        seconds = float(reference.durations.sum())
-        rim = query.setup.world.radius * seconds / max(reference.length, 1e-9)
-        return reference.slack is None and seconds - rim > query.times[-1]
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
         """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.
@@ -174,15 +161,13 @@ class DDPGuidance:
         others = [one for one in valid if one is not best and one.penalised < most and best.log_ratio_to(one) > t.apart]
         return [best, *sorted(others, key=lambda one: one.penalised)[:1]]
 
-    def _improved(
-        self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]
-    ) -> list[DDPGuide]:
+    def _fresh(self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]) -> list[DDPGuide]:
         """Return valid guides from the initialisations of a class; without any, one along the reference."""
         found: list[DDPGuide | None] = []
-        for start, stages in self._initialisations(query, reference, thorough, short):
+        for start, stages in self._initialisations(query, reference, thorough):
             if found and short():
                 break
-            found.append(self._from(query, start, stages))
+            found.append(self._from(query, start, stages, short))
             if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
                 break
         valid = [one for one in found if one is not None and one.valid]
@@ -192,8 +177,8 @@ class DDPGuidance:
         return [] if unimproved is None else [unimproved]
 
     def _initialisations(
-        self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]
-    ) -> Iterator[tuple[tuple[Course, int], Iterable[Stage]]]:
+        self, query: Query, reference: Trajectory, thorough: bool
+    ) -> Iterator[tuple[tuple[Course, int], tuple[Stage, ...]]]:
         """Yield the initialisations of a class and the stages of their improvement, the reference first.
 
         Optimisation is local. Among moving obstacles a class has several optima: to pass a closing gap at the last
@@ -202,7 +187,7 @@ class DDPGuidance:
         """
         # Where noise acts on the position, walls are met so soon that 100 lambda would price all of the free space.
         t, noisy = self.tuning, self.problem.dynamics.noisy_position
-        yield self._begun(query, reference), in_time(t.cold[1:] if noisy else t.cold, short)
+        yield self._begun(query, reference), t.cold[1:] if noisy else t.cold
         if query.setup.world.moving.J > 0:
             yield from ((self._begun(query, reference.faster(scale)), t.perturbed) for scale in t.time_scales)
         if thorough and self.tasks[1.0].curved:
@@ -215,9 +200,9 @@ class DDPGuidance:
         begun = self.starts.along if trajectory.slack is None else self.starts.tracked
         return begun(query.x, trajectory, query.times)
 
-    def query(self, x: Array, times: Array, key: int, time: float) -> Query:
+    def query(self, x: Array, times: Array, key: int, time: float = 0.0) -> Query:
         """Prepare for guides of a class from x (n,) at a time [s]."""
-        setup, clock = self.setup, times
+        setup, clock = self.world.setup, times
         if setup.world.moving.J > 0:
             clock = np.ascontiguousarray(times + time)
             setup = setup._replace(marks=self.world.homology.rays(x, clock))
@@ -237,62 +222,88 @@ class DDPGuidance:
         """Return the cost from which on a class weighs nothing next to one of the least cost."""
         return least * (1.0 + self.tuning.hopeless_share) + self.tuning.hopeless * self.problem.temperature
 
-    def _from(self, query: Query, start: tuple[Course, int], stages: Iterable[Stage]) -> DDPGuide | None:
-        course, length = start
+    def _from(
+        self, query: Query, start: tuple[Course, int], stages: Sequence[Stage],
+        short: Callable[[], bool] = lambda: False,
+    ) -> DDPGuide | None:  # fmt: skip
+        """Improve a course stage by stage, as long as there is time, and make a guide of it."""
+        (course, length), d, times = start, self.problem.dynamics, query.times
         course.states[0] = query.x
         cost, penalised, sound = np.inf, np.inf, False
         for warmth, rounds in stages:
             if length < 1:
                 return None
-            length = self.starts.continued(course, query.times, length)
+            task, most = self.tasks[warmth], 0 if short() else rounds
             length, cost, penalised, sound = self.optimise(
-                query.setup, self.tasks[warmth], query.clock, query.key, rounds, course, length
+                query.setup, task, query.clock, query.key, most, course, length
             )
         if length < 1:
             return None
-        length = self.starts.continued(course, query.times, length)
-        course.control[length:], course.gains[length:], course.volume[length:] = 0.0, 0.0, 0.0
-        course.share[length:] = course.inverse[length:] = np.eye(self.width)
+        end = min(length + self.onward, len(course.control))
+        for i in range(length, end):  # on into the goal, if nothing homes in on it
+            for part in course[1:6]:
+                part[i] = part[length - 1]
+            u = d.input_of(course.states[i], course.control[i, : d.m])
+            course.states[i + 1] = d.step(course.states[i], u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        course.control[end:], course.gains[end:], course.volume[end:] = 0.0, 0.0, 0.0
+        course.share[end:] = course.inverse[end:] = np.eye(self.width)
         steep = self.tasks[1.0].steep
         if not self.tuning.steepest / steep * np.abs(course.gains).max() < self.tuning.wildest:
             return None
+        drift, bend = self._drift(query, course.states, end) if self.gated else (None, None)
         return DDPGuide(
-            dynamics=self.problem.dynamics, times=query.times, states=course.states, modes=course.control,
-            gains=course.gains, share=course.share, inverse=course.inverse, volume=course.volume,
-            metric=self.metric, steep=steep, length=length, cost=cost, penalised=penalised, valid=bool(sound),
-            walls_ahead=self._walls_ahead(query, course.states, length) if self.gated else None,
+            dynamics=d, times=times, states=course.states, modes=course.control, gains=course.gains,
+            share=course.share, inverse=course.inverse, volume=course.volume, metric=self.metric, steep=steep,
+            length=end, cost=cost, penalised=penalised, valid=bool(sound), drift=drift, bend=bend,
         )  # fmt: skip
 
-    def _walls_ahead(self, query: Query, states: Array, length: int) -> WallsAhead:
-        """Evaluate half-space constraints and wall drift along a guide (T+1, 2); none past its length."""
-        times, count, rows = query.clock, length * FINER, length * FINER + 1
-        i, share = np.divmod(np.arange(rows) / FINER, 1.0)
-        i = np.minimum(i.astype(np.int64), len(times) - 2)
-        share = np.where(np.arange(rows) == (len(times) - 1) * FINER, 1.0, share)[:, None]
-        places = np.ascontiguousarray((1.0 - share) * states[i] + share * states[i + 1])
-        when = (1.0 - share[:, 0]) * times[i] + share[:, 0] * times[i + 1]
-        d = self.problem.dynamics
-        noise = math.sqrt(float(np.trace(d.B_c(states[0]) @ d.B_c(states[0]).T)) / 2.0)
-        total, offset = (len(times) - 1) * FINER, Scales.of(self.problem, states[0]).wall_offset
-        ahead = WallsAhead(np.zeros((total, GATES, GATE)), np.zeros((total, 2)), np.zeros((total, 2, 2)))
-        within = self.tuning.careless * noise * math.sqrt(float(when[-1] - when[0]))
-        ahead.half_spaces[:count] = constraints_of(query.setup, places, when, noise, within)[:count]
-        ahead.drift[:count], ahead.bend[:count] = drifts_of(query.setup, places[:count], when[:count], offset)
-        return ahead
+    def _drift(self, query: Query, states: Array, length: int) -> tuple[Array, Array]:
+        """Evaluate slope and bend of log psi by near walls along a guide (T+1, 2); none past its length."""
+        count, total = length * FINER, (len(query.times) - 1) * FINER
+        at, ends = np.arange(count) / FINER, np.arange(len(query.times))
+        places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
+        times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
+        slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
+        slopes[:count], bends[:count] = drift_along(query.setup.world.moving.kernels)(
+            query.setup, places, times, offset
+        )
+        return slopes, bends
 
 
-def _clearance(query: Query) -> float:
-    """Return the clearance of the robot's centre at the start, [m]."""
-    (x, y), world = query.x[:2], query.setup.world
-    if world.moving.J == 0:
-        return float(clearance(world.field, x, y))
-    return world.clearance(x, y, float(query.clock[0]))
+def _noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning) -> Noise:
+    """Measure the noise of a problem by the derivatives of its steps at some states, with `width` modes.
 
-
-def in_time(stages: Sequence[Stage], short: Callable[[], bool]) -> Iterator[Stage]:
-    """Yield the stages until time is short, and then one that makes a guide without improving it."""
-    for stage in stages:
-        if short():
-            yield from UNIMPROVED
-            return
-        yield stage
+    Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
+    if no noise reaches the position.
+    """
+    d, h = problem.dynamics, tuning.spreading / tuning.spreading_steps
+    lower, upper = d.box(problem.scene)
+    fractions = np.arange(1, d.n + 1) * 0.7548776662 + np.arange(1, tuning.probes + 1)[:, None] * 0.5698402910
+    states, active = lower + fractions % 1.0 * (upper - lower), 0
+    for i, off in enumerate(tuning.spreading * np.eye(d.n)):
+        rates = [np.append(d.f(x + off) - d.f(x), problem.rate(x + off) - problem.rate(x)) for x in states]
+        active |= int(np.any(rates)) << i
+    asked, at_once = math.sqrt(2.0 * problem.least_rate / problem.temperature), 0.0
+    spread, bend, expand = np.zeros((d.n, d.n)), 0.0, forward_pass(kind_of(problem)).expand
+    for k, x in enumerate(states):
+        J, S = np.zeros((d.n + 1, d.n + width)), np.zeros((d.n + width,) * 2)
+        control = np.full(width, 0.5)
+        if d.input_form:
+            control = asked * np.eye(width)[k % d.m]
+            B = d.B_c(x)[:2]
+            at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
+        expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
+        A, C = J[:-1, : d.n], J[:-1, d.n :]
+        bend, P = max(bend, float(np.abs(S).max())), np.zeros((d.n, d.n))
+        for _ in range(tuning.spreading_steps):
+            P = A @ P @ A.T + C @ C.T / h
+        spread += P / len(states)
+    if not spread[:2, :2].any():
+        raise OptionError(
+            f"{type(d).__name__}: its noise never reaches x, y; its drift must say how they move, as in out[0] = x[2]"
+        )
+    most, squares, metric = float(np.linalg.eigvalsh(spread[:2, :2])[-1]), np.diag(spread), np.zeros(d.n)
+    np.divide(squares[0], squares, out=metric, where=squares > 1e-9 * squares.max())
+    position = math.sqrt(at_once if at_once else most / tuning.spreading)
+    strength = math.sqrt(3.0 * most / tuning.spreading**3)
+    return Noise(strength, position, metric, curved=bend > tuning.straight, active=active)

@@ -1,13 +1,19 @@
-"""Records of guides of any system: the task, the course that kernels write into, and the guide made of it."""
+"""Guides of any system: records, courses that their optimisation starts from, and the feedback that samples follow."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.proposals.proposal import ProposalControl
+from pirrht.proposals.tuning import ProposalTuning
+from pirrht.rollouts.tables import FINER, LawRows, ProposalTables, Setup
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
@@ -42,17 +48,16 @@ class Course(NamedTuple):
     aims: Array  # (T+1, 2) where to be at which time, if that is held to [m]
 
 
+COURSE: Any = Course
+
+
 def empty_course(T: int, n: int, modes: int) -> Course:
-    """A course of T steps from zeros, states (T+1, n); its noise is the passive one."""
+    """Return a course of T steps from zeros, states (T+1, n); its noise is the passive one."""
     unit = np.tile(np.eye(modes), (T, 1, 1))
     return Course(
-        states=np.zeros((T + 1, n)), control=np.zeros((T, modes)), gains=np.zeros((T, modes, n)), share=unit,
-        inverse=unit.copy(), volume=np.zeros(T), change=np.zeros((T, modes)),
-        aims=np.zeros((T + 1, 2)),
+        np.zeros((T + 1, n)), np.zeros((T, modes)), np.zeros((T, modes, n)), unit, unit.copy(), np.zeros(T),
+        np.zeros((T, modes)), np.zeros((T + 1, 2)),
     )  # fmt: skip
-
-
-COURSE: Any = Course
 
 
 class Track(NamedTuple):
@@ -65,14 +70,6 @@ class Track(NamedTuple):
     def points(self, spacing: float) -> list[Array]:
         """Return every piece as a line of two points (2, 2) [m], at any `spacing` [m]."""
         return list(np.stack([self.tails[:, :2], self.heads[:, :2]], axis=1))
-
-
-class WallsAhead(NamedTuple):
-    """Walls along a guide, at its T FINER rows."""
-
-    half_spaces: Array  # (T FINER, GATES, GATE) constraints of walls yet to be passed
-    drift: Array  # (T FINER, 2) slope of log psi by near walls [1/m]
-    bend: Array  # (T FINER, 2, 2) its derivatives [1/m^2]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,18 +90,18 @@ class DDPGuide:
     cost: float  # integral of q + u'Ru/2 up to the goal [cost]
     penalised: float  # cost with that of the clearance [cost]
     valid: bool  # whether it touches nothing and is of its class
-    walls_ahead: WallsAhead | None = None  # of a point among moving obstacles
+    drift: Array | None = None  # (T FINER, 2) slope of log psi by near walls, of a point among moving obstacles [1/m]
+    bend: Array | None = None  # (T FINER, 2, 2) its derivatives [1/m^2]
 
     def log_ratio_to(self, other: DDPGuide) -> float:
         """Return by how much another guide's path is less likely than its own under its own law [nats].
 
         That is half the integral of |a - b|^2, a being the law at the other's states, b the other's controls.
         """
-        most = min(other.length, len(other.modes))
+        most, m = min(other.length, len(other.modes)), self.dynamics.m
         y, own = other.states[:most], self.states[: max(self.length, 1)]
         near = np.argmin((self.metric * (y[:, None] - own) ** 2).sum(axis=2), axis=1)
         asked = self.modes[near] + np.einsum("ijk,ik->ij", self.gains[near], y - own[near])
-        m = self.dynamics.m
         off = np.clip(asked, -self.steep, self.steep)[:, :m] - other.modes[:most, :m]
         return float(0.5 * (off**2).sum(axis=1) @ np.diff(other.times)[:most])
 
@@ -118,15 +115,140 @@ class DDPGuide:
         passed = int(np.searchsorted(self.times, elapsed + 1e-9, side="right")) - 1
         if passed >= self.length:
             return None
-        part = slice(passed, self.length)
-        end = self.states[self.length].copy()
-        end[:2] = goal
-        states = np.vstack([self.states[passed : self.length + 1], end])
+        states = self.states[[*range(passed, self.length + 1), self.length]]
+        states[-1, :2] = goal
         travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
-        steps = np.diff(self.times)[part]
-        left = travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9)
-        durations = np.append(steps, left)
+        steps = np.diff(self.times)[passed : self.length]
+        durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
         return Trajectory(
-            controls=np.vstack([self.tape[part], np.zeros(self.dynamics.m)]), durations=durations,
+            controls=np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)]), durations=durations,
             path=Track(states[:-1], states[1:], durations), cost=float(durations.sum()), length=float(travel.sum()),
         )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearFeedback(ProposalControl):
+    """Feedback around the guide of any system."""
+
+    guide: DDPGuide
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) of the guide at s [s] plus its gains times the deviation of the state x (n,)."""
+        guide, d = self.guide, self.guide.dynamics
+        i = min(int(np.searchsorted(guide.times, s + 1e-9, side="right")) - 1, len(guide.modes) - 1)
+        share = min(1.0, (s - guide.times[i]) / (guide.times[i + 1] - guide.times[i]))
+        off = d.difference(x, guide.states[i] + share * d.difference(guide.states[i + 1], guide.states[i]))
+        a = self._law(x, i, min(i * FINER + round(share * FINER), len(guide.modes) * FINER - 1), off)
+        mean, sway = a[: d.m], a[d.m :]
+        return d.input_of(x, mean + 2.0 * math.sqrt(3.0) * (share - 0.5) * sway if len(sway) else mean)
+
+    def held(self, x: Array) -> Array:
+        """Return the mean control (m,) of the guide over its first step from x (n,)."""
+        d = self.guide.dynamics
+        return d.input_of(x, self._law(x, 0, 0, d.difference(x, self.guide.states[0]))[: d.m])
+
+    def _law(self, x: Array, i: int, row: int, off: Array) -> Array:
+        """Evaluate the law of step i (modes,), less the drift of its row, `off` (n,) from the guide."""
+        guide = self.guide
+        modes = guide.modes[i] + guide.gains[i] @ off
+        if guide.drift is not None and guide.bend is not None:  # wall drift comes on top
+            modes = modes - guide.dynamics.B_c(x).T @ (guide.drift[row] + guide.bend[row] @ off)
+        return np.asarray(np.clip(modes, -guide.steep, guide.steep))
+
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write `LawRows` of `ProposalTables.law` (H, T FINER, law_width), and the number of its rows."""
+        guide = self.guide
+        leads.law_length[h] = guide.length * FINER
+        (T, modes), n = guide.modes.shape, guide.states.shape[1]
+        row, law = np.arange(T * FINER), LawRows.of(leads, h, n, modes)
+        i, share = row // FINER, (row % FINER / FINER)[:, None]
+        then = np.maximum(np.minimum(i + 1, guide.length - 1), i)
+        mean = (1.0 - share) * guide.modes[i] + share * guide.modes[then]
+        gains = (1.0 - share[:, :, None]) * guide.gains[i] + share[:, :, None] * guide.gains[then]
+        if guide.drift is not None and guide.bend is not None:
+            B = guide.dynamics.B_c(guide.states[0])
+            mean, gains = mean - guide.drift @ B, gains - B.T @ guide.bend
+        # States are linear within a step, but for positions, whose velocity is.
+        states = (1.0 - share) * guide.states[i] + share * guide.states[i + 1]
+        pace = np.gradient(guide.states[: guide.length + 1, :2], guide.times[: guide.length + 1], axis=0)
+        pace = np.vstack([pace, np.repeat(pace[-1:], len(guide.states) - len(pace), axis=0)])
+        states[:, :2] += 0.5 * share * (1.0 - share) * np.diff(guide.times)[i][:, None] * (pace[i] - pace[i + 1])
+        law.mean[:], law.gains[:], law.state[:] = mean, np.swapaxes(gains, 1, 2), states
+        law.deviation[:], law.inverse[:] = np.swapaxes(guide.share, 1, 2)[i], np.swapaxes(guide.inverse, 1, 2)[i]
+        law.log_det[:], law.steepest[:], law.metric[:] = guide.volume[i], guide.steep, guide.metric
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Initialisation:
+    """Initial courses of one system, each with its number of prescribed steps."""
+
+    dynamics: Dynamics
+    setup: Setup
+    width: int  # modes of a step
+    optimise: Any  # kernel (`ddp`)
+    tracking: Task  # under which aims are held to
+    window: int | None  # last steps that are improved when more of a reference is tracked; None: all
+    asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
+    tuning: ProposalTuning
+
+    def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """Start from the controls of a reference from x (n,)."""
+        d, state = self.dynamics, x
+        course = empty_course(len(times) - 1, d.n, self.width)
+        for i, u in enumerate(trajectory.tape(times)):
+            course.control[i, : d.m] = d.to_noise(state, u)
+            state = d.step(state, u, np.zeros(d.m), float(times[i + 1] - times[i]))
+        return course, min(int(np.searchsorted(times, trajectory.durations.sum())), len(times) - 1)
+
+    def perturbed(self, control: Array, length: int, times: Array) -> Iterator[tuple[Course, int]]:
+        """Start from controls (T, modes) with the first ones perturbed: to turn the other way, to brake, to reverse.
+
+        Optimisation is local, and turning about has several local optima.
+        """
+        m, steps = self.dynamics.m, int(np.searchsorted(times, self.tuning.perturbed_time))
+        few = m <= self.tuning.perturbed_inputs
+        signs = product((-1.0, 0.0, 1.0), repeat=m) if few else np.vstack([np.eye(m), -np.eye(m)])
+        for strength, direction in product(self.tuning.perturbed_strengths, map(np.asarray, signs)):
+            if np.any(direction):
+                course = empty_course(len(control), self.dynamics.n, self.width)
+                course.control[:] = control
+                course.control[:steps, :m] += strength * self.asked * direction
+                yield course, max(length, min(steps, len(control)))
+
+    def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
+        """Start by tracking the places and times of a reference from x (n,), more and more of it from its start on.
+
+        It sets off gently, since the system may have to turn about or to accelerate.
+        """
+        start, seconds, ahead = trajectory.path.start, float(trajectory.durations.sum()), self.tuning.ahead
+        pace, onward = trajectory.length / seconds, trajectory.durations[-1] + times[-1]  # through the goal, no halt
+        end = start[-1, :2] + pace * onward * np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])
+        passed = np.cumsum([0.0, *trajectory.durations[:-1], onward])
+        ramp, late, then = self.tuning.ramp * (trajectory.slack or 0.0), 0.0, times
+        if ramp:
+            along = self.dynamics.f(x)[:2] @ np.array([math.cos(start[0, 2]), math.sin(start[0, 2])])
+            late = ramp * (1.0 - min(max(along / pace, 0.0), 1.0))  # by as much as it is slow at the start
+            then = times + late * np.expm1(-times / ramp)
+        course, length = empty_course(len(times) - 1, self.dynamics.n, self.width), 0
+        corners = np.vstack([start[:, :2], end])
+        course.aims[:] = np.column_stack([np.interp(then, passed, column) for column in corners.T])
+        course.states[0] = x
+        whole = int(np.searchsorted(times, seconds + self.setup.world.radius / pace + late))
+        whole = min(len(times) - 1, whole)
+        while length < whole:
+            length = min(whole, length + ahead)
+            first = 0 if self.window is None else max(0, length - self.window)
+            part, passes = Course(*(array[first:] for array in course)), self.tuning.ahead_passes
+            self.optimise(self.setup, self.tracking, times[first:], 0, passes, part, length - first)
+        return course, length
+
+    def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
+        """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
+        then = times + elapsed
+        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
+        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
+        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
+        modes = last.modes[at].copy()
+        modes[:, self.dynamics.m :] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
+        course = empty_course(len(at), self.dynamics.n, self.width)
+        return course._replace(states=states, control=modes, gains=last.gains[at]), min(length, len(at))

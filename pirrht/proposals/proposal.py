@@ -33,7 +33,7 @@ class ProposalControl(ABC):
 
         >>> from dataclasses import dataclass
         >>> import numpy as np
-        >>> from pirrht.proposals.controls import LinearFeedback
+        >>> from pirrht.proposals.guide import LinearFeedback
         >>> from pirrht.rollouts.tables import LawRows
         >>> @dataclass(frozen=True)
         ... class Wider(ProposalControl):

@@ -1,4 +1,4 @@
-"""Tuned numbers of proposals: optimisation of guides, half-space constraints, wall drift and desirability tubes."""
+"""Tuned numbers of proposals: optimisation of guides, wall drift and desirability tubes."""
 
 from __future__ import annotations
 
@@ -59,13 +59,6 @@ class ProposalTuning(NamedTuple):
     spreading_steps: int = 5  # of that time
     probes: int = 8  # states
     straight: float = 1e-5  # second derivatives below this are rounding of differences
-    # Half-space constraints ahead of a point.
-    walls: int = 6  # evaluated at one place at most
-    other_wall: float = 0.5  # cosine of the angle between walls below which they are two
-    careless: float = 3.0  # deviations of noise beyond which a wall ahead does not matter
-    drift_range: float = 10.0  # reaches beyond which walls cause no drift
-    drift_gap: float = 0.1  # least distance of a wall that causes drift, in reaches
-    soonest: float = 0.05  # time ahead from which on a wall is a constraint, not drift [s]
     # Cross-sections of a reference: denser ones cost time, sparser ones lose what walls between them do.
     section_stride: float = 0.15  # between sections with walls at their ends [m]
     section_widening: float = 0.5  # share of the clearance beyond their ends that is added in the open
@@ -88,6 +81,7 @@ class ProposalTuning(NamedTuple):
     # Wall drift.
     wall_offset: float = 2.0  # of a wall without a tube, in decay lengths 1/k
     drift_near: float = 10.0  # reaches beyond which moving obstacles add no drift
+    drift_gap: float = 0.1  # least distance of a wall that causes drift of a guide, in reaches
     least_gap: float = 1e-4  # least distance of a wall [m]
     constant_below: float = 0.2  # distance of a wall, in a step's noise, below which drift stays constant
     constant_below_moving: float = 0.05  # that distance among moving obstacles, since closing gaps are narrow

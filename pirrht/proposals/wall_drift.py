@@ -107,18 +107,15 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
 
 def speed_of(mean: float, c: float, variance: float, span: float) -> float:
     """Solve for the speed s of `shortfall` by the slope's mean [1/m], as seen from the wall; 0 at least."""
-
-    def off(s: float) -> float:
+    low, high = 0.0, max(mean, 0.0) * variance  # the mean is no less than s / variance
+    for k in range(TUNING.bisections):
+        s = 0.5 * (low + high) if k > 0 else 0.0
         g = s / variance
         now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
-        return now - shortfall(c, s, variance, span) - mean
-
-    low, high = 0.0, max(mean, 0.0) * variance
-    if off(low) >= 0.0:
-        return 0.0
-    for _ in range(TUNING.bisections):  # the mean is no less than s / variance
-        middle = 0.5 * (low + high)
-        low, high = (low, middle) if off(middle) >= 0.0 else (middle, high)
+        enough = now - shortfall(c, s, variance, span) >= mean
+        if k == 0 and enough:
+            return 0.0
+        low, high = (low, s) if enough else (s, high)
     return 0.5 * (low + high)
 
 
@@ -149,13 +146,7 @@ class WallDrift:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
         if self.offset <= 0.0:
             return np.zeros(self.problem.dynamics.m)
-        gain, least = self._at(x)
-        if self.moving.J == 0:
-            least = least if closest is None else closest
-            slope = _slope_at(self.field, x[0], x[1], least, self.slack, self.behind, self.offset)
-        else:
-            slope = wall_slope(*self.walls(x, s, closest), self.offset)
-        return np.asarray(gain @ np.array(slope))
+        return np.asarray(self.gain(x) @ np.array(wall_slope(*self.walls(x, s, closest), self.offset)))
 
     def gain(self, x: Array) -> Array:
         """Return lambda R^-1 G' at x (n,), (m, rows), the control per slope of log psi."""
@@ -167,20 +158,18 @@ class WallDrift:
         found: tuple[Any, ...] = _walls_at(self.field, x[0], x[1], closest, self.slack, self.behind)
         if self.moving.J == 0:
             return found
-        within, time = TUNING.drift_near * self.offset, self.time + s
-        rows = self.moving.walls(x[0], x[1], time, within)
+        rows = self.moving.walls(x[0], x[1], self.time + s, TUNING.drift_near * self.offset)
         return tuple(with_walls(found, rows, len(rows), closest))
 
     def _at(self, x: Array) -> tuple[Array, float]:
         """Return lambda R^-1 G' = G^-1 BB' at x (n,), and the distance of walls below which drift stays constant."""
         if self.known is not None:
             return self.known
-        d = self.problem.dynamics
-        B = d.B_c(x)
+        B = self.problem.dynamics.B_c(x)
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         nearest = TUNING.constant_below if self.moving.J == 0 else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
-        return d.climbing_gain(x), closest
+        return self.problem.dynamics.climbing_gain(x), closest
 
 
 @kernel
@@ -189,13 +178,6 @@ def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-d
     c, nx, ny, d, mx, my = two_walls(field, x, y)
     c, d, least = np.float32(c + slack + behind), np.float32(d + behind), np.float32(closest)
     return max(c, least), nx, ny, max(d, least), mx, my
-
-
-@kernel
-def _slope_at(field, x, y, closest, slack, behind, offset):  # type: ignore[no-untyped-def]
-    """Return `wall_slope` of `_walls_at` for an offset [m], 2 numbers [1/m]."""
-    c, nx, ny, d, mx, my = _walls_at(field, x, y, closest, slack, behind)
-    return wall_slope(c, nx, ny, d, mx, my, offset)
 
 
 class FlatWalls(NamedTuple):

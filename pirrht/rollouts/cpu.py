@@ -16,12 +16,13 @@ import numpy as np
 
 from pirrht.arrays import Array, IntArray
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.world import MovingKernels, World
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
 from pirrht.rollouts.general.kind import KernelSpec
 from pirrht.rollouts.general.law import straight_home
 from pirrht.rollouts.general.path import Kept, any_path
-from pirrht.rollouts.point.block import replay, sample
+from pirrht.rollouts.point_block import replay, sample
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
@@ -68,15 +69,16 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
 
 
 class Cpu(NamedTuple):
-    """Backend of compiled kernels: `Cpu.of(problem)`."""
+    """Backend of compiled kernels: `Cpu.of(problem, world)`."""
 
     kernels: Kernels
     threads: int
 
     @classmethod
-    def of(cls, problem: Problem, threads: int | None = None, *, fitted: bool = True) -> Cpu:
+    def of(cls, problem: Problem, world: World, threads: int | None = None, *, fitted: bool = True) -> Cpu:
         """Choose the kernels of a problem, by default one thread per core of this process, for `Sampling.fitted`."""
-        return cls(kernels_for(problem, fitted=fitted), threads or len(os.sched_getaffinity(0)))
+        kernels = kernels_for(problem, world.moving.kernels, fitted=fitted)
+        return cls(kernels, threads or len(os.sched_getaffinity(0)))
 
     def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
         """Simulate all S samples of the tables, split over the threads."""
@@ -120,16 +122,16 @@ class Cpu(NamedTuple):
         return states, applied, steps
 
 
-def kernels_for(problem: Problem, *, fitted: bool = True) -> Kernels:
+def kernels_for(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> Kernels:
     """Return the compiled rollouts of a problem; built once per kind of dynamics and cost rate (`kind_of`)."""
     d = problem.dynamics
-    if d.even and d.constant and not callable(problem.q) and not problem.scene.movers:
+    if d.even and d.constant and not callable(problem.q) and moving is None:
         return Kernels(sample, replay, TUNING.alone_points)
-    return loops(*any_path(kind_of(problem, fitted=fitted)), d.m)
+    return loops(*any_path(kind_of(problem, moving, fitted=fitted)), d.m)
 
 
-def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:
-    """Describe a problem for which kernels are compiled, and whether steps are `Sampling.fitted`."""
+def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bool = True) -> KernelSpec:
+    """Describe a problem for which kernels are compiled, kernels of its moving obstacles, and `Sampling.fitted`."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
     return KernelSpec(
@@ -137,16 +139,17 @@ def kind_of(problem: Problem, *, fitted: bool = True) -> KernelSpec:
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(_homing(problem)),
-        input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
-        moving=bool(problem.scene.movers), curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles),
+        homing=as_jitable(_homing(problem, moving)), input_form=d.input_form, stratonovich=d.stratonovich,
+        anisotropic=d.n == d.m == 2 and not d.even, moving=moving,
+        curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
 
 
-def _homing(problem: Problem) -> Callable[..., None]:
+def _homing(problem: Problem, moving: MovingKernels | None) -> Callable[..., None]:
     """Choose the control of samples that outlive their law; among moving obstacles points have one too."""
     d = problem.dynamics
-    point = problem.scene.movers and d.n == d.m == 2 and not d.input_form
+    point = moving is not None and d.n == d.m == 2 and not d.input_form
     return straight_home if point and d.homing is no_homing else d.homing
 
 

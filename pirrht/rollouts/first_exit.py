@@ -13,21 +13,19 @@ import numpy as np
 
 from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
+from pirrht.geometry.world import NEVER
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.outcome import Outcome
 from pirrht.rollouts.tuning import TUNING
 
 INSIDE, GOAL, COLLISION = map(int, Outcome)  # INSIDE: no exit in this step, out of time after the last one
-NEVER = 2.0  # share of a step at which nothing is met
 
 
 @kernel
 def _border_survival(field, x, y, nx, ny, vx, vy):  # type: ignore[no-untyped-def]
-    alive = survival(x - field.left, nx - field.left, vx)
-    alive *= survival(field.right - x, field.right - nx, vx)
-    alive *= survival(y - field.low, ny - field.low, vy)
-    return alive * survival(field.high - y, field.high - ny, vy)
+    across = survival(x - field.left, nx - field.left, vx) * survival(field.right - x, field.right - nx, vx)
+    return across * survival(y - field.low, ny - field.low, vy) * survival(field.high - y, field.high - ny, vy)
 
 
 @kernel
@@ -82,28 +80,6 @@ def distances(arena, x, y):  # type: ignore[no-untyped-def]
     return (interpolate(field, field.nearest, x, y) if edge > 0.0 else edge), edge, to_goal
 
 
-@kernel
-def _behind_wall(field, x, y, nx, ny, c0, c1):  # type: ignore[no-untyped-def]
-    """Clearance c1 of a step's end; negative if the chord meets a wall, as if the step had ended inside of it."""
-    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
-    s = c0
-    while s < length - c1:
-        c = interpolate(field, field.nearest, x + s / length * (nx - x), y + s / length * (ny - y))
-        if c <= 0.0:
-            return c0 * (1.0 - length / s)
-        s += max(c, 0.1 * field.spacing)
-    return c1
-
-
-@kernel
-def _behind_rim(arena, x, y, nx, ny, g0, g1):  # type: ignore[no-untyped-def]
-    """Distance g1 of a step's end to the goal's disc; negative if the chord enters it, as if it ended inside."""
-    length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
-    gx, gy = arena.goal
-    s = entry_of_piece(x, y, math.atan2(ny - y, nx - x), 0.0, length, gx, gy, arena.radius)
-    return g0 * (1.0 - length / s) if s < length else g1
-
-
 @inlined
 def line_of(cov):  # type: ignore[no-untyped-def]
     """Direction (x, y) in which a covariance (xx, xy, yy) spreads most, where it spreads in that alone; whether so."""
@@ -130,14 +106,13 @@ def _may_meet(before, after, square):  # type: ignore[no-untyped-def]
 @inlined
 def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
     """Return the distances after a step, negative where its chord meets a wall or the goal's disc."""
-    x, y, nx, ny = step
-    c0, _, g0 = before
-    c1, e1, g1 = after
+    (x, y, nx, ny), (c0, _, g0), (c1, e1, g1) = step, before, after
     square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
-    if c1 > 0.0 and (c0 + c1) * (c0 + c1) < square:
-        c1 = _behind_wall(arena.field, x, y, nx, ny, c0, c1)
-    if g1 > 0.0 and (g0 + g1) * (g0 + g1) < square:
-        g1 = _behind_rim(arena, x, y, nx, ny, g0, g1)
+    past_wall, past_rim = c1 > 0.0 and (c0 + c1) * (c0 + c1) < square, g1 > 0.0 and (g0 + g1) * (g0 + g1) < square
+    if past_wall or past_rim:
+        exit, share = sweep_exit(arena, x, y, nx, ny)
+        c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
+        g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
     return c1, e1, g1
 
 
@@ -147,10 +122,9 @@ def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type:
 
     Returns: next state of the sequence, share of the step until then or NEVER, log probability of neither [nats].
     """
-    (x, y, nx, ny), (c0, e0, _), (c1, e1, _), (near_wall, near_border) = step, before, after, near
+    (x, y, nx, ny), (c0, e0, _), (c1, e1, _), (near_wall, near_border), u = step, before, after, near, 1.0
     variance = _towards_wall(field, x, y, cov)
     alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
-    u = 1.0
     if not weighed:
         state, u = uniform(state)
     # Two walls at least as far as the nearest: no need to look where the second is, if this already tells.

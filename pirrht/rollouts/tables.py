@@ -1,4 +1,9 @@
-"""Hold inputs and outputs of compiled rollouts."""
+"""Hold inputs and outputs of compiled rollouts, and read the tubes whose desirability samples climb.
+
+A tube has cross-sections along a reference; their nodes know the slope of log psi of its class
+(`proposals.desirability_tube`) and the lengths over which psi falls to zero towards the walls on both sides. Between
+nodes and cross-sections these are interpolated; behind the last one psi is that of a disc in the open.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.jit.jit import inlined, kernel, load_float32, part
+from pirrht.jit.streams import HALF, ONE, ZERO
+from pirrht.jit.vectors import blended
 from pirrht.rollouts.tuning import TUNING
 
 if TYPE_CHECKING:  # records hold what geometry and topology build, and need neither
     from pirrht.geometry.world import World
-    from pirrht.moving.broad_phase import Nearby
-    from pirrht.rollouts.ways import DesirabilityTubes
     from pirrht.topology.crossings import Cuts
     from pirrht.topology.homology import Homology
     from pirrht.topology.moving_crossings import RayTable
@@ -24,9 +30,14 @@ if TYPE_CHECKING:  # records hold what geometry and topology build, and need nei
 FINER = TUNING.law_rows
 
 
-def law_width(n: int, modes: int) -> int:
-    """Numbers per row of the law of a system with n states, under noise of so many modes per step (`LawRows`)."""
-    return modes + modes * n + n + 2 * modes * modes + 2 + n
+def law_shapes(n: int, modes: int) -> tuple[tuple[int, ...], ...]:
+    """Return the shapes of `LawRows` in one row, for n states under noise of so many modes per step."""
+    return (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
+
+
+def law_columns(n: int, modes: int) -> list[int]:
+    """Return where each of `LawRows` begins in a row of a law, and last how many numbers there are."""
+    return [0, *np.cumsum([math.prod(shape) for shape in law_shapes(n, modes)]).tolist()]
 
 
 class Setup(NamedTuple):
@@ -73,6 +84,45 @@ class PredictedWorld:
         return bool(self.setup.world.moving.J > 0)
 
 
+class Section(NamedTuple):
+    """Columns of a cross-section."""
+
+    x: float  # point on the reference [m]
+    y: float
+    tx: float  # unit normal in the direction of travel
+    ty: float
+    first: float  # offset of the first node to the left [m]
+    per_meter: float  # nodes per meter [1/m]
+
+
+class Node(NamedTuple):
+    """Columns of a node."""
+
+    gx: float  # grad log psi without the part of the walls [1/m]
+    gy: float
+    left: float  # reach of the walls to the left and right, as `push_of` takes it [m]
+    right: float
+
+
+PLACE, KNOWN = len(Section._fields), len(Node._fields)
+NUMBERS = KNOWN + 2  # of `slope_of`
+
+
+class DesirabilityTubes(NamedTuple):
+    """Tubes around H references, of at most C cross-sections with J nodes each, as plain arrays for kernels."""
+
+    count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no tube
+    place: NDArray[np.float32]  # (H, C, 6) `Section`
+    slope: NDArray[np.float32]  # (H, C, J, 4) `Node`
+    decay: float  # k, of psi per meter in the open [1/m]
+
+
+def no_tubes(H: int, C: int, J: int, decay: float) -> DesirabilityTubes:
+    """Allocate H tubes of at most C cross-sections with J nodes, (H, C, 6) and (H, C, J, 4); none yet."""
+    place, slope = np.zeros((H, C, PLACE), np.float32), np.zeros((H, C, J, KNOWN), np.float32)
+    return DesirabilityTubes(np.zeros(H, np.int64), place, slope, decay)
+
+
 class ProposalTables(NamedTuple):
     """Proposal controls around H references, one row each: a control sequence, a tube or a law; kernels read it."""
 
@@ -88,10 +138,9 @@ class ProposalTables(NamedTuple):
     weighed: bool  # samples are weighed by the probability that they meet no wall within a step, not ended by it
     window: int  # leading steps over which the control now is averaged
     mirrored: bool  # the noise of every second sample is minus that of the one before it
-    law: Array  # (H, T FINER, law_width) and more columns of a point's half-spaces: `LawRows`
+    law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
-    obstacles: Nearby  # moving obstacles that may be near
     law_weight: float = (
         1.0  # share of a law that tells how the control changes near the start, where walls push besides
     )
@@ -117,11 +166,8 @@ class LawRows(NamedTuple):
     @classmethod
     def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
         """Return the rows of proposal h for a system of n states under noise of so many modes per step."""
-        law = tables.law[h]
-        shapes = (modes,), (n, modes), (n,), (modes, modes), (modes, modes), (), (), (n,)
-        ends = np.cumsum([math.prod(shape) for shape in shapes])
-        starts = np.concatenate([[0], ends[:-1]])
-        rows = zip(starts, ends, shapes, strict=True)
+        law, at, shapes = tables.law[h], law_columns(n, modes), law_shapes(n, modes)
+        rows = zip(at[:-1], at[1:], shapes, strict=True)
         return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
 
 
@@ -170,3 +216,101 @@ class Kernels(NamedTuple):
     sample: Callable[..., None]  # (.., start, stop, paths): fills Paths for a range of samples
     replay: Callable[..., None]  # (.., number, states, applied, steps): states, controls and steps of chosen samples
     alone: int  # one thread is done with fewer samples than this before another one is awake
+
+
+@inlined
+def push_of(c, offset):  # type: ignore[no-untyped-def]
+    """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of offset b.
+
+    There psi goes like 1 - exp(-c/b).
+    """
+    s = c / (offset + np.float32(1e-9))
+    third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
+    return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))
+
+
+@inlined
+def _passed(place, s, x, y):  # type: ignore[no-untyped-def]
+    """Return how far (x, y) [m] has passed cross-section s [m]."""
+    k = PLACE * s
+    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    return dx * load_float32(place, k + 2) + dy * load_float32(place, k + 3)
+
+
+@inlined
+def _nodes(place, s, x, y, J):  # type: ignore[no-untyped-def]
+    """Return the number of the node before (x, y) [m] on cross-section s, and the share of the way to the next one."""
+    k = PLACE * s
+    dx, dy = x - load_float32(place, k), y - load_float32(place, k + 1)
+    node = dy * load_float32(place, k + 2) - dx * load_float32(place, k + 3) - load_float32(place, k + 4)
+    node = min(max(node * load_float32(place, k + 5), ZERO), np.float32(J - 1))
+    j = min(np.int64(node), J - 2)
+    return s * J + j, node - np.float32(j)
+
+
+@inlined
+def tube_of(tubes, g):  # type: ignore[no-untyped-def]
+    """Return a tube as `tube_at` takes it: addresses of its sections and nodes, last section, and J."""
+    _, C, J, _ = tubes.slope.shape
+    place, slope = tubes.place.ctypes.data + 4 * PLACE * g * C, tubes.slope.ctypes.data + 4 * KNOWN * g * C * J
+    return place, slope, tubes.count[g] - 1, J
+
+
+@part
+def tube_at(tube, s, decay, goal, x, y, out, at, each):  # type: ignore[no-untyped-def]
+    """Write the NUMBERS of `slope_of` at (x, y) [m] to out[at + each * i]; return the cross-section passed.
+
+    Args, in order: `tube_of`, the cross-section to search from, k [1/m] and the goal's centre [m], which count behind
+        the last one, and the rest.
+    """
+    place, slope, last, J = tube
+    # Neighbours on both sides are compared without a branch, which noise would make unpredictable.
+    back = (s > 0) & (_passed(place, s, x, y) < ZERO)
+    onward = (s < last) & (_passed(place, min(s + 1, last), x, y) >= ZERO)
+    s += -1 if back else (1 if onward else 0)
+    more = min(s + 1, last)
+    ahead = -_passed(place, more, x, y)
+    while (s < last) & (ahead <= ZERO):
+        s, more = more, min(more + 1, last)
+        ahead = -_passed(place, more, x, y)
+    if s == last:
+        dx, dy = np.float32(goal[0]) - x, np.float32(goal[1]) - y
+        per = ONE / math.sqrt(dx * dx + dy * dy + np.float32(1e-9))
+        rate, reach = (np.float32(decay) + HALF * per) * per, np.float32(TUNING.wall_reach / decay)
+        out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = rate * dx, rate * dy, reach, reach
+        out[at + 4 * each], out[at + 5 * each] = dx, dy
+        return s
+    past = _passed(place, s, x, y)
+    along = min(max(past / (past + ahead + np.float32(1e-9)), ZERO), ONE)
+    (i, one), (j, other) = _nodes(place, s, x, y, J), _nodes(place, more, x, y, J)
+    numbers = blended(slope + 4 * KNOWN * i, slope + 4 * KNOWN * j, one, other, along)
+    out[at], out[at + each], out[at + 2 * each], out[at + 3 * each] = numbers
+    k = PLACE * more + 2
+    out[at + 4 * each], out[at + 5 * each] = load_float32(place, k), load_float32(place, k + 1)
+    return s
+
+
+@part
+def slope_of(f, at, each, walls):  # type: ignore[no-untyped-def]
+    """Return grad log psi [1/m] from the numbers f[at + each * i], without branches; single precision suffices.
+
+    These are `Node`, interpolated, and the direction of travel. walls: `two_walls`, none closer than they may push.
+    """
+    gx, gy, left, right = f[at], f[at + each], f[at + 2 * each], f[at + 3 * each]
+    tx, ty = f[at + 4 * each], f[at + 5 * each]
+    c, nx, ny, d, mx, my = walls
+    first, second = nx * ty - ny * tx > ZERO, mx * ty - my * tx > ZERO  # whether a wall is to the left
+    near, far = left if first else right, ZERO if first == second else (left if second else right)
+    one, other = push_of(c, near), push_of(d, far)
+    return gx + one * nx + other * mx, gy + one * ny + other * my
+
+
+@kernel
+def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
+    """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
+    x, y, numbers, tube = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32), tube_of(tubes, g)
+    stage, before = 0, -1
+    while stage > before:
+        before = stage
+        stage = tube_at(tube, before, tubes.decay, goal, x, y, numbers, 0, 1)
+    out[0], out[1] = slope_of(numbers, 0, 1, walls)

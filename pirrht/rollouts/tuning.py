@@ -12,19 +12,15 @@ class RolloutTuning(NamedTuple):
     line: float = 1e-9  # det / trace^2 of a covariance below which noise counts as along a line; rounding
     arc: float = 1.0  # a step without position noise is swept along an arc of at most this angle; a chord beyond [rad]
     wall_reach: float = 1.0  # reach of walls next to the goal, behind the last cross-section, in decay lengths 1/k
+    push_cutoff: float = 3.0  # moving walls count within so many distances at which walls push: e^-3 is left there
     least_change: float = 1e-6  # a step is no shorter than this where motions of obstacles change [s]
-    # Below log dQ_g/dQ_h = -30 a path of h follows a_h under g as well. The density of the mixture loses exp(-30) of
-    # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes more.
-    negligible: float = 30.0
+    # Below log dQ_g/dQ_h = -16 a path of h follows a_h under g as well. The density of the mixture loses exp(-16) of
+    # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes as much.
+    negligible: float = 16.0
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
-    half_spaces: int = 2  # half-space constraints per row of a law; a third one hardly ever matters
-    mills_from: float = -6.0  # z at which the table of `mills` begins; below, two terms of the series suffice
-    mills_to: float = 6.0  # z at which it ends; above, the ratio is below 1e-8
-    mills_rows: int = 16  # rows of it per unit of z: more than 1e-4 of itself is not needed
     abreast: int = 8  # steps whose noise is drawn at once, where no other draws come between
-    lanes: int = 512  # paths of a block of points: all rows of numbers together stay within the nearest cache
+    lanes: int = 512  # paths of a block of points: fewer take more time between loops, more leave the cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
-    chunk: int = 64  # lanes for which numbers of a tube are looked up before they are evaluated
     replayed: int = 2048  # samples simulated again at once: their states and controls take memory
     alone_points: int = 2400  # samples of a point that one thread simulates before a second one is awake
     alone: int = 64  # those of another system

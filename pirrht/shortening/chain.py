@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.arcs import LEAST_STEP, UNSURE
+from pirrht.geometry.arcs import FREE, LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
@@ -71,7 +71,7 @@ def _compiled_chain(cost: Number, connect: Any, motion: MotionKernels, shift: An
 
 def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, part: Any) -> Callable[..., Array]:
     """Build (around, numbers, states (k, n), moves, tuning) -> the vertices (l, n) of a path that costs no more."""
-    entry, cut, _, sure, pairs, most, between, _ = motion
+    entry, cut, certify, pairs, most, between = motion
 
     @part
     def measure(around, motions, last, scratch):  # type: ignore[no-untyped-def]
@@ -87,7 +87,8 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     @part
     def admissible(around, motions, last):  # type: ignore[no-untyped-def]
         """Tell whether a single motion is certified, and outside the goal or, cut there, the last one."""
-        return (last or entry(motions, 0, around) == np.inf) and sure(motions, 0, around)
+        outside = last or entry(motions, 0, around) == np.inf
+        return outside and certify(motions, 0, around, False) == FREE
 
     @part
     def stations_of(around, numbers, states, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
@@ -239,7 +240,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
     free, direct = edges.free[:count], edges.cost[:count]
     if edges.status[0] == UNSURE:
         free[0] = checker.motion.free(motions, 0, checker.space)
-    key = _keys(edges.turns, checker.around.weights)
+    key = keys_of(edges.turns, checker.around.weights)
     if free[0]:
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
@@ -251,7 +252,7 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
     return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
 
 
-def _keys(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
+def keys_of(turns: Turns, weights: NDArray[np.int64]) -> NDArray[np.int64]:
     """Additive key of the turns of each of k motions, (k,)."""
     summed = np.concatenate([[0], np.cumsum(weights[turns.marker] * turns.turn)])
     return np.asarray(summed[turns.first[1:]] - summed[turns.first[:-1]])

@@ -7,17 +7,21 @@ one class: that never costs more. Then all knots move, in space and time, to whe
 
 from __future__ import annotations
 
+from functools import cache
+from typing import Any
+
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import FREE
 from pirrht.geometry.scene import Goal
+from pirrht.geometry.world import MovingKernels
 from pirrht.jit.jit import kernel
-from pirrht.shortening.timed_relaxation import relax
+from pirrht.shortening.timed_relaxation import relaxation
 from pirrht.shortening.tuning import IN_TIME as TUNING
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.in_time import LATE, InTime
-from pirrht.steering.legs import Legs, entered, free_leg
+from pirrht.steering.in_time import LATE, InTime, entered, free_leg
+from pirrht.steering.motion import Legs
 from pirrht.topology.crossings import key_of_pairs
 from pirrht.topology.moving_crossings import crossings_of_leg
 
@@ -49,6 +53,7 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
         moved = knots.copy()
         if margin > 0.0:
             numbers, radius = steering.numbers, checker.space.scene.robot_radius
+            relax = relaxation(checker.space.moving.kernels)
             relax(checker.around, numbers, moved, margin, radius, len(TUNING.weights) - 1)
         moved[-1, :2] = _into(moved[-1, :2], goal)
         found: Legs = checker.until_goal(steering.connect(moved[:-1], moved[1:]))
@@ -67,6 +72,7 @@ def _into(place: Array, goal: Goal) -> Array:
 def _relaxed(path: Legs, count: int, margin: float, steering: InTime, checker: EdgeChecker) -> Legs | None:
     """Move the knots of a path; None unless the result is free, of the class and cheaper."""
     knots = _meshed(path.knots, count)
+    relax = relaxation(checker.space.moving.kernels)
     relax(checker.around, steering.numbers, knots, margin, checker.space.scene.robot_radius, 0)
     found = _joined(knots, steering, checker, far=False)
     if found is None or found.cost.sum() >= path.cost.sum():
@@ -78,7 +84,7 @@ def _joined(knots: Array, steering: InTime, checker: EdgeChecker, *, far: bool) 
     """Join some of the knots (k, 3) by legs that are all free up to the goal's disc; None if one is not."""
     kept, goal = knots.copy(), checker.space.scene.goal
     kept[-1, :2] = _into(kept[-1, :2], goal)
-    count = _shortcut(checker.around, steering.numbers, kept, far)
+    count = shortcuts(checker.space.moving.kernels)(checker.around, steering.numbers, kept, far)
     path: Legs = checker.until_goal(steering.connect(kept[: count - 1], kept[1:count]))
     last = np.arange(count - 1) == count - 2
     return path if checker.inspect(path, last).free.all() else None
@@ -121,33 +127,40 @@ def _key_of(around, knots):  # type: ignore[no-untyped-def]
     return key
 
 
-@kernel
-def _shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
-    """Leave out knots (k, 3) between others joined by a free straight line of the class, in place; how many stay.
+@cache
+def shortcuts(moving: MovingKernels | None) -> Any:
+    """Build the kernel that leaves out knots, by kernels of moving obstacles."""
+    free = free_leg(moving)
 
-    The last one is where the path enters the goal's disc. Without `far` a search ends after a few knots in vain.
-    """
-    M, count = around.weights.shape[0], knots.shape[0]
-    marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
-    keys = np.zeros(count, np.int64)
-    for k in range(count - 1):
-        keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
-    while i < count - 1:
-        a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else TUNING.patience
-        while j < count and j <= to + ahead:
-            b = knots[j]
-            dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1
-            if (
-                dt > 0.0
-                and square <= (speed * dt) ** 2 * (1.0 + LATE)
-                and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
-                and _key_of_leg(around, a, b, last, marker, turn) == keys[j] - keys[i]
-                and free_leg(around, a[0], a[1], a[2], b[0], b[1], b[2]) == FREE
-            ):
-                to = j
-            j += 1
-        for c in range(3):
-            knots[kept, c] = knots[to, c]
-        keys[kept] = keys[to]
-        kept, i = kept + 1, to
-    return kept
+    @kernel
+    def shortcut(around, numbers, knots, far):  # type: ignore[no-untyped-def]
+        """Leave out knots (k, 3) between others joined by a free straight line of the class, in place; how many stay.
+
+        The last one is where the path enters the goal's disc. Without `far` a search ends after a few knots in vain.
+        """
+        M, count = around.weights.shape[0], knots.shape[0]
+        marker, turn, kept, i, speed = np.empty(M, np.int32), np.empty(M, np.int16), 1, 0, numbers[2]
+        keys = np.zeros(count, np.int64)
+        for k in range(count - 1):
+            keys[k + 1] = keys[k] + _key_of_leg(around, knots[k], knots[k + 1], k == count - 2, marker, turn)
+        while i < count - 1:
+            a, to, j, ahead = knots[i], i + 1, i + 2, count - 1 if far else TUNING.patience
+            while j < count and j <= to + ahead:
+                b = knots[j]
+                dt, square, last = b[2] - a[2], (b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2, j == count - 1
+                if (
+                    dt > 0.0
+                    and square <= (speed * dt) ** 2 * (1.0 + LATE)
+                    and (last or entered(around, a[0], a[1], b[0], b[1]) == np.inf)
+                    and _key_of_leg(around, a, b, last, marker, turn) == keys[j] - keys[i]
+                    and free(around, (a[0], a[1], a[2], b[0], b[1], b[2])) == FREE
+                ):
+                    to = j
+                j += 1
+            for c in range(3):
+                knots[kept, c] = knots[to, c]
+            keys[kept] = keys[to]
+            kept, i = kept + 1, to
+        return kept
+
+    return shortcut

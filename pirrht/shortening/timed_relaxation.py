@@ -10,14 +10,15 @@ well only outside of solids: no step is longer than the robot.
 from __future__ import annotations
 
 import math
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from pirrht.geometry.field import clearance
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.vectors import copy_rows
-from pirrht.moving.distances import FASTEST, of_body, outside_of, pose_of, walls_of_some
-from pirrht.moving.tuning import WALL
 from pirrht.shortening.tuning import IN_TIME as TUNING
 
 BAND = 4  # diagonals of a symmetric matrix of neighbouring knots
@@ -42,87 +43,78 @@ def _add(matrix, border, slope, first, along, value, weight):  # type: ignore[no
     border[last] += weight * along[4] * along[4]
 
 
-@kernel
-def _around(around, knots, near):  # type: ignore[no-untyped-def]
-    """Write the bodies that come so near to a path that they may matter to `near` (J,); how many do."""
-    traffic, count = around.traffic, 0
-    for j in range(traffic.J):
-        matters = False
-        for i in range(knots.shape[0]):
-            ox, oy, _ = pose_of(traffic, j, knots[i, 2])
-            if outside_of(traffic, j, ox, oy, knots[i, 0], knots[i, 1]) < TUNING.neighbourhood:
-                matters = True
-                break
-        if matters:
-            near[count] = j
+@cache
+def model(moving: MovingKernels | None) -> Any:
+    """Build the kernel that computes the cost of a path and its penalties, by kernels of moving obstacles."""
+    among, moving_walls = moving is not None, (moving or NOTHING_MOVES).walls
+
+    @inlined
+    def near_walls(around, notes, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
+        """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL); how many."""
+        field, count = around.field, 0
+        if among:
+            count, _ = moving_walls(around.traffic, notes, x, y, t, margin, walls)
+        c = clearance(field, x, y)
+        if c < margin:
+            h = 0.5 * field.spacing
+            gx = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
+            gy = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
+            walls[count, 0], walls[count, 1], walls[count, 2], walls[count, 3], walls[count, 4] = c, gx, gy, 0.0, 0.0
             count += 1
-    return count
+        return count
 
+    @kernel
+    def modelled(around, notes, numbers, knots, weight, margin, model):  # type: ignore[no-untyped-def]
+        """Cost of a path and its penalties; write the slope and the matrix of it if there is room for them.
 
-@inlined
-def _walls(around, near, x, y, t, margin, walls):  # type: ignore[no-untyped-def]
-    """Write walls nearer than a margin [m] to rows of `walls` (J + 1, WALL), as `moving_walls` does; how many."""
-    field, count = around.field, walls_of_some(around.traffic, near, near.shape[0], x, y, t, margin, walls)
-    c = clearance(field, x, y)
-    if c < margin:
-        h = 0.5 * field.spacing
-        gx = (clearance(field, x + h, y) - clearance(field, x - h, y)) / (2.0 * h)
-        gy = (clearance(field, x, y + h) - clearance(field, x, y - h)) / (2.0 * h)
-        walls[count, 0], walls[count, 1], walls[count, 2], walls[count, 3], walls[count, 4] = c, gx, gy, 0.0, 0.0
-        count += 1
-    return count
-
-
-@kernel
-def modelled(around, near, numbers, knots, weight, margin, model):  # type: ignore[no-untyped-def]
-    """Cost of a path and its penalties; write the slope and the matrix of it if there is room for them.
-
-    Args: `Surroundings`; `near`, bodies that may matter; numbers q, r and the limit of speeds; knots (N + 1, 3)
-        [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, the matrix (2 N, BAND),
-        border (2 N + 1,) and slope (2 N + 1,) of the places but the first and the duration.
-    """
-    q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
-    walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
-    (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
-    filled = slope.shape[0] > 0
-    matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
-    for i in range(last):
-        dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
-        vx, vy, part = dx / dt, dy / dt, dt / whole
-        rate = q + 0.5 * r * (vx * vx + vy * vy)
-        total += dt * rate
-        lacking = math.hypot(dx, dy) - limit * dt
+        Args: `Surroundings`; `notes` on moving obstacles; numbers q, r and the limit of speeds; knots (N + 1, 3)
+            [m, m, s]; weight of penalties [cost/m^2]; margin, the clearance to keep [m]; model, the matrix (2 N, BAND),
+            border (2 N + 1,) and slope (2 N + 1,) of the places but the first and the duration.
+        """
+        q, r, limit, last = numbers[0], numbers[1], numbers[2] * (1.0 - TUNING.slower), knots.shape[0] - 1
+        walls, along, total = np.empty((around.traffic.J + 1, WALL)), np.empty(5), 0.0
+        (matrix, border, slope), whole = model, knots[last, 2] - knots[0, 2]
+        filled = slope.shape[0] > 0
+        matrix[:], border[:], slope[:] = 0.0, 0.0, 0.0
+        for i in range(last):
+            dx, dy, dt = knots[i + 1, 0] - knots[i, 0], knots[i + 1, 1] - knots[i, 1], knots[i + 1, 2] - knots[i, 2]
+            vx, vy, part = dx / dt, dy / dt, dt / whole
+            rate = q + 0.5 * r * (vx * vx + vy * vy)
+            total += dt * rate
+            lacking = math.hypot(dx, dy) - limit * dt
+            if lacking > 0.0:
+                total += 0.5 * weight * lacking * lacking
+            if filled:
+                slope[slope.shape[0] - 1] += rate * part
+                along[0], along[1], along[2], along[3], along[4] = -1.0, 0.0, 1.0, 0.0, -vx * part
+                _add(matrix, border, slope, i, along, dx, r / dt)
+                along[0], along[1], along[2], along[3], along[4] = 0.0, -1.0, 0.0, 1.0, -vy * part
+                _add(matrix, border, slope, i, along, dy, r / dt)
+                if lacking > 0.0:
+                    ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
+                    along[0], along[1], along[2], along[3], along[4] = -ux, -uy, ux, uy, -limit * part
+                    _add(matrix, border, slope, i, along, lacking, weight)
+            for share in TUNING.leg_points:
+                x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
+                for k in range(near_walls(around, notes, x, y, t, margin, walls)):
+                    lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
+                    total += 0.5 * weight * lacking * lacking
+                    if filled:
+                        along[0], along[1] = (share - 1.0) * nx, (share - 1.0) * ny
+                        along[2], along[3] = -share * nx, -share * ny
+                        along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
+                        _add(matrix, border, slope, i, along, lacking, weight)
+        gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
+        away = math.sqrt(gx * gx + gy * gy)
+        lacking = away - around.goal_radius * (1.0 - TUNING.inside)
         if lacking > 0.0:
             total += 0.5 * weight * lacking * lacking
-        if filled:
-            slope[slope.shape[0] - 1] += rate * part
-            along[0], along[1], along[2], along[3], along[4] = -1.0, 0.0, 1.0, 0.0, -vx * part
-            _add(matrix, border, slope, i, along, dx, r / dt)
-            along[0], along[1], along[2], along[3], along[4] = 0.0, -1.0, 0.0, 1.0, -vy * part
-            _add(matrix, border, slope, i, along, dy, r / dt)
-            if lacking > 0.0:
-                ux, uy = dx / (lacking + limit * dt), dy / (lacking + limit * dt)
-                along[0], along[1], along[2], along[3], along[4] = -ux, -uy, ux, uy, -limit * part
-                _add(matrix, border, slope, i, along, lacking, weight)
-        for share in TUNING.leg_points:
-            x, y, t = knots[i, 0] + share * dx, knots[i, 1] + share * dy, knots[i, 2] + share * dt
-            for k in range(_walls(around, near, x, y, t, margin, walls)):
-                lacking, nx, ny = margin - walls[k, 0], walls[k, 1], walls[k, 2]
-                total += 0.5 * weight * lacking * lacking
-                if filled:
-                    along[0], along[1] = (share - 1.0) * nx, (share - 1.0) * ny
-                    along[2], along[3] = -share * nx, -share * ny
-                    along[4] = (nx * walls[k, 3] + ny * walls[k, 4]) * (t - knots[0, 2]) / whole
-                    _add(matrix, border, slope, i, along, lacking, weight)
-    gx, gy = knots[last, 0] - around.goal_x, knots[last, 1] - around.goal_y
-    away = math.sqrt(gx * gx + gy * gy)
-    lacking = away - around.goal_radius * (1.0 - TUNING.inside)
-    if lacking > 0.0:
-        total += 0.5 * weight * lacking * lacking
-        if filled:
-            along[0], along[1], along[2], along[3], along[4] = 0.0, 0.0, gx / away, gy / away, 0.0
-            _add(matrix, border, slope, last - 1, along, lacking, weight)
-    return total
+            if filled:
+                along[0], along[1], along[2], along[3], along[4] = 0.0, 0.0, gx / away, gy / away, 0.0
+                _add(matrix, border, slope, last - 1, along, lacking, weight)
+        return total
+
+    return modelled
 
 
 @kernel
@@ -194,34 +186,37 @@ def _allowed(knots, step, farthest, fastest):  # type: ignore[no-untyped-def]
     return share
 
 
-@kernel
-def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
-    """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
+@cache
+def relaxation(moving: MovingKernels | None) -> Any:
+    """Build the kernel that moves the knots of a path to where it costs least, by kernels of moving obstacles."""
+    modelled, watch = model(moving), (moving or NOTHING_MOVES).watch
 
-    Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
-        the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight: a nearly
-        optimal path needs the last one alone.
-    """
-    n, fastest = 2 * (knots.shape[0] - 1), 0.0
-    matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)
-    step, work, moved = np.empty(n + 1), np.empty(n), knots.copy()
-    for j in range(around.traffic.J):
-        fastest = max(fastest, of_body(around.traffic, j, FASTEST))
-    bodies = np.empty(around.traffic.J, np.int64)
-    for k in range(first, len(TUNING.weights)):
-        weight = TUNING.weights[k]
-        near = bodies[: _around(around, knots, bodies)]
-        for _ in range(TUNING.steps):
-            before = modelled(around, near, numbers, knots, weight, margin, (matrix, border, slope))
-            _step(matrix, border, slope, 1e-9 * weight, step, work)
-            share, after = _allowed(knots, step, TUNING.longest_step * thin, fastest), np.inf
-            for _ in range(TUNING.halvings):
-                _moved(knots, step, share, moved)
-                after = modelled(around, near, numbers, moved, weight, margin, (matrix[:0], none, none))
+    @kernel
+    def relax(around, numbers, knots, margin, thin, first):  # type: ignore[no-untyped-def]
+        """Move the knots (N + 1, 3) of a path but the first, in place, to where it costs least.
+
+        Args: `Surroundings`; numbers q, r and the limit of speeds; knots, with times that increase [m, m, s]; margin,
+            the clearance to keep [m]; `thin`, radius of the robot [m]; `first` weight: a nearly optimal path needs the
+            last one alone.
+        """
+        n, notes = 2 * (knots.shape[0] - 1), watch(around.traffic)
+        matrix, border, slope, none = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1), np.empty(0)
+        step, work, moved = np.empty(n + 1), np.empty(n), knots.copy()
+        for k in range(first, len(TUNING.weights)):
+            weight = TUNING.weights[k]
+            for _ in range(TUNING.steps):
+                before = modelled(around, notes, numbers, knots, weight, margin, (matrix, border, slope))
+                _step(matrix, border, slope, 1e-9 * weight, step, work)
+                share, after = _allowed(knots, step, TUNING.longest_step * thin, around.traffic.speed), np.inf
+                for _ in range(TUNING.halvings):
+                    _moved(knots, step, share, moved)
+                    after = modelled(around, notes, numbers, moved, weight, margin, (matrix[:0], none, none))
+                    if after < before:
+                        break
+                    share *= 0.5
                 if after < before:
+                    copy_rows(moved, knots)
+                if not after < before * (1.0 - TUNING.settled):
                     break
-                share *= 0.5
-            if after < before:
-                copy_rows(moved, knots)
-            if not after < before * (1.0 - TUNING.settled):
-                break
+
+    return relax

@@ -69,8 +69,6 @@ class TimedTuning(NamedTuple):
     patience: int = 2
     # Share of the knots of a round that go where the path bends.
     bends: float = 0.6
-    # Obstacles that stay so far from all knots are left out while these move [m].
-    neighbourhood: float = 0.6
     # Weights of squares of what is lacking, one after the other [cost/m^2]: the last one leaves a millimetre.
     weights: tuple[float, ...] = (1e2, 3e3, 1e5)
     # Newton steps for each weight, and halvings of one that saves nothing.

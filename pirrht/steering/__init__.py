@@ -1,9 +1,8 @@
 """Connect two states optimally where there are no obstacles (the paper's TPBVP).
 
-`steering` is the interface, one file each its members: `straight_line` for the single integrator, `dubins` for the
-unicycle, `double_integrator` for a mass, `tracked` for systems without their own, and `in_time` among moving obstacles,
-where `useful` draws states. `motion` has motions along arcs as kernels, and trajectories with their controls; `cubics`
-and `legs` are other kinds. `edges` judges motions, `tuning` has the numbers.
+`steering` is the interface, one file each its members: `straight_line` for the single integrator and systems without
+their own, `dubins` for the unicycle, `double_integrator` for a mass, `in_time` among moving obstacles. `motion` has
+motions along arcs as kernels, and trajectories with their controls; `edges` judges motions, `tuning` has the numbers.
 
 A new system takes one file here: a `Steering` and, if its paths are no arcs, its `Motion`. It imports the geometry, the
 topology, the free space, the systems and the problem, not the tree.

@@ -8,25 +8,206 @@ acceleration linear in time. With D = p1 - p0 its cost is J(T) = q T + A / T^3 +
 
 A minimum is where q T^4 - C T^2 - 2 B T - 3 A goes from negative to positive. Of two minima either may be the better
 one, and the wrong one can cost many times the optimum. A free v1 is written as not a number.
+
+The paths are cubic, p(s) = p0 + v0 s + c0 s^2 / 2 + c1 s^3 / 6: in a time tau they get no farther than |v| tau +
+|a|max tau^2 / 2. That bound is what certificates march by.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE, refused
+from pirrht.geometry.field import clearance
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.cubics import CUBICS, Cubics
+from pirrht.steering.motion import Motion, MotionKernels, Trajectory
 from pirrht.steering.steering import CompiledSteering
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.double_integrator import DoubleIntegrator, best_duration
 from pirrht.systems.dynamics import check_positive
+from pirrht.topology.crossings import crossed
+
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+
+
+class Cubic(NamedTuple):
+    """One path of constant jerk, as numbers: p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3]."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    ax: float
+    ay: float
+    jx: float
+    jy: float
+
+
+@inlined
+def place(c, s):  # type: ignore[no-untyped-def]
+    """Return the position (x, y) [m] after s [s]."""
+    x = c.x + s * (c.vx + s * (0.5 * c.ax + s * c.jx / 6.0))
+    return x, c.y + s * (c.vy + s * (0.5 * c.ay + s * c.jy / 6.0))
+
+
+@inlined
+def speeds(c, s):  # type: ignore[no-untyped-def]
+    """Return the velocity (vx, vy) [m/s] after s [s]."""
+    return c.vx + s * (c.ax + 0.5 * s * c.jx), c.vy + s * (c.ay + 0.5 * s * c.jy)
+
+
+@inlined
+def stride(c, s, most, free):  # type: ignore[no-untyped-def]
+    """Return a time [s] in which the path surely gets no farther than `free` [m] from where it is after s [s].
+
+    `most` is the greatest acceleration ahead [m/s^2].
+    """
+    vx, vy = speeds(c, s)
+    v = math.sqrt(vx * vx + vy * vy)
+    return 2.0 * free / max(v + math.sqrt(v * v + 2.0 * most * free), 1e-300)
+
+
+@inlined
+def _greatest_force(c, duration):  # type: ignore[no-untyped-def]
+    """Return the greatest magnitude of the acceleration [m/s^2]: it is linear in time, so that is at an end."""
+    return max(math.hypot(c.ax, c.ay), math.hypot(c.ax + duration * c.jx, c.ay + duration * c.jy))
+
+
+class Cubics(NamedTuple):
+    """k motions of a mass with accelerations c0 + c1 s, one row each."""
+
+    path: Array  # (k, 8): p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3]
+    duration: Array  # (k,) [s]
+    cost: Array  # (k,) integral of q + (r/2) |a|^2 [cost]
+    tails: Array  # (k, 4) first states
+    heads: Array  # (k, 4) last states; a free velocity is not a number
+    rates: Array  # (k, 2): q [cost/s] and r
+
+    def points(self, spacing: float) -> list[Array]:
+        """Each motion as a polyline (l, 2) [m] with points at most `spacing` [m] apart."""
+        return [
+            np.column_stack(place(c, np.linspace(0.0, T, 2 + int(v * T / spacing))))
+            for c, T, v in map(self.curve, range(len(self.cost)))
+        ]
+
+    def curve(self, i: int) -> tuple[Cubic, float, float]:
+        """Motion i, its duration [s], and a speed that it nowhere exceeds [m/s]."""
+        c, T = Cubic(*self.path[i].tolist()), float(self.duration[i])
+        return c, T, math.hypot(c.vx, c.vy) + T * float(_greatest_force(c, T))
+
+    def length(self) -> Array:
+        """Lengths of the paths (k,) [m], by Gauss-Legendre quadrature."""
+        times = 0.5 * self.duration[:, None] * (NODES + 1.0)
+        first, linear, square = (self.path[:, k : k + 2, None] for k in (2, 4, 6))
+        vx, vy = np.moveaxis(first + times[:, None] * (linear + 0.5 * times[:, None] * square), 1, 0)
+        return np.asarray(0.5 * self.duration * (np.hypot(vx, vy) @ WEIGHTS))
+
+
+@inlined
+def _cubic(motions, i):  # type: ignore[no-untyped-def]
+    return Cubic(*as_tuple(motions.path[i], 8))
+
+
+@kernel
+def _entry(motions, i, around):  # type: ignore[no-untyped-def]
+    """March to the disc: by strides that certainly stay out of it."""
+    c, duration, s = _cubic(motions, i), motions.duration[i], 0.0
+    most = _greatest_force(c, duration)
+    while True:
+        x, y = place(c, s)
+        gap = math.hypot(x - around.goal_x, y - around.goal_y) - around.goal_radius
+        if gap <= 1e-7:  # [m]: rounding of a march to the rim
+            return s
+        if s >= duration:
+            return np.inf
+        s = min(s + stride(c, s, most, gap), duration)
+
+
+@inlined
+def _cut(motions, i, s):  # type: ignore[no-untyped-def]
+    """End motion i after s [s]; its cost is the integral of q + (r/2) |c0 + c1 s|^2."""
+    c, q, r = _cubic(motions, i), motions.rates[i, 0], motions.rates[i, 1]
+    still, cross = c.ax * c.ax + c.ay * c.ay, c.ax * c.jx + c.ay * c.jy
+    square = still + s * (cross + s * (c.jx * c.jx + c.jy * c.jy) / 3.0)
+    motions.duration[i], motions.cost[i] = s, s * (q + 0.5 * r * square)
+
+
+@kernel
+def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+    """Cover a path by discs of certified clearance."""
+    c, duration, s, verdict = _cubic(motions, i), motions.duration[i], 0.0, FREE
+    most = _greatest_force(c, duration)
+    while True:
+        x, y = place(c, s)
+        free = clearance(around.field, x, y)
+        if free < LEAST_STEP:
+            if refused(around.field, x, y) == BLOCKED:
+                return BLOCKED
+            if not patient:
+                return UNSURE
+            verdict, free = UNSURE, 0.5 * around.field.spacing
+        if s >= duration:
+            return verdict
+        s = min(s + stride(c, s, most, free), duration)
+
+
+@kernel
+def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
+    c, duration = _cubic(motions, i), motions.duration[i]
+    most, s = _greatest_force(c, duration), 0.0
+    ax, ay = place(c, 0.0)
+    while s < duration:
+        room = max(clearance(around.field, ax, ay), TUNING.shortest_side)
+        s = min(s + stride(c, s, most, room), duration)
+        bx, by = place(c, s)
+        if s >= duration and not to_goal:  # the state itself: its side of a cut must not depend on rounding
+            bx, by = motions.heads[i, 0], motions.heads[i, 1]
+        count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+        ax, ay = bx, by
+    return count
+
+
+@inlined
+def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
+    c, s = _cubic(motions, i), share * motions.duration[i]
+    out[0], out[1] = place(c, s)
+    out[2], out[3] = speeds(c, s)
+    return True
+
+
+def _free(motions: Cubics, i: int, space: FreeSpace) -> bool:
+    """Bisect by FCL's clearances, at a speed that the path nowhere exceeds."""
+    c, T, v = motions.curve(i)
+    v = max(v, 1e-9)
+    return space.collision.bisect_free(lambda length: np.array(place(c, length / v)), T * v)
+
+
+def _trajectory(steering: Any, path: Cubics) -> Trajectory:
+    """Take mean accelerations of short pieces of time."""
+    controls, durations = [], []
+    for row, T in zip(path.path, path.duration, strict=True):
+        count = max(1, math.ceil(T / TUNING.control_piece))
+        middle = (np.arange(count) + 0.5) * T / count
+        controls.append(row[4:6] + middle[:, None] * row[6:8])
+        durations.append(np.full(count, T / count))
+    return Trajectory(
+        controls=np.vstack(controls), durations=np.concatenate(durations), path=path, cost=float(path.cost.sum()),
+        length=float(path.length().sum()),
+    )  # fmt: skip
+
+
+_most = inlined(lambda motions: 3)  # a cubic path crosses a straight cut no more often
+CUBICS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)
 
 
 @kernel
@@ -44,27 +225,8 @@ def optimum(tail, head, q, r):  # type: ignore[no-untyped-def]
     if square == 0.0 and ux == wx and uy == wy:
         return 0.0, 0.0
     along = dx * (ux + wx) + dy * (uy + wy)
-    return best_duration(
-        q, 6.0 * r * square, -6.0 * r * along, 2.0 * r * (before + ux * wx + uy * wy + wx * wx + wy * wy)
-    )
-
-
-@kernel
-def accelerations(tail, head, T):  # type: ignore[no-untyped-def]
-    """(c0x, c0y, c1x, c1y) of the optimal acceleration c0 + c1 s between states (4,) that takes T [s]."""
-    dx, dy, ux, uy = head[0] - tail[0], head[1] - tail[1], tail[2], tail[3]
-    if T <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    if math.isnan(head[2]):
-        x, y = 3.0 * (dx - ux * T) / (T * T), 3.0 * (dy - uy * T) / (T * T)
-        return x, y, -x / T, -y / T
-    wx, wy = head[2], head[3]
-    return (
-        6.0 * dx / (T * T) - (4.0 * ux + 2.0 * wx) / T,
-        6.0 * dy / (T * T) - (4.0 * uy + 2.0 * wy) / T,
-        -12.0 * dx / (T * T * T) + 6.0 * (ux + wx) / (T * T),
-        -12.0 * dy / (T * T * T) + 6.0 * (uy + wy) / (T * T),
-    )
+    mixed = before + ux * wx + uy * wy + wx * wx + wy * wy
+    return best_duration(q, 6.0 * r * square, -6.0 * r * along, 2.0 * r * mixed)
 
 
 @inlined
@@ -81,12 +243,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     k, (q, r) = tails.shape[0], numbers
     path, duration, cost, rates = np.empty((k, 8)), np.empty(k), np.empty(k), np.empty((k, 2))
     for i in range(k):
-        tail, head = as_tuple(tails[i], 4), as_tuple(heads[i], 4)
-        duration[i], cost[i] = optimum(tail, head, q, r)
-        c = accelerations(tail, head, duration[i])
-        for d in range(4):
-            path[i, d], path[i, 4 + d] = tail[d], c[d]
+        duration[i], cost[i] = optimum(as_tuple(tails[i], 4), as_tuple(heads[i], 4), q, r)
         rates[i, 0], rates[i, 1] = q, r
+        per = 1.0 / duration[i] if duration[i] > 0.0 else 0.0
+        for d in range(2):
+            mean, before, after = (heads[i, d] - tails[i, d]) * per, tails[i, 2 + d], heads[i, 2 + d]
+            after = 0.5 * (3.0 * mean - before) if math.isnan(after) else after  # the best end of a free velocity
+            path[i, d], path[i, 2 + d] = tails[i, d], before
+            path[i, 4 + d] = (6.0 * mean - 4.0 * before - 2.0 * after) * per
+            path[i, 6 + d] = 6.0 * (before + after - 2.0 * mean) * per * per
     return Cubics(path, duration, cost, tails, heads, rates)
 
 
@@ -152,11 +317,8 @@ class MassSteering(CompiledSteering):
     def states_along(self, path: Array, scene: Scene) -> Array:
         """Every point (k, 3) driven through both ways, slower and faster, (4 k, 4)."""
         turned = np.column_stack([np.cos(path[:, 2]), np.sin(path[:, 2])])
-        states = [
-            np.hstack([path[:, :2], sign * share * self.top * turned])
-            for share in TUNING.passage_speeds
-            for sign in (1.0, -1.0)
-        ]
+        speeds = [sign * share * self.top for share in TUNING.passage_speeds for sign in (1.0, -1.0)]
+        states = [np.hstack([path[:, :2], speed * turned]) for speed in speeds]
         return np.stack(states, axis=1).reshape(-1, 4)
 
     def roots(self, goal: Array) -> Array:

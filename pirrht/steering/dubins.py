@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -24,31 +23,6 @@ from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.unicycle import Unicycle
 
-
-class PoseSteering(CompiledSteering):
-    """A steering method whose vertices are poses x, y [m] and heading [rad], (3,)."""
-
-    n = 3
-    symmetric = False
-
-    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
-        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
-
-    def states_along(self, path: Array, scene: Scene) -> Array:
-        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
-        states = np.repeat(path, 2, axis=0)
-        states[1::2, 2] += np.pi
-        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
-        return states
-
-    def roots(self, goal: Array) -> Array:
-        """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
-        count = TUNING.root_headings
-        headings = np.arange(count) * (TWO_PI / count) - np.pi
-        return np.column_stack([np.broadcast_to(goal, (count, 2)), headings])
-
-
 EPS = 1e-10  # rounding, in radians or turning radii: an arc this close to a whole circle is none
 
 
@@ -59,23 +33,14 @@ def _turn(angle):  # type: ignore[no-untyped-def]
     return 0.0 if angle > TWO_PI - EPS else angle
 
 
-class _Ends(NamedTuple):
-    """Two states in turning radii: (dx, dy) leads from one to the other, a and b are their headings."""
-
-    dx: float
-    dy: float
-    a: float
-    b: float
-
-
 @kernel
-def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _same_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
     """Words whose first and last arc turn to one side s, 1 left or -1 right: (length, whether CCC, t, p, q).
 
-    All in turning radii: across = sin b - sin a and ahead = cos b - cos a; t, p, q are the pieces. Words certainly
-    longer than `limit` may be left out.
+    All in turning radii: the gap (2) leads from state to state, a and b are their headings, across = sin b - sin a and
+    ahead = cos b - cos a; t, p, q are the pieces. Words certainly longer than `limit` may be left out.
     """
-    vx, vy, a, b = ends.dx - s * across, ends.dy + s * ahead, ends.a, ends.b
+    vx, vy = gap[0] - s * across, gap[1] + s * ahead
     d = math.sqrt(vx * vx + vy * vy)
     if d > limit and (d >= 4.0 or limit < np.pi):
         return np.inf, False, 0.0, 0.0, 0.0
@@ -95,60 +60,39 @@ def _same_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _opposite_turns(s, ends, across, ahead, limit):  # type: ignore[no-untyped-def]
+def _opposite_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-untyped-def]
     """Word that begins turning to side s, goes straight and ends turning to the other: (length, t, p, q).
 
     Arguments as of `_same_turns`, but across = sin b + sin a and ahead = cos b + cos a.
     """
-    vx, vy = ends.dx + s * across, ends.dy - s * ahead
+    vx, vy = gap[0] + s * across, gap[1] - s * ahead
     square = vx * vx + vy * vy - 4.0
     if square < -EPS or square > limit * limit:
         return np.inf, 0.0, 0.0, 0.0
     p = math.sqrt(max(0.0, square))
     psi = math.atan2(vy, vx) + s * math.atan2(2.0, p)
-    t, q = _turn(s * (psi - ends.a)), _turn(s * (psi - ends.b))
+    t, q = _turn(s * (psi - a)), _turn(s * (psi - b))
     return t + p + q, t, p, q
 
 
-@inlined
-def _ends(tail, head, radius):  # type: ignore[no-untyped-def]
-    """Two states (3,), and the sines and cosines of their headings."""
-    ends = _Ends((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius, tail[2], head[2])
-    return ends, math.sin(tail[2]), math.cos(tail[2]), math.sin(head[2]), math.cos(head[2])
-
-
 @kernel
-def length_between(tail, head, radius, limit):  # type: ignore[no-untyped-def]
-    """Length [m] of the shortest curve between two states (3,), radius [m]; infinity if it is not below `limit` [m]."""
+def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
+    """Find the shortest curve between two states (3,): its length [m], curvatures (3) [1/m] and pieces (3) [m].
+
+    It is of infinite length if it is not below `limit` [m].
+    """
+    gap, a, b = ((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius), tail[2], head[2]
+    sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
     most = limit / radius
-    ends, sa, ca, sb, cb = _ends(tail, head, radius)
-    best = min(most, _same_turns(1.0, ends, sb - sa, cb - ca, most)[0])
-    best = min(best, _same_turns(-1.0, ends, sb - sa, cb - ca, best)[0])
-    best = min(best, _opposite_turns(1.0, ends, sb + sa, cb + ca, best)[0])
-    best = min(best, _opposite_turns(-1.0, ends, sb + sa, cb + ca, best)[0])
-    return best * radius if best < most else np.inf
-
-
-@kernel
-def shortest(tail, head, radius, curvature, length):  # type: ignore[no-untyped-def]
-    """Write the shortest curve between states (3,), curvature (3,) [1/m], length (3,) [m]; returns its length [m]."""
-    ends, sa, ca, sb, cb = _ends(tail, head, radius)
-    best = np.inf
+    best, bends, pieces = most, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for s in (1.0, -1.0):
-        total, arcs, t, p, q = _same_turns(s, ends, sb - sa, cb - ca, best)
+        total, arcs, t, p, q = _same_turns(s, gap, a, b, sb - sa, cb - ca, best)
         if total < best:
-            best = total
-            length[0], length[1], length[2] = t, p, q
-            curvature[0], curvature[1], curvature[2] = s, -s if arcs else 0.0, s
-        total, t, p, q = _opposite_turns(s, ends, sb + sa, cb + ca, best)
+            best, bends, pieces = total, (s, -s if arcs else 0.0, s), (t, p, q)
+        total, t, p, q = _opposite_turns(s, gap, a, b, sb + sa, cb + ca, best)
         if total < best:
-            best = total
-            length[0], length[1], length[2] = t, p, q
-            curvature[0], curvature[1], curvature[2] = s, 0.0, -s
-    for i in range(3):
-        length[i] *= radius
-        curvature[i] /= radius
-    return best * radius
+            best, bends, pieces = total, (s, 0.0, -s), (t, p, q)
+    return best * radius if best < most else np.inf, bends, pieces
 
 
 @inlined
@@ -164,7 +108,7 @@ def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
     """Cost of the shortest curve; infinity if it is not below `limit`. The chord is a lower bound."""
     gap = math.sqrt((head[0] - tail[0]) ** 2 + (head[1] - tail[1]) ** 2)
     most = limit / numbers[1]
-    return np.inf if gap - 4.0 * EPS * numbers[0] > most else numbers[1] * length_between(tail, head, numbers[0], most)
+    return np.inf if gap - 4.0 * EPS * numbers[0] > most else numbers[1] * shortest(tail, head, numbers[0], most)[0]
 
 
 @kernel
@@ -174,13 +118,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
     start, curvature, length, cost = np.empty((k, 3)), np.empty((k, 3)), np.empty((k, 3)), np.empty(k)
     for i in range(k):
         copy_row(tails[i], start[i])
-        shortest(tails[i], heads[i], radius, curvature[i], length[i])
-        cost[i] = numbers[1] * length[i].sum()
+        _, bends, pieces = shortest(tails[i], heads[i], radius, np.inf)
+        for p in range(3):
+            curvature[i, p], length[i, p] = bends[p] / radius, pieces[p] * radius
+        cost[i] = numbers[1] * (length[i, 0] + length[i, 1] + length[i, 2])
     return Curves(start, curvature, length, cost, tails, heads)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Dubins(PoseSteering):
+class Dubins(CompiledSteering):
     """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
 
     Raises:
@@ -190,6 +136,8 @@ class Dubins(PoseSteering):
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho
 
+    n = 3
+    symmetric = False
     cost = _cost
     optimum = _connect
     shift = sideways
@@ -210,27 +158,31 @@ class Dubins(PoseSteering):
             raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")
         return cls(V=car.V, rho=car.rho)
 
-    @property
-    def radius(self) -> float:
-        """Least turning radius [m]."""
-        return self.V * self.rho
+    radius = property(lambda self: self.V * self.rho, doc="Least turning radius [m].")
+    speed = property(lambda self: self.V, doc="The constant V [m/s].")
+    cost_per_meter = property(lambda self: 1.0 / self.V, doc="Time per meter: cost is time [s/m].")
 
     @property
     def numbers(self) -> tuple[float, ...]:
         """Return the turning radius [m] and the cost per meter [cost/m]."""
         return self.radius, self.cost_per_meter
 
-    @property
-    def cost_per_meter(self) -> float:
-        """Time per meter: cost is time [s/m]."""
-        return 1.0 / self.V
-
-    @property
-    def speed(self) -> float:
-        """The constant V [m/s]."""
-        return self.V
-
     def controls(self, heading: Array, curvature: Array) -> Array:
         """u = curvature V rho, (l, 1), at most 1 in magnitude, for heading (l,) [rad] and curvature (l,) [1/m]."""
-        u: Array = np.clip(curvature * self.radius, -1.0, 1.0)[:, None]
-        return u
+        return np.asarray(np.clip(curvature * self.radius, -1.0, 1.0)[:, None])
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        """A state (3,), uniform in the workspace [m] and in heading [rad]."""
+        return np.append(rng.uniform(scene.lower, scene.upper), rng.uniform(-np.pi, np.pi))
+
+    def states_along(self, path: Array, scene: Scene) -> Array:
+        """Every pose (k, 3) and its reverse, (2 k, 3), headings in [-pi, pi)."""
+        states = np.repeat(path, 2, axis=0)
+        states[1::2, 2] += np.pi
+        states[:, 2] -= TWO_PI * np.floor((states[:, 2] + np.pi) / TWO_PI)
+        return states
+
+    def roots(self, goal: Array) -> Array:
+        """Spread headings evenly at the goal point (2,) [m], (k, 3)."""
+        headings = np.linspace(-np.pi, np.pi, TUNING.root_headings, endpoint=False)
+        return np.column_stack([np.broadcast_to(goal, (len(headings), 2)), headings])

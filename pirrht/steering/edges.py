@@ -30,14 +30,11 @@ class Edges(NamedTuple):
     @property
     def free(self) -> NDArray[np.bool_]:
         """Mask of the edges, (k,)."""
-        free: NDArray[np.bool_] = self.status == FREE
-        return free
+        return np.asarray(self.status == FREE)
 
 
-NO_EDGES = Edges(
-    np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0),
-    Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16)),
-)  # fmt: skip
+_NO_TURNS = Turns(np.zeros(1, np.int64), np.empty(0, np.int32), np.empty(0, np.int16))
+NO_EDGES = Edges(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0), _NO_TURNS)
 
 
 def concatenated(parts: Sequence[Edges]) -> Edges:
@@ -61,7 +58,7 @@ class EdgeChecker:
     @classmethod
     def of(cls, space: FreeSpace, steering: Steering) -> EdgeChecker:
         """Make the judge of a steering method's motions in an examined scene."""
-        return cls(space=space, around=steering.surroundings(space), motion=steering.motion)
+        return cls(space=space, around=steering.surroundings(space), motion=steering.motion_in(space))
 
     def inspect(self, motions: Motions, into_goal: NDArray[np.bool_], near: NDArray[np.int64] | None = None) -> Edges:
         """Judge k motions, which lead from a state to vertices `near` (k,) or back (the paper's ObstacleFree).
@@ -89,14 +86,14 @@ class EdgeChecker:
 @cache
 def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
     """Build the kernel (around, motions, into_goal (k,), near (k,)) -> (`Edges`, unsure) of one kind of motions."""
-    entry, cut, certify, _, pairs, most, _, prepare = kernels
+    entry, cut, certify, pairs, most, _ = kernels
 
     @kernel
     def judged(around, motions, into_goal, near):  # type: ignore[no-untyped-def]
         """Judge k motions without FCL, count unsure ones, cut them at the goal; `into_goal` and `near` are (k,)."""
         k, M = into_goal.shape[0], around.weights.shape[0]
         status, first, unsure = np.empty(k, np.int8), np.empty(k + 1, np.int64), 0
-        room, prepared = most(motions) * M, prepare(motions, around)  # pairs that one motion can have
+        room = most(motions) * M  # pairs that one motion can have
         marker, turn = np.empty(2 * room + 256, np.int32), np.empty(2 * room + 256, np.int16)
         total, used = np.zeros(M, np.int16), 0
         for i in range(k):
@@ -109,7 +106,7 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
                 if not into_goal[i]:
                     continue
                 cut(motions, i, s)
-            status[i] = certify(motions, i, around, prepared)
+            status[i] = certify(motions, i, around, True)
             unsure += status[i] == UNSURE
             if status[i] == BLOCKED:
                 continue
@@ -121,5 +118,5 @@ def judge_with(kernels: MotionKernels) -> Callable[..., tuple[Edges, int]]:
         turns = Turns(first, marker[:used].copy(), turn[:used].copy())
         return Edges(near, status, motions.cost, turns), unsure
 
-    judging: Callable[..., tuple[Edges, int]] = judged
-    return judging
+    found: Callable[..., tuple[Edges, int]] = judged
+    return found

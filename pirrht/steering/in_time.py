@@ -1,37 +1,133 @@
 """Steer in space and time: a point that may go at any speed up to a limit, and wait, among moving obstacles.
 
-Vertices are x, y [m] and t [s] on the tree's clock, joined by straight lines at a constant speed, forward in time, that
-cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and where nothing is in the way the point goes
-there at the best speed, sqrt(2 q / r).
+Vertices are x, y [m] and t [s] on a tree's clock, joined by legs: straight lines at a constant speed, forward in time,
+that cost q dt + (r/2) |dx|^2 / dt. Arrival is free: the root has no time, and the best speed there is sqrt(2 q / r).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.arcs import BLOCKED, FREE, certify_segment, entry_of_piece
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.problem import Problem
-from pirrht.steering.legs import LEGS, Legs
-from pirrht.steering.motion import Trajectory
+from pirrht.steering.motion import Legs, Motion, MotionKernels, Trajectory
 from pirrht.steering.steering import CompiledSteering
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
-from pirrht.steering.useful import drawn, offered
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
+from pirrht.topology.crossings import crossed
 from pirrht.topology.homology import Homology
+from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
+
+
+@inlined
+def entered(around, ax, ay, bx, by):  # type: ignore[no-untyped-def]
+    """Share of a straight line from (ax, ay) to (bx, by) [m] after which it enters the goal; infinity if never."""
+    dx, dy = bx - ax, by - ay
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0.0:
+        return np.inf
+    s = entry_of_piece(ax, ay, math.atan2(dy, dx), 0.0, length, around.goal_x, around.goal_y, around.goal_radius)
+    return s / length if s < np.inf else np.inf
+
+
+@cache
+def free_leg(moving: MovingKernels | None) -> Any:
+    """Build the kernel (around, leg) that judges a leg (ax, ay, s, bx, by, t) [m, s]: FREE, BLOCKED or UNSURE."""
+    among, certify = moving is not None, (moving or NOTHING_MOVES).certify
+
+    @kernel
+    def judged(around, leg):  # type: ignore[no-untyped-def]
+        static = certify_segment(around.field, leg[0], leg[1], leg[3], leg[4])
+        if among and static != BLOCKED:
+            return min(static, certify(around.traffic, leg))
+        return static
+
+    return judged
+
+
+@inlined
+def _ends(motions, i):  # type: ignore[no-untyped-def]
+    p = motions.path
+    return p[i, 0], p[i, 1], p[i, 2], p[i, 3], p[i, 4], p[i, 5]
+
+
+@inlined
+def _entry(motions, i, around):  # type: ignore[no-untyped-def]
+    ax, ay, _, bx, by, _ = _ends(motions, i)
+    return entered(around, ax, ay, bx, by)
+
+
+@inlined
+def _cut(motions, i, share):  # type: ignore[no-untyped-def]
+    for k in range(3):
+        motions.path[i, 3 + k] = motions.path[i, k] + share * (motions.path[i, 3 + k] - motions.path[i, k])
+    motions.cost[i] *= share
+
+
+@kernel
+def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
+    ax, ay, s, bx, by, t = _ends(motions, i)
+    if around.bases.state.shape[0] == 0 or to_goal:
+        return crossings_of_leg(around, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
+    count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
+    goal, static = (around.goal_x, around.goal_y), around.markers.shape[0]
+    one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
+    two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
+    for j in range(around.tracks.J):
+        whole = turns_between(around.bases, around.tracks, j, one, two)
+        if whole != 0:
+            marker[count], turn[count] = static + j, whole
+            count += 1
+    return count
+
+
+def _free(motions: Legs, i: int, space: FreeSpace) -> bool:
+    """Sweep a capsule among static obstacles where that is not certain; moving ones have their own test."""
+    ax, ay, s, bx, by, t = motions.path[i].tolist()
+    a, b = np.array([ax, ay]), np.array([bx, by])
+    if certify_segment(space.field, ax, ay, bx, by) != FREE and not space.collision.segments_free(a[None], b[None])[0]:
+        return False
+    return not space.moving.meets(a, s, b, t)
+
+
+def _trajectory(steering: Any, path: Legs) -> Trajectory:
+    """Make one control for each leg; waiting is no control for a while."""
+    step = path.path[:, 3:] - path.path[:, :3]
+    length, step = float(np.hypot(*step[:, :2].T).sum()), step[step[:, 2] > 0.0]
+    return Trajectory(
+        controls=step[:, :2] / step[:, 2:], durations=step[:, 2], path=path, cost=float(path.cost.sum()), length=length
+    )
+
+
+_most = inlined(lambda motions: 1)
+
+
+@cache
+def legs_among(moving: MovingKernels | None) -> Motion:
+    """Return the kind of motions that legs are, by kernels of moving obstacles; None: nothing moves."""
+    free = free_leg(moving)
+
+    @inlined
+    def certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
+        return free(around, _ends(motions, i))
+
+    return Motion(MotionKernels(_entry, _cut, certify, _pairs, _most), _free, _trajectory)
 
 
 @inlined
@@ -46,11 +142,6 @@ def _cost_and_duration(tail, head, numbers):  # type: ignore[no-untyped-def]
     if dt == 0.0:
         return (0.0 if math.isnan(head[2]) else np.inf), 0.0
     return q * dt + 0.5 * r * square / dt, dt
-
-
-@inlined
-def _cost(tail, head, numbers, limit):  # type: ignore[no-untyped-def]
-    return _cost_and_duration(tail, head, numbers)[0]
 
 
 @kernel
@@ -91,8 +182,8 @@ class InTime(CompiledSteering):
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
     timed = True
-    motion = LEGS
-    cost = _cost
+    motion = legs_among(None)
+    cost = inlined(lambda tail, head, numbers, limit: _cost_and_duration(tail, head, numbers)[0])
     optimum = _connect
 
     def __post_init__(self) -> None:
@@ -118,21 +209,16 @@ class InTime(CompiledSteering):
         q = 0.5 * lines.cost_per_meter * lines.pace
         return cls(q=q, r=2.0 * q / lines.pace**2, speed=speed, m=d.m, slack=lines.slack)
 
-    @property
-    def drives(self) -> bool:  # type: ignore[override]
-        """Tell whether the legs are a point's own, with the velocities that drive it."""
-        return self.m == 0
+    drives = property(
+        lambda self: self.m == 0, doc="Whether the legs are a point's own, with velocities that drive it."
+    )
+    limit = property(lambda self: self.speed or TUNING.fastest * self.pace, doc="The limit of speeds [m/s].")
 
     @property
     def pace(self) -> float:
         """The best speed, or the limit if that is less [m/s]."""
         best = math.sqrt(2.0 * self.q / self.r)
         return min(best, self.speed) if self.speed else best
-
-    @property
-    def limit(self) -> float:
-        """The limit of speeds [m/s]."""
-        return self.speed or TUNING.fastest * self.pace
 
     @property
     def cost_per_meter(self) -> float:
@@ -143,6 +229,10 @@ class InTime(CompiledSteering):
     def numbers(self) -> tuple[float, ...]:
         """Return q, r, the limit of speeds and the best speed."""
         return self.q, self.r, self.limit, self.pace
+
+    def motion_in(self, space: FreeSpace) -> Motion:
+        """Return its legs among the moving obstacles of a space."""
+        return legs_among(space.moving.kernels)
 
     def homology(self, space: FreeSpace) -> Homology:
         """Classes among static and moving obstacles; bases go at the best speed."""
@@ -163,51 +253,71 @@ class InTime(CompiledSteering):
         return np.array([[*goal, np.nan]])
 
     def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
-        """A place and a time (3,) [m, m, s], uniform in the workspace up to the last row and the time to go."""
-        x, y = rng.uniform(scene.lower, scene.upper)
-        return np.array([x, y, rng.random() * self.horizon(scene)])
+        """A place and a time (3,) [m, m, s], uniform in the workspace and the horizon."""
+        return np.array([*rng.uniform(scene.lower, scene.upper), rng.random() * self.horizon(scene)])
 
     def draws(
-        self,
-        space: FreeSpace,
-        rng: np.random.Generator,
-        count: int,
-        origin: Array | None = None,
+        self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
         goal_share: float = 0.0,
-    ) -> Array:
-        """Draw places and times (count, 3) [m, m, s], mostly of use to a robot at an origin (3,); None: start, at 0.
+    ) -> Array:  # fmt: skip
+        """Draw places and times (count, 3) [m, m, s] of use to a robot at an origin (3,); None: the start, at 0.
 
-        A `goal_share` of them is moved into the goal's disc.
+        A path over most of them costs at most a random multiple of the unhindered path (an informed set); the others
+        are uniform in the workspace and the horizon. A `goal_share` of all is moved into the goal's disc.
         """
-        begun = self.origin(space.scene) if origin is None else origin
-        return drawn(self.numbers, space, begun, self.horizon(space.scene), rng, count, goal_share)
+        scene, horizon, begun = space.scene, self.horizon(space.scene), _origin(space.scene, origin)
+        chances = rng.random((count, 9 + 3 * TUNING.tries))  # a row for each: equal in parts and at once
+        tried, span = chances[:, 9:].reshape(count, TUNING.tries, 3), scene.upper - scene.lower
+        tried[..., :2] = scene.lower + span * tried[..., :2]
+        excess = TUNING.excess * chances[:, 2] / np.maximum(1.0 - chances[:, 2], 1e-3)
+        most = ((1.0 + excess) * self.cost_per_meter * math.dist(scene.goal.center, begun[:2]))[:, None]
+        soonest = np.hypot(*(tried[..., :2] - begun[:2]).T).T / self.limit
+        tried[..., 2] *= np.maximum(np.minimum(most / self.q, horizon) - soonest, 0.0)
+        tried[..., 2] += begun[2] + soonest
+        serves = (self._through(tried, begun, scene) <= most) & ~scene.goal.contains(tried[..., :2])
+        out = np.column_stack([scene.lower + span * chances[:, 3:5], begun[2] + horizon * chances[:, 5]])
+        informed = (chances[:, 0] >= TUNING.uniform_share) & serves.any(axis=1)
+        out[informed] = tried[informed, serves[informed].argmax(axis=1)]
+        inside, angle = chances[:, 6] < goal_share, 2.0 * np.pi * chances[:, 7:8]
+        disc = scene.goal.radius * np.sqrt(chances[:, 8:9]) * np.hstack([np.cos(angle), np.sin(angle)])
+        out[inside, :2] = scene.goal.center + disc[inside]
+        return out
 
-    def origin(self, scene: Scene) -> Array:
-        """The start of a scene at 0, (3,) [m, m, s]."""
-        return np.array([scene.start[0], scene.start[1], 0.0])
+    def _through(self, places: Array, begun: Array, scene: Scene) -> Array:
+        """Cost at least of a path from (3,) through places at times (..., 3) [m, m, s] to the goal point, (...,)."""
+        since = np.maximum(places[..., 2] - begun[2], 1e-9)
+        away, ahead = (np.hypot(*(places[..., :2] - end).T).T for end in (begun[:2], scene.goal.center))
+        return np.asarray(self.q * since + 0.5 * self.r * away**2 / since + self.cost_per_meter * ahead)
 
     def horizon(self, scene: Scene) -> float:
         """Time for which draws are made: the last row of any motion, or its first lap, and the time to go [s]."""
-        return _last(scene.movers) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
+        motions = [mover.motion for mover in scene.movers]
+        last = max((float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), default=0.0)
+        return max(last, 0.0) + float(np.hypot(*(scene.upper - scene.lower))) / self.pace
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """Places across and along passages at many times (l, 3) [m, m, s], free then."""
-        begun = self.origin(space.scene) if origin is None else origin
-        return offered(self.numbers, passages, space, begun)
+        """Places across and along passages at many times (l, 3) [m, m, s], free then: the cheapest."""
+        begun, radius = _origin(space.scene, origin), space.scene.robot_radius
+        left, right = passages.chords()
+        half = 0.5 * (right - left) * (1.0 - 2.0 * radius / np.maximum(passages.width, 2.0 * radius))[:, None]
+        ahead = np.column_stack([np.cos(passages.heading), np.sin(passages.heading)])
+        ahead *= np.where(np.sum(ahead * (passages.place - begun[:2]), axis=1) < 0.0, -1.0, 1.0)[:, None]
+        across, along, paces = map(np.array, (TUNING.passage_offsets, TUNING.passage_places, TUNING.passage_paces))
+        middles = passages.place + np.multiply.outer(across, half)[:, None]
+        places = middles + radius * np.multiply.outer(along, ahead)  # (across, along, P, 2)
+        away = np.linalg.norm(middles - begun[:2], axis=-1) + radius * along[:, None]
+        times = begun[2] + np.divide.outer(away, self.pace * paces)
+        states = np.concatenate([np.repeat(places[..., None, :], len(paces), axis=-2), times[..., None]], axis=-1)
+        states = states.reshape(-1, 3)
+        cost = self._through(states, begun, space.scene)
+        most = TUNING.passage_cost * self.cost_per_meter * math.dist(space.scene.goal.center, begun[:2])
+        free = [cost[i] <= most and space.moving.clearance(*state) > 0.0 for i, state in enumerate(states.tolist())]
+        return states[np.flatnonzero(free)[np.argsort(cost[free], kind="stable")][: TUNING.passage_states]]
 
-    def trajectory(self, path: Legs) -> Trajectory:
-        """Velocities along a path, or only its times for a system that tracks it."""
-        found = self.motion.trajectory(self, path)
-        if self.drives:
-            return found
-        return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
 
-
-@lru_cache(maxsize=4)  # asked for by every draw
-def _last(movers: tuple[Mover, ...]) -> float:
-    """Time at which the last of motions ends, or their first lap [s]."""
-    motions = [mover.motion for mover in movers]
-    return max(0.0, *(float(m.rows[-1, 0]) if m.repeat else m.last for m in motions), 0.0)
+def _origin(scene: Scene, origin: Array | None) -> Array:
+    """Return the robot's place and time, (3,) [m, m, s]; without one the start of a scene at 0."""
+    return np.array([*scene.start[:2], 0.0]) if origin is None else origin
 
 
 def homology_of(problem: Problem, space: FreeSpace) -> Homology:

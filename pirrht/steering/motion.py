@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, surely_free, truncate
+from pirrht.geometry.arcs import TWO_PI, Curves, along, certify_curve, entry_of_curve, truncate
 from pirrht.geometry.field import Field
 from pirrht.geometry.world import Moving
 from pirrht.jit.jit import inlined, kernel, part
@@ -26,6 +26,38 @@ from pirrht.topology.moving_crossings import BaseCache
 from pirrht.topology.tracks import MarkerTrajectories
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
+
+
+class Legs(NamedTuple):
+    """k straight motions in space and time at a constant speed, one row each; a leg of no length waits."""
+
+    path: Array  # (k, 6): x, y [m], t [s] of both ends
+    cost: Array  # (k,) integral of q + (r/2) |v|^2 [cost]; infinite where there is no such motion
+    tails: Array  # (k, 3) first states, x, y [m], t [s]
+    heads: Array  # (k, 3) last states; an open time is not a number
+
+    @property
+    def knots(self) -> Array:
+        """Begins of consecutive legs and the end of the last one, (k + 1, 3) [m, m, s]."""
+        return np.vstack([self.path[:, :3], self.path[-1:, 3:]])
+
+    @property
+    def start(self) -> Array:
+        """Begin and heading of each, x, y [m], heading [rad], (k, 3); waiting ones have the next heading."""
+        dx, dy = (self.path[:, 3:5] - self.path[:, :2]).T
+        moves = np.flatnonzero(np.hypot(dx, dy) > 0.0)
+        i = np.minimum(np.searchsorted(moves, np.arange(len(dx))), max(len(moves) - 1, 0))
+        heading = np.arctan2(dy, dx)[moves[i]] if len(moves) else np.zeros(len(dx))
+        return np.column_stack([self.path[:, :2], heading])
+
+    def points(self, spacing: float) -> list[Array]:
+        """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
+        return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
+
+    def places(self, times: Array) -> Array:
+        """Place a path of consecutive legs at times (l,) [s], (l, 2) [m]; it stays where it begins and ends."""
+        knots = self.knots
+        return np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -55,9 +87,10 @@ class Trajectory:
 
     def tape(self, times: Array) -> Array:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
-        out = np.zeros((len(times) - 1, self.controls.shape[1]))
-        _resample(np.ascontiguousarray(self.controls), self.durations, times, out)  # compiled for one layout
-        return out
+        ends = np.append(0.0, np.cumsum(self.durations))
+        sums = np.vstack([np.zeros(self.controls.shape[1]), np.cumsum(self.controls * self.durations[:, None], axis=0)])
+        done = np.column_stack([np.interp(times, ends, each) for each in sums.T])
+        return np.diff(done, axis=0) / np.diff(times)[:, None]
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
@@ -74,23 +107,6 @@ def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
         tail = x[2:]
         rate = float(np.mean([problem.rate(np.concatenate([p, tail])) for p in trajectory.points]))
     return float(np.sum((rate + effort) * trajectory.durations))
-
-
-@kernel
-def _resample(controls, durations, times, out):  # type: ignore[no-untyped-def]
-    steps, m = out.shape
-    now, i = 0.0, 0
-    for p in range(durations.shape[0]):
-        end = now + durations[p]
-        while i < steps:
-            overlap = min(end, times[i + 1]) - max(now, times[i])
-            if overlap > 0.0:
-                for j in range(m):
-                    out[i, j] += controls[p, j] * overlap / (times[i + 1] - times[i])
-            if times[i + 1] > end:
-                break
-            i += 1
-        now = end
 
 
 class Surroundings(NamedTuple):
@@ -142,10 +158,7 @@ class Motions(Protocol):
         """Each as a polyline (l, 2) [m], whose points lie at most `spacing` m apart where it turns."""
 
 
-@inlined
-def unprepared(motions, around):  # type: ignore[no-untyped-def]
-    """Prepare nothing for `certify`."""
-    return 0
+_unknown = inlined(lambda motions, i, share, out: False)
 
 
 class MotionKernels(NamedTuple):
@@ -153,14 +166,15 @@ class MotionKernels(NamedTuple):
 
     entry: Callable[..., float]  # (motions, i, around): where motion i enters the goal's disc; infinity if it does not
     cut: Callable[..., None]  # (motions, i, s): end motion i at s, and its cost
-    certify: Callable[..., int]  # (motions, i, around, prepared): FREE, BLOCKED or UNSURE by the clearance field
-    sure: Callable[..., bool]  # (motions, i, around): whether that is FREE; it need not tell blocked from unsure
+    # (motions, i, around, patient): FREE, BLOCKED or UNSURE by the clearance field; without `patient` what is not FREE
+    # may be either of the others.
+    certify: Callable[..., int]
     # (motions, i, around, to_goal, marker, turn, count): append the pairs of whole turns that it adds to the class of
     # its head, or of the straight line from its end to the goal point; the number of pairs. A marker may recur.
     pairs: Callable[..., int]
     most: Callable[..., int]  # (motions): how often a marker can come up in the pairs of one motion
-    between: Callable[..., bool]  # (motions, i, share, out (n,)): write the state after a share of it, if that is known
-    prepare: Callable[..., Any] = unprepared  # (motions, around): for `certify`, once for all motions
+    # (motions, i, share, out (n,)): write the state after a share of it, if that is known
+    between: Callable[..., bool] = _unknown
 
 
 class Motion(NamedTuple):
@@ -198,24 +212,14 @@ def _cut(curves, i, s):  # type: ignore[no-untyped-def]
 
 
 @part
-def _certify(curves, i, around, prepared):  # type: ignore[no-untyped-def]
-    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i])
-
-
-@part
-def _sure(curves, i, around):  # type: ignore[no-untyped-def]
-    return surely_free(around.field, curves.start[i], curves.curvature[i], curves.length[i])
+def _certify(curves, i, around, patient):  # type: ignore[no-untyped-def]
+    return certify_curve(around.field, curves.start[i], curves.curvature[i], curves.length[i], patient)
 
 
 @part
 def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     curve, head = (curves.start[i], curves.curvature[i], curves.length[i]), (curves.heads[i, 0], curves.heads[i, 1])
     return pairs_of_curve(around.cuts, curve, to_goal, head, marker, turn, count)
-
-
-@part
-def _most(curves):  # type: ignore[no-untyped-def]
-    return curves.length.shape[1]
 
 
 @kernel
@@ -265,4 +269,5 @@ def _trajectory(steering: Any, path: Curves) -> Trajectory:
     )  # fmt: skip
 
 
-ARCS = Motion(MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between), _free, _trajectory)
+_most = inlined(lambda curves: curves.length.shape[1])
+ARCS = Motion(MotionKernels(_entry, _cut, _certify, _pairs, _most, _between), _free, _trajectory)

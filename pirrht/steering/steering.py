@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +15,8 @@ from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import Passages
 from pirrht.geometry.scene import Scene
-from pirrht.jit.jit import as_tuple, borrowing, inlined, kernel, part
+from pirrht.jit.jit import as_tuple, borrowing, inlined
 from pirrht.steering.motion import ARCS, Motion, Motions, Surroundings, Trajectory
-
-
-class Compiled(NamedTuple):
-    """A steering method as kernels, for growth that need not come back to Python."""
-
-    nearest: Callable[..., None]  # (states (k, n), x (n,), numbers, forward, chosen (c,), work (c,)): as `nearest`
-    connect: Callable[..., Any]  # (tails (k, n), heads (k, n), numbers): optimal motions
-    numbers: tuple[float, ...]  # parameters of both
 
 
 @inlined
@@ -43,17 +36,16 @@ class Steering(ABC):
 
     n: int  # states of a vertex; the first two are the position [m]
     symmetric: bool = False  # whether every motion may be driven the other way round at the same cost
-    drives: bool = True  # whether references come with the controls that drive them; else proposals must find those
+    drives: bool = True  # whether references come with the controls that drive them; else proposals must find those ...
+    m: int  # ... (m,), and the system
+    slack: float  # may take this time to get under way [s]
     min_neighbours: int = 0  # least number of vertices to which a reference is looked for
     timed: bool = False  # whether vertices have a time, so that its paths may go among moving obstacles
     motion: Motion = ARCS  # kind of what `connect` makes
     # (x (n,), move, step, numbers, out (n,)): write the state after one of `moves` of a pattern search over vertices
     shift: ClassVar[Callable[..., None]] = along_axes
 
-    @property
-    def moves(self) -> int:
-        """Return the number of moves that `shift` knows."""
-        return 2 * self.n
+    moves = property(lambda self: 2 * self.n, doc="Number of moves that `shift` knows.")
 
     @abstractmethod
     def distance(self, tails: Array, heads: Array) -> Array:
@@ -70,6 +62,10 @@ class Steering(ABC):
     @abstractmethod
     def roots(self, goal: Array) -> Array:
         """Return the states (k, n) at the goal point (2,) [m] that the tree starts from."""
+
+    def motion_in(self, space: FreeSpace) -> Motion:
+        """Return the kind of its motions in an examined scene; here `motion`."""
+        return self.motion
 
     def homology(self, space: FreeSpace) -> Any:
         """Signature of its paths in an examined scene (`Signature`); here about static obstacles only."""
@@ -102,13 +98,9 @@ class Steering(ABC):
         return states
 
     def draws(
-        self,
-        space: FreeSpace,
-        rng: np.random.Generator,
-        count: int,
-        origin: Array | None = None,
+        self, space: FreeSpace, rng: np.random.Generator, count: int, origin: Array | None = None,
         goal_share: float = 0.0,
-    ) -> Array:
+    ) -> Array:  # fmt: skip
         """Draw states (count, n) of an examined scene for a tree, equal in parts and at once; here uniform ones.
 
         Args:
@@ -136,19 +128,14 @@ class Steering(ABC):
         Indices, cheapest first, (count,) or (k,) if those are fewer; the paper's NearForward and NearBackward.
         """
         cost = self.distance(x, states) if forward else self.distance(states, x)
-        if count >= len(states):
-            return np.argsort(cost, kind="stable")
-        chosen = np.argpartition(cost, count)[:count]
-        return np.asarray(chosen[np.argsort(cost[chosen], kind="stable")])
-
-    @property
-    def compiled(self) -> Compiled | None:
-        """Return `nearest` and `connect` as kernels, with which a tree grows faster; None if there are none."""
-        return None
+        return np.argsort(cost, kind="stable")[:count]
 
     def trajectory(self, path: Any) -> Trajectory:
-        """Return the controls (l, m) along a path of consecutive motions, and their durations (l,) [s]."""
-        return self.motion.trajectory(self, path)
+        """Return controls (l, m) along a path of consecutive motions, 0 if they are unknown, and durations (l,) [s]."""
+        found = self.motion.trajectory(self, path)
+        if self.drives:
+            return found
+        return replace(found, controls=np.zeros((len(found.durations), self.m)), slack=self.slack)
 
 
 class CompiledSteering(Steering):
@@ -164,73 +151,42 @@ class CompiledSteering(Steering):
     def numbers(self) -> tuple[float, ...]:
         """Return the parameters of both kernels."""
 
-    @property
-    def compiled(self) -> Compiled:
-        """Return the method as kernels."""
-        return Compiled(nearest_with(type(self).cost, self.n), type(self).optimum, self.numbers)
-
     def distance(self, tails: Array, heads: Array) -> Array:
         """Cost of the obstacle-blind optimum, tails to heads, (..., n) x 2 -> (...,) [cost]."""
         tails, heads = (np.array(states, dtype=float) for states in np.broadcast_arrays(tails, heads))
-        out = np.empty(tails.shape[:-1])
-        _costs_with(type(self).cost, self.n)(rows(tails, self.n), rows(heads, self.n), self.numbers, out.reshape(-1))
-        return out
+        return np.asarray(self.connect(tails, heads).cost.reshape(tails.shape[:-1]))
 
     def connect(self, tails: Array, heads: Array) -> Any:
         """Return the k optimal motions from tails (k, n) to heads (k, n) (the paper's TPBVP)."""
-        return type(self).optimum(rows(tails, self.n), rows(heads, self.n), self.numbers)
+        tails, heads = (np.ascontiguousarray(one, dtype=float).reshape(-1, self.n) for one in (tails, heads))
+        return type(self).optimum(tails, heads, self.numbers)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:
         """Find the `count` states of (k, n) that cost least to reach from x (n,) (forward) or to come from."""
         chosen = np.empty(min(count, len(states)), dtype=np.int64)
-        self.compiled.nearest(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
+        nearest_with(type(self).cost, self.n)(states, x, self.numbers, forward, chosen, np.empty(len(chosen)))
         return chosen
-
-
-def rows(states: Array, n: int) -> Array:
-    """Return states (..., n) as contiguous rows (k, n), as kernels read them."""
-    return np.ascontiguousarray(states, dtype=float).reshape(-1, n)
 
 
 @cache
 def nearest_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
-    """Build the kernel that finds the states of (k, n) of least cost, cheapest first; of equal ones the earlier."""
+    """Build the kernel (states (k, n), x (n,), numbers, forward, chosen (c,), least (c,)) of `Steering.nearest`."""
 
     @borrowing
     def nearest(states, x, numbers, forward, chosen, least):  # type: ignore[no-untyped-def]
-        """Write the indices to `chosen` (c,) and their costs to `least` (c,)."""
+        """Write indices of the states of least cost and these costs, cheapest first; of equal ones the earlier."""
         count, found, here = chosen.shape[0], 0, as_tuple(x, n)
         for i in range(states.shape[0]):
             limit, there = least[count - 1] if found == count else np.inf, as_tuple(states[i], n)
             d = cost(here, there, numbers, limit) if forward else cost(there, here, numbers, limit)
-            found = _insert(chosen, least, found, d, i)
+            if found == count and not d < least[count - 1]:
+                continue
+            found = min(found + 1, count)
+            at = found - 1
+            while at > 0 and least[at - 1] > d:
+                least[at], chosen[at] = least[at - 1], chosen[at - 1]
+                at -= 1
+            least[at], chosen[at] = d, i
 
     found: Callable[..., None] = nearest
-    return found
-
-
-@part
-def _insert(chosen, least, found, d, i):  # type: ignore[no-untyped-def]
-    """Insert i of cost d into the `found` of `chosen` (c,), whose costs `least` (c,) rise; how many there are then."""
-    if found < chosen.shape[0]:
-        found += 1
-    elif d >= least[found - 1]:
-        return found
-    at = found - 1
-    while at > 0 and least[at - 1] > d:
-        least[at], chosen[at] = least[at - 1], chosen[at - 1]
-        at -= 1
-    least[at], chosen[at] = d, i
-    return found
-
-
-@cache
-def _costs_with(cost: Callable[..., float], n: int) -> Callable[..., None]:
-    @kernel
-    def costs(tails, heads, numbers, out):  # type: ignore[no-untyped-def]
-        """Write the cost from each of tails (k, n) to each of heads (k, n) to `out` (k,)."""
-        for i in range(out.shape[0]):
-            out[i] = cost(as_tuple(tails[i], n), as_tuple(heads[i], n), numbers, np.inf)
-
-    found: Callable[..., None] = costs
     return found

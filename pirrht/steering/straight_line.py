@@ -1,4 +1,9 @@
-"""Connect points by straight lines: the optimum without inertia."""
+"""Connect points by straight lines: the optimum without inertia, and references of systems that have no steering.
+
+The tree of such a system is that of a point which moves straight at a pace; its vertices are positions, whatever else a
+state has. Costs are the point's, so classes are ordered by length. Proposals alone find the system's own optimum: they
+track a reference first, from the system's state, and then save where the true cost allows.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +19,7 @@ from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 from pirrht.steering.steering import CompiledSteering
+from pirrht.steering.tuning import TUNING
 
 
 @inlined
@@ -48,15 +54,8 @@ class Lines(CompiledSteering):
     pace: float
     cost_per_meter: float
 
-    @property
-    def numbers(self) -> tuple[float, ...]:
-        """Return the cost per meter [cost/m]."""
-        return (self.cost_per_meter,)
-
-    @property
-    def speed(self) -> float:
-        """The constant pace [m/s]."""
-        return self.pace
+    numbers = property(lambda self: (self.cost_per_meter,), doc="The cost per meter [cost/m].")
+    speed = property(lambda self: self.pace, doc="The constant pace [m/s].")
 
     def controls(self, heading: Array, curvature: Array) -> Array:
         """Velocity (l, 2) [m/s] along the heading (l,) [rad]; straight lines have no curvature."""
@@ -101,7 +100,93 @@ class StraightLine(Lines):
         speed = float(np.sqrt(2.0 * problem.least_rate / R[0, 0]))
         return cls(pace=speed, cost_rate=2.0 * problem.least_rate)
 
-    @property
-    def cost_per_meter(self) -> float:  # type: ignore[override]
-        """Cost rate over speed [cost/m]."""
-        return self.cost_rate / self.pace
+    cost_per_meter = property(lambda self: self.cost_rate / self.pace, doc="Cost rate over speed [cost/m].")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tracked(Lines):
+    """Straight lines at one pace between positions, for systems that move otherwise.
+
+    Args:
+        pace: speed [m/s].
+        cost_per_meter: of it [cost/m].
+        slack: time that getting under way, or turning about, may take [s].
+        m: controls of the system.
+    """
+
+    pace: float
+    cost_per_meter: float
+    slack: float
+    m: int
+
+    drives = False
+
+    @classmethod
+    def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
+        """Take lines for any problem.
+
+        Args:
+            pace: speed [m/s]; without one, that at which the problem's cost per meter is least.
+
+        Raises:
+            OptionError: the pace is not positive, or the cost tells none.
+        """
+        d, x = problem.dynamics, problem.dynamics.state_of(problem.scene.start)
+        # G R^-1 G', (n, n): what states yield to a control of a given cost
+        G = np.zeros((d.n, d.m))
+        block = d.G_c(x)
+        G[d.n - len(block) :] = block
+        yields = np.asarray(G @ np.linalg.solve(problem.control_cost(x), G.T))
+        mobilities = np.linalg.eigvalsh(yields[:2, :2])  # of the position, by direction, least first
+        actuated = [float(part) for part in mobilities if part > max(0.0, 1e-9 * float(mobilities[-1]))]
+        if pace is None:  # in the direction in which positions yield least, of those in which they do
+            pace = math.sqrt(2.0 * problem.least_rate * actuated[0]) if actuated else _pace_of(problem)
+        if not (np.isfinite(pace) and pace > 0):
+            raise OptionError(f"the pace of references is {pace:g}; it must be a positive number [m/s]")
+        moving = _moving(problem, pace)
+        rate = max(problem.rate(x if moving is None else moving), problem.least_rate)
+        rate = 2.0 * rate if actuated else rate  # at the best speed control costs as much as time does
+        # Time to turn about or to get up to the pace under a control that costs what time does.
+        strength = np.sqrt(2.0 * problem.least_rate * np.diag(yields))
+        change = [math.pi if i in d.angles else pace for i in range(d.n)]
+        slack = max((change[i] / strength[i] for i in range(2, d.n) if strength[i] > 0), default=0.0)
+        return cls(pace=pace, cost_per_meter=rate / pace, slack=float(slack), m=d.m)
+
+    def vertex_of(self, x: Array) -> Array:
+        """The position (..., 2) [m] of a state (..., n)."""
+        return np.ascontiguousarray(x[..., :2])
+
+
+def _pace_of(problem: Problem) -> float:
+    """Find the only speed of a system whose positions are not actuated, or that where q per meter is least [m/s].
+
+    Raises:
+        OptionError: the cost tells none.
+    """
+    d = problem.dynamics
+    lower, upper = d.box(problem.scene)
+    fractions = (np.arange(1, d.n + 1) * 0.7548776662 + np.arange(TUNING.probed_states)[:, None] * 0.5698402910) % 1.0
+    speeds = [math.hypot(*d.f(lower + fraction * (upper - lower))[:2]) for fraction in fractions]
+    if max(speeds) > 0 and np.ptp(speeds) < 1e-6 * max(speeds):
+        return speeds[0]
+    if callable(problem.q) and _moving(problem, 1.0) is not None:
+        probed = np.geomspace(*TUNING.probed_speeds)
+        costs = np.array([problem.rate(_moving(problem, v)) for v in probed]) / probed  # type: ignore[arg-type]
+        best = int(np.argmin(costs))
+        if 0 < best < len(probed) - 1:
+            return float(probed[best])
+    raise OptionError(
+        f"the cost of {type(d).__name__} does not tell how fast its references should be; declare a pace [m/s], as in "
+        "System(..., pace=1.0)"
+    )
+
+
+def _moving(problem: Problem, speed: float) -> Array | None:
+    """Start state at a speed [m/s], (n,); None if the states have none."""
+    d = problem.dynamics
+    for name in ("speed", "vx"):
+        if name in d.states:
+            x = d.state_of(problem.scene.start)
+            x[d.states.index(name)] = speed
+            return x
+    return None

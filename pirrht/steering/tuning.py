@@ -28,9 +28,6 @@ class SteeringTuning(NamedTuple):
     uniform_share: float = 0.2
     # Excess of cost that half of the other draws stay below, as a share of the unhindered cost.
     excess: float = 0.5
-    # Share of the others that lie near a moving obstacle, and how far from its disc at most [robot radii].
-    near_share: float = 0.3
-    near: float = 4.0
     # Where passages are driven through in space and time: shares of the clearance to either side, places along [robot
     # radii], and speeds on the way there [best speeds].
     passage_offsets: tuple[float, ...] = (0.0, -0.9, 0.9, -0.5, 0.5)

@@ -25,20 +25,13 @@ class CutTable(NamedTuple):
 
     goal_x: float  # goal point [m]
     goal_y: float  # [m]
-    M: int  # number of markers
+    M: int
     buckets: int  # B sectors of equal width; 1: all markers are always asked
     start: int  # address of int32 (2B+1,): first marker of each sector, twice around
     x: int  # address of float64 (2M,): markers by direction, twice around [m]
     y: int  # address of float64 (2M,) [m]
     weight: int  # address of int64 (2M,): their additive keys
     marker: int  # address of int32 (2M,): their indices in all signatures
-    left: float  # corner of a lattice over the markers [m]
-    low: float  # [m]
-    cell: float  # its cells' width [m]
-    columns: int  # along x
-    rows: int  # along y
-    first: int  # address of int32 (columns * rows + 1,): first member of each cell
-    member: int  # address of int32 (M,): indices in the order by direction
 
 
 class Cuts(CutTable):
@@ -55,32 +48,13 @@ class Cuts(CutTable):
         order = np.argsort(away, kind="stable")
         start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
         twice = np.concatenate([order, order])
-        left, low, cell, columns, rows, first, member = _lattice(markers[order])
         arrays = (
             np.concatenate([start[:B], start + M]).astype(np.int32), np.ascontiguousarray(markers[twice, 0]),
-            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32), first, member,
+            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32),
         )  # fmt: skip
-        at = [array.ctypes.data for array in arrays]
-        cuts = cls(
-            goal_x=float(goal[0]), goal_y=float(goal[1]), M=M, buckets=B,
-            start=at[0], x=at[1], y=at[2], weight=at[3], marker=at[4],
-            left=left, low=low, cell=cell, columns=columns, rows=rows, first=at[5], member=at[6],
-        )  # fmt: skip
+        cuts = cls(float(goal[0]), float(goal[1]), M, B, *(array.ctypes.data for array in arrays))
         cuts.arrays = arrays
         return cuts
-
-
-def _lattice(markers: Array) -> tuple[float, float, float, int, int, NDArray[np.int32], NDArray[np.int32]]:
-    """Lay about as many square cells as markers (M, 2); list the markers of each."""
-    M = len(markers)
-    low, span = (markers.min(axis=0), np.ptp(markers, axis=0)) if M else (np.zeros(2), np.zeros(2))
-    cell = float(max(np.sqrt(span.prod() / max(M, 1)), span.max() / max(M, 1), 1e-9))
-    columns, rows = (int(n) for n in np.floor(span / cell) + 1)
-    at = np.floor((markers - low) / cell).astype(np.int64)
-    number = np.minimum(at[:, 0], columns - 1) * rows + np.minimum(at[:, 1], rows - 1)
-    member = np.argsort(number, kind="stable")
-    first = np.searchsorted(number[member], np.arange(columns * rows + 1))
-    return float(low[0]), float(low[1]), cell, columns, rows, first.astype(np.int32), member.astype(np.int32)
 
 
 @inlined
@@ -157,10 +131,8 @@ def key_of_step(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
     return key
 
 
-@kernel
-def key_of_segment(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
-    """Additive key of the turns that the segment from (ax, ay) to (cx, cy) [m] adds; called, not inlined."""
-    return key_of_step(cuts, ax, ay, cx, cy)
+# Called, not inlined, where the loop is short.
+key_of_segment = kernel(lambda cuts, ax, ay, cx, cy: key_of_step(cuts, ax, ay, cx, cy))
 
 
 @inlined
@@ -196,54 +168,15 @@ def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArra
     return whole
 
 
-class Piece(NamedTuple):
-    """One arc or straight piece of a curve."""
-
-    x: float  # where it begins [m]
-    y: float  # [m]
-    theta: float  # direction there [rad]
-    curvature: float  # [1/m]
-    length: float  # [m]
-
-
-@inlined
-def _column(x, left, cell, columns):  # type: ignore[no-untyped-def]
-    return min(max(int((x - left) / cell), 0), columns - 1)
-
-
-@borrowing
-def _around(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append pairs of the markers inside the circle of an arc; number of pairs.
-
-    An arc and its chord turn through different angles there, so the integer is the rounded sum of angles.
-    """
-    x, y, theta, curvature, length = piece
-    gx, gy, r = cuts.goal_x, cuts.goal_y, 1.0 / abs(curvature)
-    mid_x, mid_y = center_of(x, y, theta, curvature)
-    low, high = _column(mid_y - r, cuts.low, cuts.cell, cuts.rows), _column(mid_y + r, cuts.low, cuts.cell, cuts.rows)
-    west = _column(mid_x - r, cuts.left, cuts.cell, cuts.columns)
-    east = _column(mid_x + r, cuts.left, cuts.cell, cuts.columns)
-    for column in range(west, east + 1):
-        begin = load_int32(cuts.first, column * cuts.rows + low)
-        end = load_int32(cuts.first, column * cuts.rows + high + 1)
-        for j in range(begin, end):
-            i = load_int32(cuts.member, j)
-            mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
-            if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < 1.0 / curvature**2:
-                own = turns_of_piece(x, y, theta, curvature, length, mx, my)
-                rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
-                whole = math.floor(own + rest + 0.5)
-                if whole != 0:
-                    marker[count], turn[count] = load_int32(cuts.marker, i), whole
-                    count += 1
-    return count
-
-
 @borrowing
 def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs (at most M) of a piece that ends at (ex, ey); number of pairs."""
+    """Append the pairs (at most M) of a piece (x, y, theta, curvature, length) to (ex, ey) [m]; number of pairs.
+
+    An arc and its chord turn through different angles about markers inside the circle: there the integer is the rounded
+    sum of angles.
+    """
     x, y, theta, curvature, length = piece
-    bends = abs(curvature) * length >= 1e-9
+    gx, gy, bends = cuts.goal_x, cuts.goal_y, abs(curvature) * length >= 1e-9
     mid_x, mid_y, square = 0.0, 0.0, -1.0
     if bends:
         mid_x, mid_y = center_of(x, y, theta, curvature)
@@ -251,11 +184,19 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
     begin, end = sector(cuts, x, y, ex, ey)
     for i in range(begin, end):
         mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
-        whole = turn_at_cut(mx, my, cuts.goal_x, cuts.goal_y, x, y, ex, ey)
-        if whole != 0 and not (bends and (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square):
+        whole = turn_at_cut(mx, my, gx, gy, x, y, ex, ey)
+        if whole != 0 and not (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
             marker[count], turn[count] = load_int32(cuts.marker, i), whole
             count += 1
-    return _around(cuts, piece, ex, ey, marker, turn, count) if bends else count
+    for i in range(cuts.M if bends else 0):
+        mx, my = load_float64(cuts.x, i), load_float64(cuts.y, i)
+        if (mx - mid_x) ** 2 + (my - mid_y) ** 2 < square:
+            rest = straight_turns(ex, ey, mx, my, gx, gy) - straight_turns(x, y, mx, my, gx, gy)
+            whole = math.floor(turns_of_piece(x, y, theta, curvature, length, mx, my) + rest + 0.5)
+            if whole != 0:
+                marker[count], turn[count] = load_int32(cuts.marker, i), whole
+                count += 1
+    return count
 
 
 @borrowing
@@ -280,7 +221,7 @@ def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ig
             ex, ey, end = along(x, y, theta, curvature[p], length[p])
             if p == last and not to_goal:  # the state itself: its side of a cut must not depend on rounding
                 ex, ey = head
-            piece = Piece(x, y, theta, curvature[p], length[p])
+            piece = x, y, theta, curvature[p], length[p]
             count = _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count)
             x, y, theta = ex, ey, end
     return count

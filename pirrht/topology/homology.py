@@ -11,9 +11,9 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import as_tuple, kernel
 from pirrht.topology.crossings import Cuts, spread, straight_turns
 from pirrht.topology.moving_crossings import NO_RAYS, MarkerTable, RayTable, crossings_of_leg
 from pirrht.topology.signature import Signature, hash_weights, integers
@@ -47,10 +47,7 @@ class Homology(Signature):
     def __repr__(self) -> str:
         return f"Homology({self.M} markers, goal {formatting.vector(self.goal)})"
 
-    @property
-    def M(self) -> int:
-        """Number of all markers."""
-        return len(self.markers) + self.J
+    M = property(lambda self: len(self.markers) + len(self.names), doc="Number of all markers.")
 
     @property
     def J(self) -> int:
@@ -114,7 +111,7 @@ class Homology(Signature):
 
     def arrival(self, x: Array) -> float:
         """Time at which the base that leaves x (3,) [m, m, s] arrives [s]."""
-        return float(x[2] + np.hypot(*(self.goal - x[:2])) / self.speed)
+        return float(x[2] + math.dist(self.goal, x[:2]) / self.speed)
 
     def rays(self, x: Array, times: Array) -> RayTable:
         """Moving markers' rays for paths from x (n,) over steps that end at times (T + 1,) [s]."""
@@ -125,9 +122,8 @@ class Homology(Signature):
 
     def _timed(self, path: Array) -> Array:
         """Rows (k, 3) of a path (k, n); times are 0 where nothing moves."""
-        rows = np.zeros((len(path), 3))
-        rows[:, : 3 if self.J else 2] = path[:, : 3 if self.J else 2]
-        return rows
+        times = path[:, 2] if self.J else np.zeros(len(path))
+        return np.column_stack([path[:, :2], times])
 
 
 @kernel
@@ -149,8 +145,8 @@ def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
     for i in range(path.shape[0] - 1):
         a, b = path[i], path[i + 1]
         for k in range(static):
-            mx, my = markers[k, 0], markers[k, 1]
-            out[k] += turns_of_chord(a[0] - mx, a[1] - my, b[0] - mx, b[1] - my)
+            x, y = markers[k, 0], markers[k, 1]
+            out[k] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
         for j in range(tracks.J):
             out[static + j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
 
@@ -159,9 +155,8 @@ def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
 def _crossings(markers, path, marker, turn):  # type: ignore[no-untyped-def]
     count = 0
     for i in range(path.shape[0] - 1):
-        a, b = path[i], path[i + 1]
-        leg = (a[0], a[1], a[2]), (b[0], b[1], b[2])
-        count = crossings_of_leg(markers, leg[0], leg[1], False, marker, turn, count)
+        a, b = as_tuple(path[i], 3), as_tuple(path[i + 1], 3)
+        count = crossings_of_leg(markers, a, b, False, marker, turn, count)
     return count
 
 
@@ -173,9 +168,8 @@ class Driven:
     """
 
     def __init__(self, homology: Homology, x: Array, time: float = 0.0, offset: Sequence[int] | Array = ()) -> None:
-        self._homology = homology
         whole = np.array(offset, dtype=np.int64) if len(offset) else np.zeros(homology.M, dtype=np.int64)
-        self._known = whole, np.array([x[0], x[1], time])  # class, place and time
+        self._homology, self._known = homology, (whole, np.array([x[0], x[1], time]))  # class, place and time
         self._now = self._known
 
     def observe(self, states: Array, until: float = 0.0) -> None:

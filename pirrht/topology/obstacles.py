@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.geometry.scene import Kind
 from pirrht.topology.tuning import TUNING
 
 _GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
@@ -37,15 +36,13 @@ def components(collision: Collision) -> tuple[Component, ...]:
     A common point of two inflated shapes certifies a joint. A gap micrometres too narrow may count as a passage.
     """
     planar = _Planar(collision)
-    root = list(range(len(planar.obstacles)))
+    label = np.arange(len(planar.obstacles))
     for i, j in planar.candidates():
-        if _find(root, i) != _find(root, j) and planar.meet(i, j):
-            first, last = sorted((_find(root, i), _find(root, j)))
-            root[last] = first
-    groups: dict[int, list[int]] = {}
-    for i in range(len(root)):
-        groups.setdefault(_find(root, i), []).append(i)
-    found = (_component(planar, members) for members in groups.values())
+        if label[i] != label[j] and planar.meet(i, j):
+            first, last = sorted((label[i], label[j]))
+            label[label == last] = first
+    groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
+    found = (_component(planar, members) for members in groups)
     return tuple(component for component in found if component is not None)
 
 
@@ -64,7 +61,6 @@ def continued(
     part_of = {i: part for part in parts for i in part.members}
 
     def cover(marker: Array) -> Component | None:
-        """The component in which it lies."""
         near = np.flatnonzero(np.all((low - radius <= marker) & (marker <= high + radius), axis=1)).tolist()
         found = (i for i in near if collision.obstacle_distance(i, marker[None])[0] <= radius)
         return next((part_of[i] for i in found if i in part_of), None)
@@ -75,10 +71,8 @@ def continued(
     new = iter([part for part in parts if part.marker is not None and part not in covers])
     found = []
     for old, part in zip(before, covers, strict=True):
-        if part is not None:
-            found.append(replace(part, marker=old.marker))
-        else:
-            found.append(gone if old.members else next(new, gone))
+        kept = None if part is None else replace(part, marker=old.marker)
+        found.append(kept or (gone if old.members else next(new, gone)))
     found += new
     while len(found) > named and not found[-1].members:
         found.pop()
@@ -89,39 +83,11 @@ def _component(planar: _Planar, members: list[int]) -> Component | None:
     border = any(planar.joins_border(i) for i in members)
     if not border and not any(planar.within(i) for i in members):
         return None
-    marker = None
-    if not border:
-        areas = np.array([projected_area(planar.obstacles[i]) for i in members])
-        largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
-        marker = planar.center(largest)
-    return Component(
-        members=tuple(members),
-        names=tuple(planar.obstacles[i].name for i in members),
-        marker=marker,
-        joins_border=border,
-    )
-
-
-def projected_area(obstacle: Obstacle) -> float:
-    """Area of the convex hull of a solid seen from above [m^2]."""
-    a, b, c = (float(s) for s in obstacle.size)
-    up = obstacle.rotation[2]  # the vertical in the solid's own frame
-    lean = float(np.hypot(up[0], up[1]))
-    match obstacle.kind:
-        case Kind.BOX:
-            return float(4 * np.abs(up) @ np.array([b * c, a * c, a * b]))
-        case Kind.CYLINDER:
-            return float(np.pi * a * a * abs(up[2]) + 4 * a * b * lean)
-        case Kind.SPHERE:
-            return float(np.pi * a * a)
-        case Kind.CAPSULE:
-            return float(np.pi * a * a + 4 * a * b * lean)
-        case Kind.ELLIPSOID:
-            return float(np.pi * np.linalg.norm(up * np.array([b * c, a * c, a * b])))
-        case Kind.MESH:
-            assert obstacle.vertices is not None
-            p, q, r = obstacle.vertices[obstacle.faces].swapaxes(0, 1)
-            return float(0.25 * np.abs(np.cross(q - p, r - p) @ up).sum())  # each point is covered twice
+    areas = np.prod(planar.high[members] - planar.low[members], axis=1)
+    largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
+    names = tuple(planar.obstacles[i].name for i in members)
+    marker = None if border else planar.center(largest)
+    return Component(members=tuple(members), names=names, marker=marker, joins_border=border)
 
 
 class _Planar:
@@ -137,15 +103,14 @@ class _Planar:
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius
         self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
 
-    def distance(self, i: int, point: Array) -> float:
-        """d_i at a planar point (2,) [m]."""
-        return float(self.collision.obstacle_distance(i, point[None])[0])
+    def distance(self, i: int, x: float, y: float) -> float:
+        """d_i at a planar point [m]."""
+        return float(self.collision.obstacle_distance(i, np.array([[x, y]]))[0])
 
     def candidates(self) -> list[tuple[int, int]]:
         """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
         order = np.argsort(self.low[:, 0], kind="stable")
-        lows = self.low[order, 0]
-        pairs = []
+        lows, pairs = self.low[order, 0], []
         for position, i in enumerate(order.tolist()):
             later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
@@ -159,49 +124,41 @@ class _Planar:
         all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
         """
         low, high = np.maximum(self.low[i], self.low[j]), np.minimum(self.high[i], self.high[j])
-        polygon = [(low[0], low[1]), (high[0], low[1]), (high[0], high[1]), (low[0], high[1])]
+        polygon = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
         for _ in range(TUNING.cut_rounds):
-            x, y, area = _centroid(polygon)
-            excess = {k: self.distance(k, np.array([x, y])) - self.radius for k in (i, j)}
+            center, area = _centroid(polygon)
+            excess = {k: self.distance(k, *center) - self.radius for k in (i, j)}
             if max(excess.values()) <= 0:
                 return True
-            size = max(abs(p - x) + abs(q - y) for p, q in polygon)
+            size = float(np.abs(polygon - center).sum(axis=1).max())
             for k in (i, j):
                 if excess[k] > 0:
-                    a, b = self.slope(k, x, y)
-                    polygon = _clipped(polygon, a, b, a * x + b * y - excess[k] + min(self.doubt[k] * size, excess[k]))
+                    slope = self.slope(k, *center)
+                    most = slope @ center - excess[k] + min(self.doubt[k] * size, excess[k])
+                    polygon = _clipped(polygon, polygon @ slope - most)
             if len(polygon) < 3 or area < 1e-18:
                 return False
         return False
 
-    def slope(self, i: int, x: float, y: float) -> tuple[float, float]:
-        """Gradient of d_i at a planar point."""
+    def slope(self, i: int, x: float, y: float) -> Array:
+        """Gradient of d_i at a planar point, (2,)."""
         h = self.offset[i]
-        east, west, north, south = self.collision.obstacle_distance(
-            i, np.array([[x + h, y], [x - h, y], [x, y + h], [x, y - h]])
-        ).tolist()
-        return (east - west) / (2 * h), (north - south) / (2 * h)
+        d = self.collision.obstacle_distance(i, np.array([[x + h, y], [x, y + h], [x - h, y], [x, y - h]]))
+        return np.asarray((d[:2] - d[2:]) / (2 * h))
 
     def joins_border(self, i: int) -> bool:
         """Return whether P_i meets a side of the workspace."""
-        lower, upper = self.world.lower, self.world.upper
-        if np.any(self.low[i] > upper) or np.any(self.high[i] < lower):
+        low, high = np.maximum(self.low[i], self.world.lower), np.minimum(self.high[i], self.world.upper)
+        if np.any(low > high):
             return False
-        for axis in (0, 1):
-            other = 1 - axis
-            a, b = max(lower[other], self.low[i, other]), min(upper[other], self.high[i, other])
-            for level in (lower[axis], upper[axis]):
-                if not self.low[i, axis] <= level <= self.high[i, axis]:
-                    continue
-                side = np.zeros(2)
-                side[axis] = level
+        for axis, level in [(k, float(side[k])) for k in (0, 1) for side in (self.world.lower, self.world.upper)]:
 
-                def along(t: float, side: Array = side, other: int = other) -> float:
-                    side[other] = t
-                    return self.distance(i, side)
+            def along(t: float, axis: int = axis, level: float = level) -> float:
+                return self.distance(i, level, t) if axis == 0 else self.distance(i, t, level)
 
-                if _least(along, a, b, self.radius)[1] <= self.radius:
-                    return True
+            touches = self.low[i, axis] <= level <= self.high[i, axis]
+            if touches and _least(along, low[1 - axis], high[1 - axis], self.radius)[1] <= self.radius:
+                return True
         return False
 
     def within(self, i: int) -> bool:
@@ -209,17 +166,17 @@ class _Planar:
         if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
             return False
         point = self.center(i)
-        return self.world.contains(point) and self.distance(i, point) <= self.radius
+        return self.world.contains(point) and self.distance(i, *point) <= self.radius
 
     def center(self, i: int) -> Array:
         """The solid's centre seen from above, (2,) [m]; if that is outside P_i, where d_i is least."""
         center = np.array(self.obstacles[i].position[:2], dtype=float)
-        if self.distance(i, center) <= self.radius:
+        if self.distance(i, *center) <= self.radius:
             return center
         (left, low), (right, high) = self.low[i], self.high[i]
 
         def column(x: float) -> tuple[float, float]:
-            return _least(lambda y: self.distance(i, np.array([x, y])), low, high, 0.0)
+            return _least(lambda y: self.distance(i, x, y), low, high, 0.0)
 
         x = _least(lambda x: column(x)[1], left, right, 0.0)[0]
         return np.array([x, column(x)[0]])
@@ -238,40 +195,27 @@ def _least(f: Callable[[float], float], a: float, b: float, enough: float) -> tu
             a, c, at_c = c, d, at_d
             d = a + _GOLDEN * (b - a)
             at_d = f(d)
-    return (c, at_c) if at_c <= at_d else (d, at_d)
+    return min((at_c, c), (at_d, d))[::-1]
 
 
-def _find(root: list[int], i: int) -> int:
-    while root[i] != i:
-        root[i] = root[root[i]]
-        i = root[i]
-    return i
+def _centroid(polygon: Array) -> tuple[Array, float]:
+    """Centroid (2,) and area of a convex polygon (k, 2); the mean of its corners where it has no area."""
+    p = polygon - polygon[0]
+    q = np.roll(p, -1, axis=0)
+    cross = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]  # twice the triangles
+    twice = float(cross.sum())
+    if twice < 2e-20:
+        return polygon.mean(axis=0), 0.0
+    return polygon[0] + cross @ (p + q) / (3.0 * twice), 0.5 * twice
 
 
-def _centroid(polygon: list[tuple[float, float]]) -> tuple[float, float, float]:
-    """Centroid and area of a convex polygon; the mean of its corners where it has no area."""
-    x0, y0 = polygon[0]
-    area = x = y = 0.0
-    for (px, py), (qx, qy) in pairwise(polygon[1:]):
-        triangle = 0.5 * ((px - x0) * (qy - y0) - (py - y0) * (qx - x0))
-        area += triangle
-        x += triangle * (px + qx - 2 * x0) / 3
-        y += triangle * (py + qy - 2 * y0) / 3
-    if area < 1e-20:
-        return sum(p for p, _ in polygon) / len(polygon), sum(q for _, q in polygon) / len(polygon), 0.0
-    return x0 + x / area, y0 + y / area, area
-
-
-def _clipped(polygon: list[tuple[float, float]], a: float, b: float, c: float) -> list[tuple[float, float]]:
-    """The part of a convex polygon where a x + b y <= c."""
+def _clipped(polygon: Array, heights: Array) -> Array:
+    """The part of a convex polygon (k, 2) where a linear function, known at its corners (k,), is at most 0."""
     kept = []
-    heights = [a * x + b * y - c for x, y in polygon]
-    for k, (x, y) in enumerate(polygon):
+    for k, (corner, height) in enumerate(zip(polygon, heights, strict=True)):
         before = heights[k - 1]
-        if (before > 0) != (heights[k] > 0):
-            t = before / (before - heights[k])
-            px, py = polygon[k - 1]
-            kept.append((px + t * (x - px), py + t * (y - py)))
-        if heights[k] <= 0:
-            kept.append((x, y))
-    return kept
+        if (before > 0) != (height > 0):
+            kept.append(polygon[k - 1] + before / (before - height) * (corner - polygon[k - 1]))
+        if height <= 0:
+            kept.append(corner)
+    return np.array(kept).reshape(-1, 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from functools import cache, lru_cache
+from functools import cache
 
 import numpy as np
 
@@ -63,8 +63,7 @@ class Signature(ABC):
 
     def signature(self, x: Array, winding: Sequence[int]) -> Array:
         """The paper's H = 1 + H(sigma) of a class (M,) seen from x (n,), (M,) [turns]."""
-        value: Array = 1.0 + self.base(x) + np.asarray(winding, dtype=float)
-        return value
+        return np.asarray(1.0 + self.base(x) + np.asarray(winding, dtype=float))
 
     @property
     def hash_weights(self) -> IntArray:
@@ -84,14 +83,12 @@ class Signature(ABC):
 @cache
 def hash_weights(M: int) -> IntArray:
     """Draw odd integers (M,), one for each of so many obstacles."""
-    draws = np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64)
-    return draws * 2 + 1
+    return np.random.default_rng(0x5157).integers(0, 2**62, size=M, dtype=np.int64) * 2 + 1
 
 
 def integers(whole: Array | IntArray) -> tuple[int, ...]:
     """Round numbers (M,) [turns], whole but for rounding, to a class of M plain integers."""
-    winding: tuple[int, ...] = tuple(np.rint(whole).astype(np.int64).tolist())
-    return winding
+    return tuple(np.rint(whole).astype(np.int64).tolist())
 
 
 def class_id(winding: Sequence[int], named: int | None = None) -> str:
@@ -102,9 +99,4 @@ def class_id(winding: Sequence[int], named: int | None = None) -> str:
     last = len(winding)
     while named is not None and last > named and winding[last - 1] == 0:
         last -= 1
-    return _name(tuple(winding[:last]))
-
-
-@lru_cache(maxsize=1024)  # every plan names the same few classes
-def _name(winding: tuple[int, ...]) -> str:
-    return ",".join(map(str, winding)) or "-"
+    return ",".join(map(str, winding[:last])) or "-"

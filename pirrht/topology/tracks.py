@@ -16,8 +16,7 @@ import numpy as np
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.geometry.tuning import TUNING as GEOMETRY

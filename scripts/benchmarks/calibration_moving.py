@@ -154,7 +154,7 @@ def states_and_times(scenario: Scenario, job: Job) -> list[tuple[Array, float]]:
     rng, found = np.random.default_rng([job.seed, 55]), []
     for x in places_of(scenario.space, 4 * job.states, job.seed, job.near_goal):
         t = float(rng.uniform(0.0, last + AFTER))
-        if scenario.space.moving_collision.clearance(x, t) > FREE:
+        if scenario.space.moving.distance(x, t) > FREE:
             found.append((x, t))
     return found[: job.states]
 
@@ -168,7 +168,7 @@ def _record(
     scenario: Scenario, truth: Desirability, controller: Controller, x: Array, t: float, job: Job
 ) -> dict[str, Any]:
     plans = [first_plan(controller, x, t) for _ in range(job.plans)]
-    clearance = min(scenario.space.clearance(x), scenario.space.moving_collision.clearance(x, t))
+    clearance = min(scenario.space.clearance(x), scenario.space.moving.distance(x, t))
     return {
         "scene": scenario.loaded.scene.name, "of": job.scene, "x": x.tolist(), "t": t, "noise": job.noise,
         "clearance": clearance, "room": clearance / job.noise, "v": float(truth.value(x, t)),

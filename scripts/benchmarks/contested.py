@@ -119,7 +119,5 @@ def _candidates(scenario: Scenario, places: Array, seed: int, last: float) -> It
 
 def _plans(controller: Controller, x: Array, t: float, count: int) -> list[dict[str, Any]]:
     """Plans that know nothing from before; none inside a body."""
-    made = (
-        first_plan(controller, x, t) for _ in range(count) if controller.space.moving_collision.clearance(x, t) > 0.0
-    )
+    made = (first_plan(controller, x, t) for _ in range(count) if controller.space.moving.distance(x, t) > 0.0)
     return [plan for plan in made if plan is not None]

@@ -7,21 +7,11 @@ from numba import njit
 
 from pirrht.geometry.world import World
 from pirrht.jit.jit import mapped
-from pirrht.rollouts.point.exits import judge, single, survey
-from pirrht.rollouts.point.stages import (
-    DT,
-    LANES,
-    NX,
-    ROOT,
-    SIGN,
-    L,
-    X,
-    add_log_ratios,
-    cross,
-    draw,
-    move,
-    scratch_of,
-)
+
+from pirrht.rollouts.point_stages import (  # isort: skip
+    DT, LANES, NX, ROOT, SIGN, L, X, add_log_ratios, cross, draw, judge, move, scratch_of, single, single_matrix,
+    survey,
+)  # fmt: skip
 
 STEPS = 60
 STEP = 0.1  # [s]
@@ -39,7 +29,7 @@ def _normals(blocks, scratch):  # type: ignore[no-untyped-def]
 def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
     """The same with the step, its class, one look-up, the exit at its end and H likelihood ratios; no path ends."""
     f, a, ratio, short, long, random, bits = scratch
-    around, B, goal = single(arena), noise * np.eye(2), arena.goal
+    around, B, goal = single(arena), single_matrix(noise * np.eye(2)), arena.goal
     f[DT : DT + L], f[ROOT : ROOT + L] = STEP, STEP**0.5
     for _ in range(blocks):
         f[X:SIGN], ratio[:] = 0.0, 0.0

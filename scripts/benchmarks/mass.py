@@ -25,7 +25,7 @@ from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.errors import NoReference
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.scenario import Scenario, prepare
 

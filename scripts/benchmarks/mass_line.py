@@ -23,8 +23,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.motion import running_cost
@@ -65,9 +65,7 @@ def sampled(integral: PathIntegral, p: float, v: float, count: int, seed: int, g
     lead: ProposalControl = Tape(times, way.tape(times))
     if guide:
         assert isinstance(integral.guidance, DDPGuidance)
-        found = integral.guidance.improve(x, times, 0, way)
-        assert found is not None
-        lead = LinearFeedback(found)
+        lead = LinearFeedback(integral.guidance.optima(integral.guidance.query(x, times, 0), way)[0])
     return integral.estimate(
         integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=lead, count=count),)), seed)
     )

@@ -157,7 +157,7 @@ def _same_on_threads(setting: Setting) -> bool:
     for name, integral in setting.kernels.items():
         kept, found = integral.backend, []
         for threads in (1, 2):
-            integral.backend = Cpu.of(integral.problem, threads)
+            integral.backend = Cpu.of(integral.problem, integral.setup.world, threads)
             found.append(setting.estimate(name, 6000, 0))
         integral.backend = kept
         one, two = (estimate.rollouts.paths for estimate in found)

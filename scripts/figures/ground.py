@@ -9,7 +9,7 @@ import numpy as np
 
 from figures import style
 from pirrht.arrays import Array
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Scene
 from sim.plotting import ground
 from sim.plotting.ground import outline

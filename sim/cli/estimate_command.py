@@ -79,7 +79,7 @@ def _check_bodies(scenario: Scenario, x: Array, time: float) -> None:
     """Refuse a time where nothing moves, and a place where a body is then."""
     if time > 0.0 and not scenario.moving:
         raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
-    if scenario.space.moving_collision.clearance(x[:2], time) <= 0.0:
+    if scenario.space.moving.distance(x[:2], time) <= 0.0:
         raise OptionError(
             f"--at {x[0]:g} {x[1]:g}: a body that moves is there at {time:g} s; ask elsewhere or at another --time"
         )

@@ -32,7 +32,7 @@ def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
     if knots is None or knots.shape[1] != 3:
         return ("",) * homology.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
-    way = path.places(times)
+    way = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
     places, late, early = (places_of(homology, times + shift) for shift in (0.0, BACK, -BACK))
     nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
     found = []

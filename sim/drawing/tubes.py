@@ -9,8 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.moving.collision import radius_of
 from sim.drawing.strokes import at_most
 from sim.plotting.ground import fading, outline

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.files import replaced
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 
 AT_ONCE = 64  # steps whose poses are found together
 

@@ -12,8 +12,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.motion import Motion, Mover
-from pirrht.geometry.obstacle import Obstacle, about_vertical
+from pirrht.geometry.obstacle import Motion, Mover, Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
 from sim.mjcf.numbers import MOTION, refuse_far

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Kind, Obstacle, Scene
 
 FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"

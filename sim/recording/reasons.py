@@ -17,7 +17,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.tuning import TUNING
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint, Workspace
 from pirrht.moving.collision import NOWHERE, radius_of
 from pirrht.outcome import Outcome

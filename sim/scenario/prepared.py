@@ -114,7 +114,7 @@ def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
     if scene.movers:
-        ends = np.append(ends, space.moving_collision.clearance(scene.start[:2], 0.0))
+        ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
     widths = find_passages(space.field, space.collision).width
     room = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
     margin = min(max(LEAST, DEVIATIONS * _deviation(problem, reaction)), SHARE * room)

@@ -181,7 +181,7 @@ class System:
         return found
 
     def _tracked(self, problem: Any) -> Any:
-        from pirrht.steering.tracked import Tracked
+        from pirrht.steering.straight_line import Tracked
 
         try:
             return Tracked.of(problem, self.pace)

@@ -5,16 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from guides import best
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
-from pirrht.moving.broad_phase import held_of
-from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.controls import LinearFeedback
+from pirrht.moving.exits import sweep, watch
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, Track
+from pirrht.proposals.guide import DDPGuide, LinearFeedback, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.steering.motion import Trajectory
@@ -27,8 +26,7 @@ ASIDE = 12.0  # classes whose cheapest costs so many lambda more than the cheape
 @kernel
 def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-untyped-def]
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
-    held, listed = held_of(setup.world.moving.J), np.empty(setup.world.moving.J, np.int64)
-    best = math.sqrt(2.0 * q / r)
+    notes, best = watch(setup.world.moving), math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
         draws, path = stream(seed, s), paths[s]
         path[0, 0], path[0, 1], path[0, 2] = x[0], x[1], t
@@ -61,8 +59,8 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
         for k in range(3):
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
             outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
-            step = ax, ay, bx, by, 0.0, path[k, 2], path[k + 1, 2] - path[k, 2]
-            if outcome == COLLISION or touches(setup.world.moving, step, held, listed):
+            step, t, dt = (ax, ay, bx, by, 0.0), path[k, 2], path[k + 1, 2] - path[k, 2]
+            if outcome == COLLISION or sweep(setup.world.moving, notes, step, t, dt, 1.0) <= 1.0:
                 cost[s] = math.inf
                 break
 
@@ -104,7 +102,7 @@ def guided(
     assert known, "no way is free"
     times = integral.grid(max(one.cost for one in known.values()))
     keys = {integral.homology.key(winding): winding for winding in known}
-    made = [(key, guidance.improve(x, times, key, known[winding], time=t)) for key, winding in keys.items()]
+    made = [(key, best(guidance, x, times, key, known[winding], time=t)) for key, winding in keys.items()]
     kept = [(key, guide) for key, guide in made if guide is not None]
     if not kept:
         key, winding = next(iter(keys.items()))

@@ -9,7 +9,7 @@ import numpy as np
 from discs import Row, block, disc
 from scipy.spatial import ConvexHull
 
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 START = np.array([1.0, 2.5])

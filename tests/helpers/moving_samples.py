@@ -12,8 +12,9 @@ import math
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.exact.boundaries import clearance_at, poses_at
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.moving_point import clearance_at, evaluate, poses_of
+from pirrht.exact.moving_point import evaluate
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import normals, stream
 
@@ -36,9 +37,9 @@ def sampled_log_psi(grid: Desirability, x: Array, t: float, samples: int, seed: 
 @kernel
 def _walk(grid, temperature, x0, t0, seed, out):  # type: ignore[no-untyped-def]
     """Fill `out` (S,) with log weights of paths of a point whose R is lambda / b^2 [nats]."""
-    frame, b, wall = grid.frame, grid.step.b, grid.step.wall
+    frame, b, wall = grid.surroundings.frame, grid.step.b, grid.step.wall
     early = EARLY * b * math.sqrt(STEP)
-    slope, state, pose = np.zeros(2), np.zeros(3), np.empty((grid.begin.shape[1], 4))
+    slope, state = np.zeros(2), np.zeros(3)
     for s in range(len(out)):
         draws = stream(seed, s)
         state[0], state[1], state[2] = x0[0], x0[1], t0
@@ -60,7 +61,7 @@ def _walk(grid, temperature, x0, t0, seed, out):  # type: ignore[no-untyped-def]
             if math.sqrt((state[0] - frame.goal_x) ** 2 + (state[1] - frame.goal_y) ** 2) <= frame.radius + early:
                 out[s] = weight
                 break
-            poses_of(grid, state[2], pose)
+            pose = poses_at(grid.surroundings.solids, state[2])
             if clearance_at(grid.surroundings, pose, state[0], state[1]) <= early:
                 out[s] = weight - wall
                 break

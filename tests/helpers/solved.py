@@ -14,7 +14,7 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Obstacle, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.systems.single_integrator import SingleIntegrator
 

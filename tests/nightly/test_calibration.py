@@ -118,12 +118,12 @@ def test_the_cars_bias_is_that_of_its_plans_less_a_million_samples_and_unclear_t
 def test_random_bodies_cross_the_straight_way_when_the_robot_would_come_by_and_leave_start_and_goal(seed):
     scenario = oblique_scene.oblique_scenario(seed, {})
     assert oblique_scene.oblique_scene(seed) == oblique_scene.oblique_scene(seed)
-    scene, crowd = scenario.loaded.scene, scenario.space.moving_collision
+    scene, crowd = scenario.loaded.scene, scenario.space.moving
     start, goal = scene.start[:2], scene.goal.center
     last = max(float(mover.motion.rows[-1, 0]) for mover in scene.movers)
     assert last <= oblique_scene.LAST
-    assert crowd.clearance(start, 0.0) >= oblique_scene.CLEAR - 1e-6
-    assert crowd.clearance(goal, last) >= scene.goal.radius + oblique_scene.CLEAR - 1e-6
+    assert crowd.distance(start, 0.0) >= oblique_scene.CLEAR - 1e-6
+    assert crowd.distance(goal, last) >= scene.goal.radius + oblique_scene.CLEAR - 1e-6
     way = goal - start
     for mover in scene.movers:
         times = np.linspace(0.0, last, 2000)

@@ -6,11 +6,9 @@ import math
 from functools import cache
 from typing import Any
 
+from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
-from pirrht.jit.streams import FAR, normals
-from pirrht.moving.broad_phase import list_around, list_everybody
-from pirrht.moving.distances import moving_clearance
-from pirrht.moving.exits import at_moving_wall, look_around, met_on_bridge, met_on_path
+from pirrht.jit.streams import normals
 from pirrht.rollouts.first_exit import (
     COLLISION,
     GOAL,
@@ -26,26 +24,19 @@ from pirrht.rollouts.first_exit import (
 from pirrht.rollouts.general.kind import KernelSpec
 
 
-@cache
-def obstacles_for(kind: KernelSpec) -> Any:
-    """Build the kernel that lists the moving obstacles that a step may meet, and counts them."""
-    noisy_position, along_line = kind.noisy_position, kind.along_line
+@part
+def at_moving_wall(wall, moved, drift, dt, share, deviation, state):  # type: ignore[no-untyped-def]
+    """Displace an isotropic bridge to where it first meets a moving wall, at its distance then; along it is drawn.
 
-    @part
-    def obstacles_of(setup, tables, scratch, step, move, close):  # type: ignore[no-untyped-def]
-        x, moved, held, listed, moving = scratch.x, scratch.moved, scratch.held, scratch.candidates, setup.world.moving
-        (dt, now, i), (_, _, turn, (xx, _, yy)) = step, move
-        length = math.sqrt((moved[0] - x[0]) ** 2 + (moved[1] - x[1]) ** 2)
-        if not noisy_position:
-            length *= 1.0 + abs(turn)
-            return list_around(tables.obstacles, moving.J, i, x[0], x[1], length, close, held, listed)
-        spread = math.sqrt(0.5 * FAR * (xx * dt + yy * dt if along_line else max(xx * dt, yy * dt)))
-        if length + spread > tables.obstacles.cutoff:
-            close = list_everybody(moving.J, held, listed)
-            look_around(moving, listed, close, x[0], x[1], now, spread, scratch.near)
-        return close
-
-    return obstacles_of
+    Args: wall (WALL,), displacement at the end of the step (2) [m], drift (2) [m/s], step [s], share of it until then,
+        standard deviation of the whole step [m], and state of the random sequence; returns the next one, and
+        displacement [m].
+    """
+    (dx, dy), (fx, fy), nx, ny = moved, drift, -wall[1], -wall[2]
+    gap = max(wall[0], 0.0) + share * dt * ((wall[3] - fx) * nx + (wall[4] - fy) * ny)
+    state, z, _ = normals(state)
+    along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
+    return state, gap * nx - along * ny, gap * ny + along * nx
 
 
 @cache
@@ -54,16 +45,16 @@ def ended_for(kind: KernelSpec) -> Any:
 
     It returns the stream's state and the time [s] for which the step's noise counts.
     """
-    n, m, moving, along_line = kind.n, kind.m, kind.moving, kind.along_line
+    n, m, moving, along_line = kind.n, kind.m, kind.moving is not None, kind.along_line
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 
     @part
-    def in_plane(scratch, arena, dt, exit, share, variance, wall, state):  # type: ignore[no-untyped-def]
-        """End a step whose noise is its displacement; `wall` is the moving obstacle that is met, -1 if none."""
+    def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
+        """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
         x, moved, f, y, B, deviation = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B, math.sqrt(variance)
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
-        if moving and wall >= 0:
-            state, dx, dy = at_moving_wall(scratch.near, wall, (dx, dy), (f[0], f[1]), dt, share, deviation, state)
+        if moving and moving_wall:
+            state, dx, dy = at_moving_wall(scratch.walls[0], (dx, dy), (f[0], f[1]), dt, share, deviation, state)
         else:
             state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, deviation, state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
@@ -96,10 +87,10 @@ def ended_for(kind: KernelSpec) -> Any:
         return state, dt * share
 
     @part
-    def ended(scratch, arena, dt, exit, share, rates, wall, state):  # type: ignore[no-untyped-def]
+    def ended(scratch, arena, dt, exit, share, rates, moving_wall, state):  # type: ignore[no-untyped-def]
         xx, xy, yy = rates
         if isotropic and xy * dt == 0.0 and xx * dt == yy * dt:
-            return in_plane(scratch, arena, dt, exit, share, xx * dt, wall, state)
+            return in_plane(scratch, arena, dt, exit, share, xx * dt, moving_wall, state)
         if along_line and exit == GOAL:
             return on_line(scratch, arena, dt, share, rates, state)
         return state, dt
@@ -111,59 +102,58 @@ def ended_for(kind: KernelSpec) -> Any:
 def exits(kind: KernelSpec) -> Any:
     """Build the kernel that judges a step by how it moved.
 
-    Args of that: a step's (length [s], time [s], number), what `motion` returns, and what is clear before it:
-        distances (noisy positions), clearance (others) and the count of moving obstacles near.
+    Args of that: a step's (length [s], time [s]), what `motion` returns, and what is clear before it: distances (noisy
+        positions) and clearance (others).
     Returns: the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
         wall was met, and what is clear at its end.
     """
-    noisy_position, moving, along_line = kind.noisy_position, kind.moving, kind.along_line
-    obstacles_of, ended = obstacles_for(kind), ended_for(kind)
+    noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
+    among, ended = kind.moving or NOTHING_MOVES, ended_for(kind)
+    bridge_among, sweep_among, clearance_among = among.bridge, among.sweep, among.clearance
 
     @part
     def on_bridge(setup, tables, scratch, step, rates, clear, state):  # type: ignore[no-untyped-def]
         """Judge a step along the Brownian bridge between its ends."""
-        (dt, _, _), (before, room, close), weighed = step, clear, tables.weighed
+        (dt, now), (before, room), weighed = step, clear, tables.weighed
         arena, x, y, mx, my = setup.world, scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
-        cov, after, wall, until = (rates[0] * dt, rates[1] * dt, rates[2] * dt), distances(arena, mx, my), -1, dt
+        cov, after, wall, until = (rates[0] * dt, rates[1] * dt, rates[2] * dt), distances(arena, mx, my), False, dt
         state, exit, share, missed = bridge_exit(arena, (x, y, mx, my), before, after, cov, weighed, state, along_line)
-        if moving and close > 0:
-            state, hit, body, alive = met_on_bridge(
-                setup.world.moving, scratch.candidates, close, scratch.near, (x, y, mx, my), dt, cov,
-                (along_line, weighed), state,
-            )  # fmt: skip
+        if moving:
+            way, rule = (x, y, mx, my), (along_line, weighed)
+            state, hit, alive = bridge_among(
+                setup.world.moving, scratch.watch, way, now, dt, cov, rule, state, scratch.walls
+            )
             if hit <= 1.0 and (exit == INSIDE or hit < share):
-                exit, share, wall = COLLISION, hit, body
+                exit, share, wall = COLLISION, hit, True
             elif exit != COLLISION:
                 missed += share * alive
         if exit != INSIDE:
             state, until = ended(scratch, arena, dt, exit, share, rates, wall, state)
-        return state, exit, share, until, missed, (after, room, close)
+        return state, exit, share, until, missed, (after, room)
 
     @part
     def on_path(setup, scratch, step, move, clear):  # type: ignore[no-untyped-def]
         """Judge a step without position noise along its path: exit, share, and what is clear at its end."""
-        (dt, now, _), (arrived, ahead, turn, _), (before, room, close) = step, move, clear
+        (dt, now), (arrived, ahead, turn, _), (before, room) = step, move, clear
         x, y, mx, my = scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
         exit, share = GOAL, ahead
         if not arrived:
             exit, share, room = sweep_onward(setup.world, x, y, mx, my, turn, room)
-        if moving and close > 0:
-            hit = met_on_path(setup.world.moving, scratch.candidates, close, (x, y, mx, my, turn), now, dt, share)
+        if moving:
+            hit = sweep_among(setup.world.moving, scratch.watch, (x, y, mx, my, turn), now, dt, share)
             if hit <= share:
                 exit, share = COLLISION, hit
-        return exit, share, (before, room, close)
+        return exit, share, (before, room)
 
     @part
     def judge(setup, tables, scratch, step, move, clear, state):  # type: ignore[no-untyped-def]
-        (dt, now, _), (before, room, close), until = step, clear, 0.0 if move[0] else step[0]
+        (dt, now), until = step, 0.0 if move[0] else step[0]
         if not setup.bridge:
             mx, my = scratch.moved[0], scratch.moved[1]
             exit, share = endpoint_exit(setup.world, mx, my)
-            if moving and moving_clearance(setup.world.moving, mx, my, now + dt) <= 0.0:
+            if moving and clearance_among(setup.world.moving, mx, my, now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, share, until, 0.0, (distances(setup.world, mx, my), room, close)
-        if moving:
-            clear = before, room, obstacles_of(setup, tables, scratch, step, move, close)
+            return state, exit, share, until, 0.0, (distances(setup.world, mx, my), clear[1])
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move[3], clear, state)
         exit, share, clear = on_path(setup, scratch, step, move, clear)

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels
 from pirrht.jit.jit import borrowing, kernel
-from pirrht.moving.tuning import CELL_STATE, NEAR_WIDTH
+from pirrht.rollouts.tables import NUMBERS
 from pirrht.rollouts.tuning import TUNING
-from pirrht.rollouts.ways import NUMBERS
 from pirrht.systems.dynamics import no_drift, no_homing
 from pirrht.topology.moving_crossings import SPOT
 
@@ -37,7 +37,7 @@ class KernelSpec(NamedTuple):
     input_form: bool = False  # whether noise enters through inputs
     stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
     anisotropic: bool = False  # whether a point drifts, or has more noise one way: tubes know neither
-    moving: bool = False  # whether obstacles move in the scene
+    moving: MovingKernels | None = None  # kernels of moving obstacles; None: they are compiled away
     curved_step: bool = False  # whether paths bend within a step by its noise, of which the mean over it is drawn too
 
     @property
@@ -72,8 +72,8 @@ class KernelSpec(NamedTuple):
 
     @property
     def gated(self) -> bool:
-        """Tell whether walls yet to be passed bend its law (`law`): of a point among moving obstacles."""
-        return self.moving and self.n == self.m == 2 and not self.input_form
+        """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
+        return self.moving is not None and self.n == self.m == 2 and not self.input_form
 
     @property
     def is_martingale(self) -> bool:
@@ -87,7 +87,7 @@ class KernelSpec(NamedTuple):
     @property
     def takes_law(self) -> bool:
         """Tell whether samples follow a linear law; those of a point among static obstacles climb psi instead."""
-        return self.moving or not (self.n == self.m == 2 and not self.anisotropic)
+        return self.moving is not None or not (self.n == self.m == 2 and not self.anisotropic)
 
 
 @cache
@@ -136,9 +136,8 @@ class Scratch(NamedTuple):
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
     fresh: Array  # normals of the next steps
-    held: NDArray[np.int64]  # (CELL_STATE,) of which moving obstacles are listed
-    candidates: NDArray[np.int64]  # (J,) those within reach
-    near: Array  # (J, NEAR_WIDTH) where they are
+    watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
+    walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
     spot: Array  # (SPOT,) where that was evaluated
     tube: NDArray[np.float32]  # (NUMBERS,) of a tube at the state
@@ -150,18 +149,18 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes, moving, steps = kind.n, kind.m, kind.rows, kind.modes, kind.moving, TUNING.abreast
+    n, m, rows, modes, steps = kind.n, kind.m, kind.rows, kind.modes, TUNING.abreast
+    watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
         H = tables.control.shape[0]
-        J = setup.world.moving.J if moving else 0
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
             np.empty((rows, m)), np.empty((H, m)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty((m, 1)), np.empty((m, 1)), np.zeros((H, modes)), np.zeros(m), np.zeros(modes), np.zeros(modes),
-            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), np.empty(CELL_STATE, np.int64),
-            np.empty(J, np.int64), np.empty((J, NEAR_WIDTH)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
+            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
+            np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
             np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 

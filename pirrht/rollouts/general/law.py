@@ -1,22 +1,21 @@
 """Compute the control of every reference at a state, in noise units: a_g = B_c^-1 G_c u_g.
 
-A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`law_width`). Gates bend it:
-walls that a point has yet to pass make log psi rise towards their free sides. Past its end samples home in on the goal.
+A linear law has rows of m modes per step or, where sways are drawn too, twice as many (`LawRows`). Past its end
+samples home in on the goal.
 """
 
 from __future__ import annotations
 
 import math
 from functools import cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from pirrht.jit.jit import inlined, jitable, load_float64, part
+from pirrht.jit.jit import jitable, load_float64, part
 from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.tables import FINER
+from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
-from pirrht.rollouts.ways import KNOWN, PLACE, numbers_at, slope_of
 from pirrht.systems.dynamics import wrapped
 
 
@@ -29,61 +28,6 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
     size = math.sqrt(a * a + b * b) + 1e-12
     scale = math.sqrt(2.0 * rate) / size
     out[0], out[1] = scale * a, scale * b
-
-
-class Gate(NamedTuple):
-    """Columns of a half-space constraint in a row of a law."""
-
-    x: float  # direction of its free side
-    y: float
-    z: float  # on the guide, in deviations
-    slope: float  # change of z per meter [1/m]
-    weight: float
-
-
-GATES, GATE = TUNING.half_spaces, len(Gate._fields)
-_Z = np.arange(TUNING.mills_from, TUNING.mills_to + 0.5 / TUNING.mills_rows, 1.0 / TUNING.mills_rows)
-MILLS = np.exp(-0.5 * _Z**2) * math.sqrt(2.0 / math.pi) / np.array([math.erfc(-z / math.sqrt(2.0)) for z in _Z])
-
-
-@inlined
-def mills(z):  # type: ignore[no-untyped-def]
-    """phi(z) / Phi(z), by which log Phi grows with z, within 1e-4 of itself in the range of its table.
-
-    It is h with h' = -h (z + h), so a cubic between two rows of a table has both slopes at no more than their h.
-    """
-    if z <= TUNING.mills_from:
-        return -z + 1.0 / -z  # to z^-3
-    if z >= TUNING.mills_to:
-        return 0.0
-    at = (z - TUNING.mills_from) * TUNING.mills_rows
-    k = int(at)
-    u, left, right, width = at - k, MILLS[k], MILLS[k + 1], 1.0 / TUNING.mills_rows
-    begin = TUNING.mills_from + width * k
-    rise, fall = -width * left * (begin + left), -width * right * (begin + width + right)
-    v = 1.0 - u
-    return v * v * ((1.0 + 2.0 * u) * left + u * rise) + u * u * ((1.0 + 2.0 * v) * right - v * fall)
-
-
-@inlined
-def gate_slope(law, g, s, at, dx, dy):  # type: ignore[no-untyped-def]
-    """Slope (x, y) of log psi that gates add [1/m], (dx, dy) [m] off the guide; row s of a law has them from `at`."""
-    sx, sy = 0.0, 0.0
-    for k in range(GATES):
-        first = at + GATE * k
-        per = law[g, s, first + 3]
-        if per > 0.0:
-            nx, ny = law[g, s, first], law[g, s, first + 1]
-            push = law[g, s, first + 4] * per * mills(law[g, s, first + 2] + per * (nx * dx + ny * dy))
-            sx, sy = sx + push * nx, sy + push * ny
-    return sx, sy
-
-
-def columns_of(n: int, modes: int) -> tuple[int, int, int, int, int]:
-    """Return the columns of a law's row (`law_width`): slopes, state, deviation of noise, its inverse, log det."""
-    there = modes + modes * n
-    shape = there + n
-    return modes, there, shape, shape + modes * modes, shape + 2 * modes * modes
 
 
 @cache
@@ -129,9 +73,10 @@ def nearest_of(n: int, angles: int) -> Any:
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, and with a law `wide`."""
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
-    takes_law, gated, state_dependent_gain, moving = kind.takes_law, kind.gated, kind.state_dependent_gain, kind.moving
+    takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
+    moving = kind.moving is not None
     fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
-    _, there, _, _, end = columns_of(n, modes)
+    _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
@@ -142,7 +87,7 @@ def aims(kind: KernelSpec) -> Any:
         elif s < led[g]:
             pitch, final = 8 * law.shape[2], min(led[g], law.shape[1] - 1)
             first = law.ctypes.data + pitch * law.shape[1] * g
-            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, end + 2)
+            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, metric)
         scratch.stage[g] = s
         return s
 
@@ -160,23 +105,15 @@ def aims(kind: KernelSpec) -> Any:
             total = load_float64(row, j)
             for k in range(n):
                 total += load_float64(row, modes + k * modes + j) * apart[k]
-            wide[g, j] = total
-        if gated:
-            sx, sy = gate_slope(law, g, s, end + 2 + n, x[0] - law[g, s, there], x[1] - law[g, s, there + 1])
-            for j in range(m):
-                wide[g, j] += scratch.B[0, j] * sx + scratch.B[1, j] * sy
-        for j in range(m if gated else modes):
-            wide[g, j] = max(-steep, min(steep, wide[g, j]))
+            wide[g, j] = max(-steep, min(steep, total))
 
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
         """Write `a` of a tube, whose desirability is climbed."""
         ways, x, B, stage = tables.ways, scratch.x, scratch.B, scratch.stage
-        C, J = ways.slope.shape[1], ways.slope.shape[2]
-        place, slope = ways.place.ctypes.data + 4 * PLACE * g * C, ways.slope.ctypes.data + 4 * KNOWN * g * C * J
         px, py = np.float32(x[0]), np.float32(x[1])
-        stage[g] = numbers_at((place, slope, ways.count[g] - 1, J), stage[g], px, py, scratch.tube, 0, 1)
-        sx, sy = slope_of(scratch.tube, 0, 1, ways.decay, goal, px, py, walls)
+        stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
+        sx, sy = slope_of(scratch.tube, 0, 1, walls)
         for j in range(m):
             bx = B[0 - fixed, j] if fixed <= 0 else 0.0
             by = B[1 - fixed, j] if fixed <= 1 else 0.0

@@ -25,17 +25,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, load_float64, part
 from pirrht.jit.streams import antithetic, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
-from pirrht.moving.broad_phase import begin_list
-from pirrht.moving.exits import look_anew
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.general.exits import exits
 from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, scratch_for
-from pirrht.rollouts.general.law import aims, columns_of
+from pirrht.rollouts.general.law import aims
 from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
+from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import key_among, open_sides
@@ -45,7 +45,7 @@ from pirrht.topology.moving_crossings import key_among, open_sides
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
     m, modes, has_laws, steps = kind.m, kind.modes, kind.takes_law and not kind.noisy_position, TUNING.abreast
-    _, _, _, inverse, end = columns_of(kind.n, modes)
+    *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
     matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
 
     @part
@@ -160,7 +160,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
     varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
-    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving
+    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving is not None
+    begin_watch = (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = covariance_of(kind), motion(kind)
@@ -179,8 +180,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         copy_row(origin.x, x)
         copy_row(origin.x, scratch.moved)
         if moving:
-            begin_list(scratch.held)
-            look_anew(scratch.near)
+            begin_watch(scratch.watch)
             open_sides(tables.marks, setup.world.goal, x[0], x[1], scratch.side, scratch.spot)
 
     @part
@@ -193,8 +193,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 keep.led_by[i, j] = 0.0
 
     @part
-    def evaluate(setup, tables, scratch, known, clear, left, now, i):  # type: ignore[no-untyped-def]
-        """Evaluate B, B^-1 G and drift at the state: covariance per second, step, moving obstacles, nearest walls."""
+    def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
+        """Evaluate B, B^-1 G and drift at the state: covariance per second, step, nearest walls."""
         (rates, drifted, walls), x, p = known, scratch.x, setup.parameters
         if varying:
             noise_at(x, p, setup.inverse, scratch.G, scratch.B)
@@ -204,10 +204,10 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             solve(scratch.B, scratch.G, scratch.D)
         if drifting and not drifted:
             drift(x, p, scratch.f)
-        dt, close = length_of(setup, tables, scratch, rates, clear, left, now, i)
+        dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
-        return rates, dt, close, walls
+        return rates, dt, walls
 
     @part
     def turned(setup, tables, scratch, i, share):  # type: ignore[no-untyped-def]
@@ -237,14 +237,14 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = np.int64(tables.marks.opening if moving else 0)
         owed, last = 0.0, 0  # share of a step of the grid for which half of the proposal is missing in `led_by`
-        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0, 0)
+        known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             clear_step(keep, i)
             while left > 0.0 and exit == INSIDE:
                 now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
-                rates, dt, close, walls = evaluate(setup, tables, scratch, known, clear, left, now, i)
+                rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep.led_by, setup.inverse, scratch, h, tables.counted, owed, last)
@@ -253,7 +253,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
                 state, exit, share, until, missed, clear = judge(
-                    setup, tables, scratch, (dt, now, i), motion_of, (clear[0], clear[1], close), state
+                    setup, tables, scratch, (dt, now), motion_of, clear, state
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)

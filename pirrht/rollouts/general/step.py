@@ -9,15 +9,14 @@ from typing import Any
 import numpy as np
 
 from pirrht.geometry.field import two_walls
+from pirrht.geometry.world import NOTHING_MOVES, with_walls
 from pirrht.jit import vectors
 from pirrht.jit.jit import part
-from pirrht.jit.streams import ONE, ZERO, fill_normals, normals
+from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals, normals
 from pirrht.jit.vectors import copy_row
-from pirrht.moving.broad_phase import REACHES, list_around, next_jump
-from pirrht.moving.exits import facing_among, look_around, with_moving
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
-from pirrht.rollouts.general.law import columns_of
+from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
 
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
@@ -25,45 +24,47 @@ NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
 
 @cache
 def length_for(kind: KernelSpec) -> Any:
-    """Build the kernel that fits a step to the clearance, and lists moving obstacles near it: (dt, how many)."""
-    moving, along_line = kind.moving, kind.along_line
+    """Build the kernel that fits a step to the clearance, and writes moving walls near it: (dt, how many)."""
+    moving, along_line, near = kind.moving is not None, kind.along_line, (kind.moving or NOTHING_MOVES).walls
 
     @part
-    def narrowest(tables, scratch, arena, rates, before, left, obstacles):  # type: ignore[no-untyped-def]
+    def gap_among(walls, count, cov):  # type: ignore[no-untyped-def]
+        """Return the least clearance of moving walls [m], along a line over the share of noise they face (`facing`)."""
+        nearest = np.inf
+        for k in range(count):
+            nx, ny, share = walls[k, 1], walls[k, 2], 1.0
+            if along_line:
+                share = (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2])
+            nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
+        return nearest
+
+    @part
+    def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
         """Return the distance that the step is fitted to, and what fitting scales its square by."""
-        (xx, xy, yy), x, (close, gone) = rates, scratch.x, obstacles
+        (xx, xy, yy), x = rates, scratch.x
         scale, gap = 1.0 / (9.0 * (xx + yy if along_line else max(xx, yy))), before[0]
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
         if moving:
-            if along_line and scale * gone * gone < left:
-                gone = facing_among(scratch.near, scratch.candidates, close, (xx, xy, yy))
-            gap = min(gap, gone)
+            gap = min(gap, gap_among(scratch.walls, close, rates))
         return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
 
     @part
-    def fitted(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
-        (before, _, close), moved, gone, until_change = clear, setup.world.moving, np.inf, np.inf
+    def fitted(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
+        x, close, until, dt = scratch.x, 0, np.inf, left
         if moving:  # as far as noise carries a path that is not to be split, or walls push
-            x, held, listed = scratch.x, scratch.held, scratch.candidates
-            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), REACHES * tables.wall_offset)
-            close = list_around(tables.obstacles, moved.J, i, x[0], x[1], within, close, held, listed)
-            gone = moved.cutoff
-            if close > 0:
-                gone, until_change = look_around(moved, listed, close, x[0], x[1], now, within, scratch.near)
-        dt = left
+            within = max(3.0 * math.sqrt(max(rates[0], rates[2]) * left), TUNING.push_cutoff * tables.wall_offset)
+            close, until = near(setup.world.moving, scratch.watch, x[0], x[1], now, within, scratch.walls)
         if tables.least < left:
-            narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, (close, gone))
+            narrow, scale = narrowest(tables, scratch, setup.world, rates, before, left, close)
             dt = fitting(narrow, left, tables.least, scale)
-            if moving:
-                dt = min(dt, max(until_change - now, TUNING.least_change))
         if moving:
-            dt = min(dt, max(next_jump(tables.obstacles, now, scratch.held) - now, TUNING.least_change))
+            dt = min(dt, max(until - now, TUNING.least_change))
         return dt, close
 
     @part
-    def whole(setup, tables, scratch, rates, clear, left, now, i):  # type: ignore[no-untyped-def]
-        return left, clear[2]
+    def whole(setup, tables, scratch, rates, before, left, now):  # type: ignore[no-untyped-def]
+        return left, 0
 
     return fitted if kind.noisy_position else whole
 
@@ -71,7 +72,7 @@ def length_for(kind: KernelSpec) -> Any:
 @cache
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
-    m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving
+    m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving is not None
 
     @part
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
@@ -80,7 +81,7 @@ def walls_for(kind: KernelSpec) -> Any:
         widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
-            walls = with_moving(walls, scratch.near, scratch.candidates, close, widest)
+            walls = with_walls(walls, scratch.walls, close, np.float64(widest))
             _, wx, wy, _, vx, vy = walls
         sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.wall_offset)
         for j in range(m):
@@ -96,7 +97,7 @@ def walls_for(kind: KernelSpec) -> Any:
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes, noisy_position, steps = kind.m, kind.modes, kind.noisy_position, TUNING.abreast
-    _, _, shape, _, _ = columns_of(kind.n, modes)
+    shape = law_columns(kind.n, modes)[3]
     matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
 
     @part

@@ -25,13 +25,6 @@ SCENE = Scene(
 TASK = {"start": np.array([3.5, 0.4, 1.0]), "goal": Goal(center=np.array([0.4, 2.9]), radius=0.3)}
 
 
-def test_a_new_task_asks_fcl_for_its_start_and_goal_only() -> None:
-    space = FreeSpace.of(SCENE)
-    before = space.collision.calls
-    space.with_task(**TASK)
-    assert space.collision.calls == before + 2
-
-
 def test_a_new_task_is_that_of_a_fresh_examination() -> None:
     space, fresh = FreeSpace.of(SCENE).with_task(**TASK), FreeSpace.of(replace(SCENE, **TASK))
     assert (space.scene.start is TASK["start"], space.scene.goal is TASK["goal"]) == (True, True)

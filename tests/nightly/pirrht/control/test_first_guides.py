@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import scene_of
+from guides import best
 from thoroughly import first
 
 from pirrht.control.controller import Controller
@@ -18,7 +19,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover
 from sim.scenario import prepare
 
@@ -76,7 +77,7 @@ def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(r
         reference = controller.tree.references(state)[0]
         times = controller.path_integral.grid(least_cost(controller.problem, state, [reference.trajectory]))
         key = controller.homology.key(reference.winding)
-        usual = guidance.improve(state, times, key, reference.trajectory)
+        usual = best(guidance, state, times, key, reference.trajectory)
         query = guidance.query(state, times, key, 0.0)
         first, *others = guidance.optima(query, reference.trajectory, thorough=True)
         assert first.valid

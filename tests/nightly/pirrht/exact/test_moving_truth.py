@@ -15,12 +15,11 @@ from thoroughly import first, thorough
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
-from pirrht.exact.bodies import bodies_of, frames_of, poses_at
-from pirrht.exact.boundaries import Surroundings, step_of
+from pirrht.exact.boundaries import surroundings_of
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.gaussian_step import meet_boundaries, smooth, taps_along
-from pirrht.exact.grid import frame_at
-from pirrht.geometry.motion import Mover
+from pirrht.exact.gaussian_step import meet_boundaries, smooth, step_of, taps_along
+from pirrht.exact.grid import Equation, frame_at
+from pirrht.geometry.obstacle import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
     "crossing": (8.578, 8.752, 9.000),
@@ -94,19 +93,17 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     T = steps * dt
     wall = moved("wall", [(0.0, 2.0, 1.5, 0.0), (T, 2.0 + speed * T, 1.5, 0.0)], block("wall", 0.0, 0.0, (0.1, 2.0)))
     scene = room(wall)
-    step = step_of(dt, b, 0.0, math.inf)._replace(reach=9.0 * b * math.sqrt(dt))
+    step = step_of(dt, Equation(b, 0.0, math.inf, 0.0))
     h = 0.04
     frame = frame_at(np.zeros(2), h, scene.goal)
-    walls = Surroundings(frame, 0.0, 0.0, 5.0, 3.0, bodies_of(scene, step.reach), np.ones(100), 1.0)
+    walls = surroundings_of(scene, frame, step.cutoff, np.ones(100), 1.0)
     x = h * np.arange(126)
     now = np.broadcast_to((k * x)[:, None], (126, 76)).copy()
     now[x < 2.3 + speed * T + 1e-9] = -np.inf
     taps = taps_along(126, 0.0, h, 0.0, 5.0, step), taps_along(76, 0.0, h, 0.0, 3.0, step)
-    poses = frames_of(poses_at(scene.movers, dt * np.arange(steps + 1)))
     for n in range(steps - 1, -1, -1):
-        out = np.empty_like(now)
-        smooth(now, np.ones_like(now), np.zeros_like(now), *taps, 0.0, out)
-        meet_boundaries(walls, step, poses[n], poses[n + 1], now, out)
+        out = smooth(now, np.ones_like(now), *taps, 0.0)
+        meet_boundaries(walls, step, n * dt, now, out)
         now = out
     z = x - 2.3
     some = (z > 0.02) & (z < 0.6)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from discs import block, disc
 from solved import around_post
-from tilted import cluttered, solid
+from tilted import cluttered
 from warehouses import warehouse
 
 from pirrht.arrays import Array
@@ -20,12 +20,9 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.blocks import build_blocks
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance, interpolate, nearest_label, with_slope
-from pirrht.geometry.flat import CURVED
 from pirrht.geometry.passages import find_passages
-from pirrht.geometry.scene import Footprint, Goal, Kind, Obstacle, Scene
-from pirrht.geometry.survey import build_field
+from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.straight_line import StraightLine
 
@@ -100,7 +97,7 @@ def test_tilted_solids_in_blocks_are_never_farther_than_fcl_says(kind: Kind | No
     r, points = space.scene.robot_radius, places(space, 3000)
     exact, found = space.collision.clearance(points), field_at(field, points)
     shallow = exact > -0.5 * r
-    assert np.all(found[shallow] <= exact[shallow] + ROUNDING + 4e-6)
+    assert np.all(found[shallow] <= exact[shallow] + ROUNDING)
     assert np.all(found[~shallow] < -0.4 * r)
     assert np.median((exact - found)[shallow & (exact < 0.05)]) < 2.0 * field.spacing**2 / (4.0 * 0.5 * r)
 
@@ -134,15 +131,6 @@ def test_a_warehouse_beyond_memory_is_refused_with_a_size_and_a_radius():
         FreeSpace.of(warehouse(300.0, radius=0.05))
 
 
-def test_too_many_solids_without_a_closed_form_are_refused_before_they_are_asked():
-    rng = np.random.default_rng(0)
-    solids = [solid(Kind.ELLIPSOID, f"e{k}", rng.uniform(5.0, 95.0, 2), rng) for k in range(400)]
-    collision = Collision(hall(100.0, 100.0, solids).world, Footprint(ROBOT, 0.1))
-    with pytest.raises(SceneError, match="among these 400 obstacles"):
-        build_field(collision, range(400))
-    assert collision.calls < 10_000
-
-
 def packed(field: Field, space: FreeSpace) -> Field:
     """The same grid in blocks of 8 cells, all of them of the finest level."""
     cells, arrays = 8, []
@@ -152,7 +140,7 @@ def packed(field: Field, space: FreeSpace) -> Field:
         blocks = np.lib.stride_tricks.sliding_window_view(wide, (cells + 1, cells + 1))[::cells, ::cells]
         arrays.append(np.ascontiguousarray(blocks.reshape(-1, cells + 1, cells + 1)))
     table = (np.arange(rows * columns, dtype=np.int32) << LEVEL_BITS).reshape(rows, columns)
-    return Field.in_blocks(space.scene.world, field.spacing, table, (arrays[0], arrays[1], arrays[2]))
+    return Field.of(space.scene.world, field.spacing, (arrays[0], arrays[1], arrays[2]), table)
 
 
 def test_paths_are_the_same_bit_for_bit_whether_a_grid_lies_in_columns_or_in_blocks():
@@ -191,31 +179,6 @@ def test_look_ups_find_the_cell_of_whatever_level():
         assert nearest_label(field, x, y) == label
         levels.add(int(field.blocks[int(x / field.spacing) // 8, int(y / field.spacing) // 8]) % 4)
     assert levels == set(range(LEVELS))
-
-
-def test_cells_that_are_called_flat_err_by_nothing_at_any_width():
-    scene = hall(12.0, 12.0, [block("one", 4.0, 6.0, (0.7, 2.0), 0.3), block("two", 8.0, 6.0, (0.7, 2.0), -0.8)])
-    collision, rng = FreeSpace.of(scene).collision, np.random.default_rng(2)
-    S, width = 9, 0.2
-    corners = rng.uniform(0.5, 9.5, (200, 2))
-    steps = np.stack(np.meshgrid(np.arange(S), np.arange(S), indexing="ij"), axis=-1) * width
-    points = corners[:, None, None] + steps
-    walls = collision.nearest_walls(points.reshape(-1, 2), [0, 1], 3.0)
-    found = walls._replace(
-        first=walls.first.reshape(points.shape[:3]), which=walls.which.reshape(points.shape[:3]),
-        away=walls.away.reshape(points.shape),
-    )  # fmt: skip
-    outside = np.lib.stride_tricks.sliding_window_view(found.first, (2, 2), axis=(1, 2)).min(axis=(3, 4)) > 0.0
-    kind = collision.flat_cells(points, found, [0, 1], 3.0)
-    b, i, j = np.nonzero((kind != CURVED) & outside)
-    assert len(b) > 500
-    u, v = rng.random((2, len(b)))
-    exact = collision.distance(points[b, i, j] + width * np.column_stack((u, v)))
-    a, c, d, e = found.first[b, i, j], found.first[b, i + 1, j], found.first[b, i, j + 1], found.first[b, i + 1, j + 1]
-    line = (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * c + v * e)
-    assert np.all(line <= exact + 1e-9)
-    one = kind[b, i, j] == 2
-    np.testing.assert_allclose(line[one], exact[one], atol=1e-9)
 
 
 @pytest.mark.parametrize("gap", [0.42, 0.6, 1.2])

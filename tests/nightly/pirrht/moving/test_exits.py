@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from discs import disc
+from guides import best
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array
@@ -15,15 +16,14 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.moving.broad_phase import held_of, listing
+from pirrht.geometry.world import NEVER
+from pirrht.jit.jit import kernel
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.exits import NEVER, met_on_path
+from pirrht.moving.exits import sweep, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
-from pirrht.proposals.clearance_cost import touches
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -33,16 +33,22 @@ from pirrht.systems.unicycle import Unicycle
 RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
 
+@kernel
+def _watch(moving):  # type: ignore[no-untyped-def]
+    return watch(moving)
+
+
 def test_a_straight_way_is_met_where_fcl_says():
     world, rng = busy(), np.random.default_rng(0)
     traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
-    held, listed = held_of(traffic.J), np.empty(traffic.J, np.int64)
+    notes = _watch(traffic)
     for _ in range(300):
         a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
         b = a + rng.uniform(-0.3, 0.3, 2)
         if crowd.clearance(a, t) < 2e-3:
             continue
-        found = touches(traffic, (a[0], a[1], b[0], b[1], 0.0, t, dt), held, listed)
+        share = sweep(traffic, notes, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
+        found = share < NEVER
         right = crowd.meets(a, t, b, t + dt)
         met += right
         if found != right:  # by a hair, or where a body is gone that has been there
@@ -51,9 +57,6 @@ def test_a_straight_way_is_met_where_fcl_says():
             assert abs(least) < 2e-3
             continue
         if right:
-            count = listing(traffic, a[0], a[1], t, math.inf, held, listed)
-            share = met_on_path(traffic, listed, count, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
-            assert share < NEVER
             entered = crowd.clearance(a + share * (b - a), t + share * dt)
             assert entered == pytest.approx(0.0, abs=0.02) or abs(math.remainder(share * dt + t, RESTART)) < 1e-5
             assert not crowd.meets(a, t, a + 0.9 * share * (b - a), t + 0.9 * share * dt)
@@ -91,7 +94,7 @@ def through(
     key = integral.homology.key(integral.homology.winding(np.column_stack([corners, passed])))
     guidance = integral.guidance
     assert isinstance(guidance, DDPGuidance)
-    return guidance.improve(x, integral.grid(8.0), key, trajectory)
+    return best(guidance, x, integral.grid(8.0), key, trajectory)
 
 
 CASES = {

@@ -10,6 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from guides import best
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
@@ -21,10 +22,9 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import diagonalise, recompose
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import Course, DDPGuide
+from pirrht.proposals.guide import Course, DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.cpu import kind_of
 from pirrht.steering.double_integrator import MassSteering
@@ -70,7 +70,7 @@ def around(x: Array) -> tuple[PathIntegral, Array, Reference, DDPGuide]:
     integral = path_integral(problem, space, Sampling(dt=STEP, draws="independent", threads=1))
     times = integral.grid(running_cost(problem, x, reference.trajectory))
     key = space.homology.key(reference.winding)
-    guide = guidance_of(integral).improve(x, times, key, reference.trajectory)
+    guide = best(guidance_of(integral), x, times, key, reference.trajectory)
     assert guide is not None
     assert guide.valid
     return integral, times, reference, guide
@@ -109,7 +109,7 @@ def test_in_the_open_a_masss_gains_are_those_of_riccatis_recursion():
     times = STEP * np.arange(T + 1)
     u = np.tile([1.0, 0.3], (20, 1))
     push = Trajectory(controls=u, durations=np.full(20, STEP), path=None, cost=2.0, length=3.0)
-    guide = guidance_of(integral).improve(np.zeros(4), times, 0, push)
+    guide = best(guidance_of(integral), np.zeros(4), times, 0, push)
     assert guide is not None
 
     def rim(x: Array) -> float:
@@ -206,7 +206,7 @@ def test_a_last_guide_is_where_the_next_one_starts():
     elapsed = 0.25
     x = np.array([np.interp(elapsed, times, column) for column in guide.states.T])
     key = integral.space.homology.key(reference.winding)
-    later = guidance_of(integral).improve(x, times, key, reference.trajectory, guide, elapsed)
+    later = best(guidance_of(integral), x, times, key, reference.trajectory, guide, elapsed)
     assert later is not None
     assert later.valid
     assert later.cost == pytest.approx(
@@ -236,7 +236,7 @@ def test_a_car_that_accelerates_is_led_whatever_turns_its_heading_has_made():
     push = Trajectory(
         controls=np.tile([0.1, 0.5], (steps, 1)), durations=np.full(steps, STEP), path=None, cost=2.5, length=3.0
     )
-    guide = guidance_of(integral).improve(x, times, 0, push)
+    guide = best(guidance_of(integral), x, times, 0, push)
     assert guide is not None
     one, its, _ = mean_and_error(drawn(integral, x, times, (Tape(times, guide.tape),), 20_000, 1))
     led = drawn(integral, x, times, (LinearFeedback(guide),), 20_000, 2)

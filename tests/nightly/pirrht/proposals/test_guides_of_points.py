@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from by_inputs import Driven
 from discs import disc
+from guides import best
 from wind import WIND, Balloon
 
 from pirrht.arrays import Array
@@ -17,8 +18,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import Trajectory
 from pirrht.steering.straight_line import StraightLine
@@ -59,7 +60,7 @@ def said(
 
 def guide_of(integral: PathIntegral, times: Array) -> LinearFeedback:
     assert isinstance(integral.guidance, DDPGuidance)
-    found = integral.guidance.improve(START, times, 0, straight(integral))
+    found = best(integral.guidance, START, times, 0, straight(integral))
     assert found is not None
     assert found.valid
     return LinearFeedback(found)
@@ -127,7 +128,7 @@ def test_a_reference_that_ends_on_the_rim_makes_a_guide_of_a_car_with_two_inputs
     x = np.append(START, 0.0)
     way = Trajectory(controls=np.array([[1.0, 0.0]]), durations=np.array([1.7]), path=None, cost=3.4, length=1.7)
     assert isinstance(integral.guidance, DDPGuidance)
-    found = integral.guidance.improve(x, integral.grid(3.4), 0, way)
+    found = best(integral.guidance, x, integral.grid(3.4), 0, way)
     assert found is not None
     assert found.valid
     assert np.hypot(*(found.states[found.length][:2] - scene.goal.center)) <= scene.goal.radius

@@ -7,6 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import disc
+from guides import best
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
@@ -16,13 +17,13 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
-from pirrht.proposals.clearance_cost import clearance_costs
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, empty_course
+from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
+from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.tables import FINER
+from pirrht.rollouts.tables import FINER, LawRows
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
@@ -51,7 +52,7 @@ def above_the_pillar() -> tuple[Array, DDPGuide]:
     push = Trajectory(controls=up, durations=np.full(32, STEP), path=None, cost=3.2, length=3.6)
     times = STEP * np.arange(90)
     key = integral.space.homology.key((0,))
-    guide = guidance.improve(np.array([0.5, 2.0, 0.0, 0.0]), times, key, push)
+    guide = best(guidance, np.array([0.5, 2.0, 0.0, 0.0]), times, key, push)
     assert guide is not None
     assert guide.valid
     return times, guide
@@ -60,7 +61,7 @@ def above_the_pillar() -> tuple[Array, DDPGuide]:
 def test_the_derivatives_of_a_steps_price_are_those_of_differences():
     """In both positions and the velocity lost, at 40 places by the pillar, seed 1; Hessians are never indefinite."""
     integral, guidance = beside_a_pillar()
-    task, rng, (scratch, cost, expand) = guidance.tasks[100.0], np.random.default_rng(1), clearance_costs(False)
+    task, rng, (scratch, cost, expand) = guidance.tasks[100.0], np.random.default_rng(1), clearance_costs(None)
     walls = scratch(integral.setup)
     g, H, near = np.zeros(6), np.zeros((6, 6)), 0
 
@@ -108,10 +109,11 @@ def test_a_backward_pass_knows_what_a_small_step_gains():
 
 def test_between_the_states_of_a_guide_its_law_is_for_places_on_the_way_and_not_beside_it():
     """A mass moves along parabolas; chords are on average more than four times as far off them as rows of the law."""
-    _, guide = above_the_pillar()
-    lead, i = LinearFeedback(guide), np.arange(guide.length * FINER) // FINER
+    (integral, _), (times, guide) = beside_a_pillar(), above_the_pillar()
+    batch = Batch(state=guide.states[0], times=times, proposals=(Proposal(lead=LinearFeedback(guide), count=1),))
+    tables, i = integral.proposals.tables(batch), np.arange(guide.length * FINER) // FINER
     share = (np.arange(len(i)) % FINER / FINER)[:, None]
-    rows = lead._states(i, share)[:, :2]
+    rows = LawRows.of(tables, 0, 4, guide.modes.shape[1]).state[: len(i), :2]
     tail, head = guide.states[i], guide.states[i + 1]
     chords = (1.0 - share) * tail[:, :2] + share * head[:, :2]
     on_the_way = chords + 0.5 * share * (1.0 - share) * STEP * (tail[:, 2:] - head[:, 2:])

@@ -8,20 +8,20 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import disc, scene_of
+from guides import best
 
 from pirrht.arrays import Array
-from pirrht.control.mixture import ClassLaw, ClassMixture
+from pirrht.control.plan import ClassLaw, ClassMixture
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import Trajectory
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover, towards_goal
 
 X = np.array([0.5, 1.5, 0.3])
@@ -51,7 +51,7 @@ def guide_of(corner: tuple[float, float, float]) -> DDPGuide:
     guidance, homology = integral().guidance, integral().space.homology
     assert isinstance(guidance, DDPGuidance)
     trajectory = reference(np.array(corner))
-    guide = guidance.improve(X, times(), homology.key((0,)), trajectory)
+    guide = best(guidance, X, times(), homology.key((0,)), trajectory)
     assert guide is not None
     assert guide.valid
     return guide
@@ -92,7 +92,7 @@ def test_a_guide_whose_last_step_ends_on_the_rim_meets_no_wall_there():
     steering = Tracked.of(integral().problem)
     trajectory = steering.trajectory(steering.connect(x[None, :2], np.array([[2.6, 1.5]])))
     assert isinstance(guidance, DDPGuidance)
-    guide = guidance.improve(x, times(), integral().space.homology.key((0,)), trajectory)
+    guide = best(guidance, x, times(), integral().space.homology.key((0,)), trajectory)
     assert guide is not None
     assert np.abs(guide.gains).max() < 20.0
     assert np.linalg.eigvalsh(guide.share).min() > 0.5

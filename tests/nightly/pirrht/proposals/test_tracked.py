@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import disc
+from guides import best
 from moving import hall, moved
 from scooter import Scooter
 from thoroughly import first, thorough
@@ -23,13 +24,12 @@ from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import running_cost
 from pirrht.steering.steering import Steering
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.second_order_car import SecondOrderCar, cruising, towards_goal
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -64,7 +64,7 @@ def guided(x: Array, reference: Reference) -> tuple[Array, DDPGuide | None]:
     problem, space, _, integral = grown()
     times = integral.grid(running_cost(problem, x, reference.trajectory))
     assert isinstance(integral.guidance, DDPGuidance)
-    return times, integral.guidance.improve(x, times, space.homology.key(reference.winding), reference.trajectory)
+    return times, best(integral.guidance, x, times, space.homology.key(reference.winding), reference.trajectory)
 
 
 def mean_and_error(log_weight: Array) -> tuple[float, float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from batches import batch_of
+from guides import best
 from unit.pirrht.proposals.test_unicycle_guides import WINDING, narrow, setting, tapes
 
 from pirrht.estimation.assembly import path_integral
@@ -55,14 +56,14 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
     made = 0
     for reference in references:
         key = scenario.space.homology.key(reference.winding)
-        cold = integral.guidance.improve(x, times, key, reference.trajectory)
+        cold = best(integral.guidance, x, times, key, reference.trajectory)
         if cold is None:  # a curve that takes longer than any path that weighs anything
             continue
         assert cold.valid
         made += 1
         last: DDPGuide | None = cold
         for _ in range(5):
-            last = integral.guidance.improve(x, times, key, reference.trajectory, last, 0.0)
+            last = best(integral.guidance, x, times, key, reference.trajectory, last, 0.0)
             assert last is not None
             assert last.valid
         assert abs(last.penalised - cold.penalised) < 3.0 * scenario.problem.temperature

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from guides import best
 from unit.pirrht.rollouts.test_car_steps import STEP, case
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.references import Reference
-from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.motion import running_cost
 
@@ -29,7 +30,7 @@ def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -
     assert integral.guidance is not None
     proposals = []
     for reference in references:
-        guide = integral.guidance.improve(x, times, space.homology.key(reference.winding), reference.trajectory)
+        guide = best(integral.guidance, x, times, space.homology.key(reference.winding), reference.trajectory)
         if guide is not None:
             proposals.append(Proposal(lead=LinearFeedback(guide), count=samples))
     found = integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=tuple(proposals)), seed))

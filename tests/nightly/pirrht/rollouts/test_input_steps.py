@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 from by_inputs import PushedMass, driven
+from guides import best
 from thoroughly import thorough
 
 from pirrht.arrays import Array
@@ -17,8 +18,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -105,7 +106,7 @@ def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
         assert isinstance(integral.guidance, DDPGuidance)
         times = integral.steps(12.0)
         key = integral.space.homology.key((0,) * len(integral.space.obstacles))
-        guide = integral.guidance.improve(x, times, key, push)
+        guide = best(integral.guidance, x, times, key, push)
         assert guide is not None
         leads = (LinearFeedback(guide), Tape(times, push.tape(times)))
         proposals = tuple(Proposal(lead=lead, count=100) for lead in leads)

@@ -10,7 +10,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.steering import Steering
-from pirrht.steering.tracked import Tracked
+from pirrht.steering.straight_line import Tracked
 from pirrht.systems.second_order_car import SecondOrderCar
 
 

@@ -13,7 +13,7 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.steering.double_integrator import MassSteering, optimum
+from pirrht.steering.double_integrator import Cubics, MassSteering, optimum
 from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -28,6 +28,13 @@ def coefficients(tail: Array, head: Array, r: float) -> tuple[float, float, floa
         return 1.5 * r * gap @ gap, -3.0 * r * gap @ before, 1.5 * r * before @ before
     shared = before @ before + before @ after + after @ after
     return 6.0 * r * gap @ gap, -6.0 * r * gap @ (before + after), 2.0 * r * shared
+
+
+def states_at(motions: Cubics, i: int, s: Array) -> Array:
+    """States (l, 4) that motion i passes at times s (l,) [s]."""
+    place, speed, force, jerk = motions.path[i].reshape(4, 1, 2)
+    s = s[:, None]
+    return np.hstack([place + s * (speed + s * (force / 2 + s * jerk / 6)), speed + s * (force + s * jerk / 2)])
 
 
 def turned(points: Array, markers: Array) -> Array:
@@ -70,7 +77,7 @@ def test_motions_end_where_they_should_and_cost_the_integral_of_their_accelerati
     motions = MASS.connect(tails, heads)
     for i in range(50):
         s = np.linspace(0.0, motions.duration[i], 4001)
-        states = motions.states_at(i, s)
+        states = states_at(motions, i, s)
         assert states[[0, -1]] == pytest.approx(np.array([tails[i], heads[i]]), abs=1e-9)
         force = np.gradient(states[:, 2:], s, axis=0, edge_order=2)
         rate = 1.0 + np.sum(force**2, axis=1)
@@ -106,7 +113,7 @@ def test_free_motions_keep_clear_and_turn_as_their_points_do():
     goal = space.scene.goal
     seen = {True: 0, False: 0}
     for i in range(400):
-        points = motions.states_at(i, np.linspace(0.0, motions.duration[i], 3000))[:, :2]
+        points = states_at(motions, i, np.linspace(0.0, motions.duration[i], 3000))[:, :2]
         clear = space.collision.clearance(points).min()
         apart = np.hypot(*(points - goal.center).T).min() - goal.radius
         seen[bool(edges.free[i])] += 1

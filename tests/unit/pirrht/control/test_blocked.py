@@ -9,7 +9,7 @@ from moving import moved
 
 from pirrht.control.blocked import Brake, BrakeSettings
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -87,12 +87,12 @@ def test_who_is_walked_towards_gives_way_in_time():
     dynamics = SingleIntegrator()
     brake, space = brake_of(dynamics, scene)
     x = np.array([2.0, 1.5])
-    assert space.moving_collision.clearance(x, 1.2) < 0.0  # who stays is run over
+    assert space.moving.distance(x, 1.2) < 0.0  # who stays is run over
     halt = brake.halt(x, space, 0.0)
     assert halt.free == np.inf
     assert halt.clearance >= BrakeSettings().clearance
     places = driven(dynamics, halt.law, x, 3.0)[:, :2]
-    assert min(space.moving_collision.clearance(place, 0.002 * i) for i, place in enumerate(places)) > 0.05
+    assert min(space.moving.distance(place, 0.002 * i) for i, place in enumerate(places)) > 0.05
 
 
 def test_it_stays_where_it_waits_rather_than_wander_off():

@@ -10,7 +10,7 @@ from discs import block
 from moving import closing_door, hall, moved
 
 from pirrht.arrays import Array
-from pirrht.control.mixture import ClassLaw, ClassMixture
+from pirrht.control.plan import ClassLaw, ClassMixture
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.proposals.wall_drift import WallDrift

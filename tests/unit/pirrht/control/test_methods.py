@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from batches import batch_of
 
-from pirrht.control.baselines import alone, best_class, class_values
+from pirrht.control.baselines import alone, class_values, follow_best
 from pirrht.control.plan import Plan
+from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import METHODS, SAMPLING
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim import cli
 from sim.drive import episode
 from sim.scenario import Scenario
@@ -68,12 +70,16 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
     estimate, names = around_all(slit, slit_tree)
     values = class_values(noisy(slit), estimate)
     best, second = np.argsort(values)[:2]
-    assert best_class(noisy(slit), estimate, names, None, consistency=0.8) == best
-    assert best_class(noisy(slit), estimate, names, names[best], consistency=0.8) == best
-    ratio = values[best] / values[second]
-    assert best_class(noisy(slit), estimate, names, names[second], consistency=0.999 * ratio) == second
-    assert best_class(noisy(slit), estimate, names, names[second], consistency=1.001 * ratio) == best
-    assert best_class(noisy(slit), estimate, names, "9,9", consistency=0.1) == best
+    ratio, tape = values[best] / values[second], Tape(np.arange(2.0), np.zeros((1, 2)))
+    proposals = tuple(Proposal(lead=tape, count=1, name=name, key=k) for k, name in enumerate(names))
+    batch = Batch(state=slit.start, times=tape.times, proposals=proposals)
+    for followed, consistency, expected in (
+        (None, 0.8, best), (names[best], 0.8, best), (names[second], 0.999 * ratio, second),
+        (names[second], 1.001 * ratio, best), ("9,9", 0.1, best),
+    ):  # fmt: skip
+        memory = ClassMemory(followed=followed)
+        follow_best(noisy(slit), estimate, batch, memory, consistency)
+        assert memory.followed == names[expected]
 
 
 def test_only_one_class_is_followed_and_its_name_is_said(slit: Scenario, slit_tree: HomologyTree):

@@ -19,7 +19,7 @@ from pirrht.control.proposals import ProposalBuilder
 from pirrht.control.settings import TimeBudget
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING

@@ -19,13 +19,13 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
 from pirrht.proposals.guidance import DDPGuidance
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.rollouts.tables import FINER
 from pirrht.steering.in_time import InTime
@@ -72,15 +72,15 @@ def passing() -> tuple[PathIntegral, Batch]:
     return integral, guided(integral, np.array([1.6, 2.4]), 0.5, 6000, drawn=10_000)[0]
 
 
-def test_psi_is_the_same_around_guides_with_gates_without_them_and_around_one_class_alone():
+def test_psi_is_the_same_around_guides_with_weaker_gains_and_where_drift_counts_twice():
     integral, batch = passing()
     assert len(batch.proposals) == 2
     found = [integral.estimate(integral.rollout(batch, 1))]
-    for gated in (False, True):
+    for weaker in (False, True):
         proposals = []
         for proposal in batch.proposals:
             guide = proposal.lead.guide
-            other = replace(guide, gains=0.8 * guide.gains) if gated else replace(guide, walls_ahead=None)
+            other = replace(guide, gains=0.8 * guide.gains) if weaker else replace(guide, drift=None, bend=None)
             proposals.append(replace(proposal, lead=LinearFeedback(other)))
         found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
     for one in found[1:]:
@@ -122,7 +122,8 @@ def test_a_clock_that_starts_later_tells_the_same():
     x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
     now = held(integral, x, control, 200, time=0.7)
     assert integral.homology is not None
-    integral.set_prediction(integral.space.moving.after(0.7), integral.homology)
+    late = [replace(mover, motion=mover.motion.after(0.7)) for mover in integral.space.scene.movers]
+    integral.set_prediction(integral.space.moving.with_motions(late), integral.homology)
     then = held(integral, x, control, 200)
     assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere
     assert abs(np.mean(now.paths.work - then.paths.work)) < 0.05
@@ -163,10 +164,10 @@ def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
         lead: ProposalControl = proposal.lead
         guide = lead.guide
         assert guide.valid
-        assert guide.walls_ahead is not None
+        assert guide.drift is not None
         for i in (0, 3, 6):
             # The drift that `WallDrift` adds, b = 0.2.
-            pushed = guide.dynamics.input_of(guide.states[i], 0.2 * guide.walls_ahead.drift[FINER * i])
+            pushed = guide.dynamics.input_of(guide.states[i], 0.2 * guide.drift[FINER * i])
             found = lead(guide.states[i], guide.times[i]) + pushed
             assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 

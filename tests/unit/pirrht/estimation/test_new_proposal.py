@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from benchmarks import mass_line
 from benchmarks.mass_on_line import mass_on_line
+from guides import best
 
 from pirrht.arrays import Array
-from pirrht.proposals.controls import LinearFeedback
+from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.rollouts.tables import LawRows, ProposalTables
 from pirrht.steering.double_integrator import MassSteering
@@ -47,7 +48,7 @@ def test_wider_noise_leaves_psi_unbiased(counts):
     x, steering = np.array([p, 0.0, v, 0.0]), MassSteering.of(integral.problem)
     way = steering.trajectory(steering.connect(x, np.array([1.0, 0.0, np.nan, np.nan])))
     times = integral.grid(running_cost(integral.problem, x, way))
-    guide = integral.guidance.improve(x, times, 0, way)
+    guide = best(integral.guidance, x, times, 0, way)
     leads = LinearFeedback(guide), Wider(LinearFeedback(guide), 1.1)
     proposals = tuple(Proposal(lead=lead, count=n) for lead, n in zip(leads, counts, strict=True) if n > 0)
     rollouts = integral.rollout(Batch(state=x, times=times, proposals=proposals), SEED)

@@ -1,14 +1,17 @@
-"""Closed forms agree with FCL, and what they spare FCL changes no distance."""
+"""Distances from solids agree with FCL."""
 
 from __future__ import annotations
 
+import fcl
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from tilted import solid as tilted_solid
 
-from pirrht.geometry.collision import PROBE, Collision
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.geometry.shapes import FORMS, Solids, distance_from, tiles
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision, solid_of
+from pirrht.geometry.scene import Footprint, Goal, Kind, Obstacle, Scene, Workspace
+from pirrht.geometry.shapes import PROBE, offset_of
 
 HEIGHT = 0.12
 
@@ -26,55 +29,59 @@ def scene(kinds: list[Kind], seed: int) -> Scene:
     )  # fmt: skip
     return Scene(
         name="solids", lower=np.zeros(2), upper=np.full(2, 4.0), obstacles=obstacles, start=np.full(3, 0.05),
-        goal=Goal(center=np.full(2, 3.9), radius=0.1), robot_radius=HEIGHT,
+        goal=Goal(center=np.full(2, 3.9), radius=0.1), robot_radius=HEIGHT, robot_height=HEIGHT,
     )  # fmt: skip
 
 
-def checker(of: Scene) -> Collision:
-    return Collision(of.world, of.footprint)
+def sphere(point: Array) -> fcl.CollisionObject:
+    return fcl.CollisionObject(fcl.Sphere(PROBE), fcl.Transform(np.append(point, HEIGHT)))
 
 
-@pytest.mark.parametrize("kind", FORMS, ids=lambda kind: kind.value)
+@pytest.mark.parametrize("kind", [Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE], ids=lambda kind: kind.value)
 def test_closed_forms_are_the_distances_that_fcl_finds(kind: Kind) -> None:
     where = scene([kind] * 12, 1)
-    collision, points = checker(where), np.random.default_rng(2).uniform(-1, 5, (300, 2))
-    solids = Solids.of(where.obstacles)
+    collision, points = Collision(where.world, where.footprint), np.random.default_rng(2).uniform(-1, 5, (300, 2))
     inside = 0
-    for m in range(12):
-        found = np.array([distance_from(solids, m, *point, where.robot_height) for point in points])
-        exact = collision.obstacle_distance(m, points)
-        np.testing.assert_allclose(np.where(found > PROBE, found, 0.0), exact, atol=1e-12)
+    for m, obstacle in enumerate(where.obstacles):
+        solid = solid_of(obstacle)
+        exact = np.array([PROBE + fcl.distance(sphere(point), solid) for point in points])
+        exact = np.where(exact > PROBE, exact, 0.0)
+        np.testing.assert_allclose(collision.obstacle_distance(m, points), exact, atol=1e-12)
         inside += int(np.sum(exact == 0.0))
     assert inside > 10
 
 
-def test_fcl_is_asked_little_about_solids_with_a_closed_form_and_always_about_others() -> None:
-    points = np.random.default_rng(5).uniform(0, 4, (2000, 2))
-    asked = []
-    for kind in (Kind.CYLINDER, Kind.ELLIPSOID):
-        collision = checker(scene([kind] * 5, 6))
-        collision.nearest_walls(points, range(5), 1.0)
-        asked.append(collision.calls)
-    assert asked[0] <= 5 * 16
-    assert asked[1] > 1000
+@pytest.mark.parametrize("kind", [Kind.ELLIPSOID, Kind.MESH], ids=lambda kind: kind.value)
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ball_of_the_distance_just_touches(kind: Kind, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    obstacle = tilted_solid(kind, "solid", rng.uniform(1.0, 3.0, 2), rng)
+    body, collision = (
+        solid_of(obstacle),
+        Collision(Workspace(np.zeros(2), np.full(2, 4.0), (obstacle,)), Footprint(HEIGHT, HEIGHT)),
+    )
+    points = rng.uniform(0, 4, (300, 2))
+
+    def hits(point: Array, radius: float) -> bool:
+        ball = fcl.CollisionObject(fcl.Sphere(radius), fcl.Transform(np.append(point, HEIGHT)))
+        return fcl.collide(ball, body) > 0
+
+    found = collision.obstacle_distance(0, points)
+    for point, d in zip(points, found, strict=True):
+        assert hits(point, d + 1e-5)
+        assert d < 1e-5 or not hits(point, d - 1e-5)
 
 
-def test_a_closed_form_that_fcl_contradicts_is_not_used() -> None:
-    collision = checker(scene([Kind.BOX, Kind.SPHERE], 7))
-    collision._forms.size[0] *= 1.01
-    points = np.random.default_rng(8).uniform(0, 4, (200, 2))
-    first = collision.nearest_walls(points, range(2), 1.0).first
-    expected = np.min([collision.obstacle_distance(m, points) for m in range(2)], axis=0)
-    np.testing.assert_allclose(first, np.minimum(expected, 1.0), atol=1e-9)
-    assert list(collision._confirmed) == [False, True]
-
-
-def test_tiles_hold_every_point_once() -> None:
-    points = np.random.default_rng(9).uniform(-3, 7, (500, 2))
-    rows = []
-    for part, low, high in tiles(points, 0.7):
-        assert np.all((points[part] >= low) & (points[part] <= high))
-        assert np.all(high - low <= 0.7 + 1e-12)
-        rows += part.tolist()
-    assert sorted(rows) == list(range(500))
-    assert not list(tiles(np.zeros((0, 2)), 1.0))
+def test_the_distance_from_an_ellipsoid_is_least_at_a_point_of_its_surface() -> None:
+    rng = np.random.default_rng(3)
+    for axes in np.exp(rng.uniform(np.log(1e-3), np.log(10.0), (200, 3))):
+        p = rng.normal(size=3) * axes * np.exp(rng.uniform(0, 5))
+        off = np.array(offset_of(4, *axes, *p))
+        near = p - off
+        if np.sum((p / axes) ** 2) <= 1.0:
+            assert not off.any()
+            continue
+        assert np.sum((near / axes) ** 2) == pytest.approx(1.0, abs=1e-9)
+        normal = near / axes**2
+        assert np.linalg.norm(np.cross(normal, off)) < 1e-7 * np.linalg.norm(normal) * np.linalg.norm(off)
+        assert normal @ off > 0.0

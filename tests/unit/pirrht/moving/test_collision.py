@@ -13,7 +13,7 @@ from tilted import RADIUS, solid
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
 
@@ -47,7 +47,7 @@ def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
 
 def questions(crowd: MovingObstacles) -> int:
     """How often FCL was asked."""
-    return sum(shape.calls for shape in crowd.shapes)
+    return sum(shape.calls for shape in (body.shape for body in crowd._bodies))
 
 
 def truth(bodies: list[Mover], place: Array, time: float) -> float:

@@ -15,9 +15,9 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Scene, Workspace
 from pirrht.moving import obstacles
 from pirrht.moving.collision import MovingObstacles
-from pirrht.moving.distances import moving_clearance, moving_walls, pose_of
+from pirrht.moving.distances import disc_of, fastest_of, moving_clearance, piece_of
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.moving.tuning import TUNING, WALL
+from pirrht.moving.tuning import TUNING
 
 EVERYWHERE = np.full(2, np.inf)
 
@@ -61,21 +61,23 @@ def test_poses_are_those_of_the_motions_also_on_a_later_clock(time):
     world = busy()
     traffic = MovingObstacleArrays.of(world)
     for later in (0.0, 0.35):
+        onward = traffic.with_motions([replace(mover, motion=mover.motion.after(later)) for mover in world.movers])
         for j, mover in enumerate(world.movers):
-            assert pose_of(traffic.after(later), j, time) == pytest.approx(mover.motion.pose(time + later), abs=1e-12)
+            assert piece_of(onward, j, time)[:3] == pytest.approx(mover.motion.pose(time + later), abs=1e-12)
 
 
 def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
     world, rng, dt, seen = busy(), np.random.default_rng(2), 1e-6, 0
     for mover in world.movers:
         alone = replace(world, movers=(mover,))
-        traffic, out = MovingObstacleArrays.of(alone), np.zeros((1, WALL))
+        traffic = MovingObstacleArrays.of(alone)
         for _ in range(100):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
-            if moving_walls(traffic, place[0], place[1], time, 0.8, out) == 0:
+            rows = traffic.walls(*place, time, 0.8)
+            if len(rows) == 0:
                 assert truth(alone, place, time) > 0.79
                 continue
-            d, nx, ny, vx, vy = out[0]
+            d, nx, ny, vx, vy = rows[0]
             assert d == pytest.approx(moving_clearance(traffic, place[0], place[1], time), abs=1e-12)
             if d > 0.0:
                 off = 1e-6 * np.array([nx, ny])
@@ -89,16 +91,16 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
 
 def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
     world, rng = busy(), np.random.default_rng(3)
-    traffic, out = MovingObstacleArrays.of(world), np.zeros((3, WALL))
+    traffic = MovingObstacleArrays.of(world)
     for j, mover in enumerate(world.movers):
         alone = MovingObstacleArrays.of(replace(world, movers=(mover,)))
         for _ in range(60):
             place, time = rng.uniform(world.lower, world.upper), rng.uniform(0.0, 2.0)
             x, y, _ = mover.motion.pose(time)
-            lower = np.hypot(place[0] - x, place[1] - y) - traffic.radius[j]
+            lower = np.hypot(place[0] - x, place[1] - y) - disc_of(traffic, j)
             assert lower <= max(truth(replace(world, movers=(mover,)), place, time), 0.0) + 1e-9
-            if moving_walls(alone, place[0], place[1], time, 0.8, out):
-                assert np.hypot(out[0, 3], out[0, 4]) <= traffic.fastest[j] + 1e-9
+            for row in alone.walls(*place, time, 0.8):
+                assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
 
 
 def test_where_nothing_moves_all_is_free():

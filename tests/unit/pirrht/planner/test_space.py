@@ -143,16 +143,11 @@ def _hits(a, b, box):
 
 
 @kernel
-def _certify(motions, i, around, prepared):
+def _certify(motions, i, around, patient):
     for j in range(around.boxes.shape[0]):
         if _hits(motions.tails[i], motions.heads[i], around.boxes[j]):
             return BLOCKED
     return FREE
-
-
-@kernel
-def _sure(motions, i, around):
-    return _certify(motions, i, around, 0) == FREE
 
 
 @kernel
@@ -178,7 +173,7 @@ def _trajectory(steering: Any, path: Segments) -> Trajectory:
     return Trajectory(controls=velocity, durations=length, path=path, cost=float(path.cost.sum()), length=total)
 
 
-KERNELS = MotionKernels(_entry, _cut, _certify, _sure, _pairs, _most, _between)
+KERNELS = MotionKernels(_entry, _cut, _certify, _pairs, _most, _between)
 SEGMENTS = Motion(KERNELS, lambda motions, i, space: True, _trajectory)
 
 

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import batch_of
+from guides import best
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
@@ -20,8 +21,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.controls import LinearFeedback
-from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.tuning import TUNING
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
@@ -64,7 +64,7 @@ def setting(
     times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
     guidance = path_integral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
     assert guidance is not None
-    guides = [guidance.improve(x, times, space.homology.key(w), t) for t, w in references]
+    guides = [best(guidance, x, times, space.homology.key(w), t) for t, w in references]
     assert all(guide is not None for guide in guides)
     return integral, times, [guide for guide in guides if guide is not None]
 
@@ -153,7 +153,7 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     x = np.array([0.0, 0.0, 0.35])
     steering = Dubins.of(problem)
     curve = steering.trajectory(steering.connect(x[None], np.array([[2.0, 0.0, -0.4]])))
-    guide = guidance.improve(x, far, space.homology.key(references[0][1]), curve)
+    guide = best(guidance, x, far, space.homology.key(references[0][1]), curve)
     assert guide is not None
     cut = replace(guide, times=times, states=guide.states[:9], modes=guide.modes[:8], gains=guide.gains[:8],
                   share=guide.share[:8], inverse=guide.inverse[:8], volume=guide.volume[:8], length=8)  # fmt: skip
@@ -201,10 +201,10 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     last = guides[0]
     x = last.states[1] + np.array([0.0, 0.002, 0.01])
     key = space.homology.key(references[0][1])
-    warm = integral.guidance.improve(x, times, key, references[0][0], last, 0.1)
+    warm = best(integral.guidance, x, times, key, references[0][0], last, 0.1)
     rest = last.rest(0.1, problem.scene.goal.center)
     assert rest is not None
-    fresh = integral.guidance.improve(x, times, key, rest)
+    fresh = best(integral.guidance, x, times, key, rest)
     assert warm is not None
     assert fresh is not None
     assert warm.valid
@@ -235,7 +235,7 @@ def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
     for guide, (trajectory, winding) in zip(guides, references, strict=True):
         last = guide
         for _ in range(5):
-            following = guidance.improve(problem.scene.start, times, space.homology.key(winding), trajectory, last)
+            following = best(guidance, problem.scene.start, times, space.homology.key(winding), trajectory, last)
             assert following is not None
             assert following.valid
             assert following.cost < guide.cost
@@ -271,5 +271,5 @@ def test_a_reference_gives_a_guide_if_it_enters_the_goal_within_the_horizon():
     assert integral.guidance is not None
     key, x = integral.space.homology.key(winding), guides[0].states[0]
     entered = guides[0].length + 1
-    assert integral.guidance.improve(x, times[: entered + 2], key, trajectory) is not None
-    assert integral.guidance.improve(x, times[: entered // 2], key, trajectory) is None
+    assert best(integral.guidance, x, times[: entered + 2], key, trajectory) is not None
+    assert best(integral.guidance, x, times[: entered // 2], key, trajectory) is None

@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
-from pirrht.proposals.controls import DesirabilityAscent
+from pirrht.proposals.desirability_tube import DesirabilityAscent
 
 Made = Callable[..., Solved]
 

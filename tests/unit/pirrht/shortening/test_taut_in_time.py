@@ -11,12 +11,14 @@ from discs import block
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.motion import Motion
+from pirrht.geometry.obstacle import Motion
+from pirrht.jit.jit import kernel
+from pirrht.moving.exits import watch
 from pirrht.shortening.shorten import resume, shorten
-from pirrht.shortening.timed_relaxation import BAND, modelled
+from pirrht.shortening.timed_relaxation import BAND, model
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
-from pirrht.steering.legs import Legs
+from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 STEERING = InTime()
@@ -26,6 +28,11 @@ def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np
     """Knots of the shortened path."""
     path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
     return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
+
+
+@kernel
+def _watch(moving):  # type: ignore[no-untyped-def]
+    return watch(moving)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -43,7 +50,8 @@ def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_
 def test_the_slope_of_the_model_is_that_of_its_value():
     """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
     space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
-    around, near = EdgeChecker.of(space, steering).around, np.arange(space.moving.J)
+    around, modelled = EdgeChecker.of(space, steering).around, model(space.moving.kernels)
+    near = _watch(space.moving)
     t = np.linspace(0.017, 3.3, 13)
     knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
     n = 2 * (len(knots) - 1)
@@ -130,7 +138,8 @@ def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[
         STEERING,
         EdgeChecker.of(space, STEERING),
     )
-    return space, path, np.array([*(path.places(np.array([0.4]))[0] + aside), 0.4])
+    place = [np.interp(0.4, path.knots[:, 2], path.knots[:, k]) for k in (0, 1)]
+    return space, path, np.array([*np.add(place, aside), 0.4])
 
 
 @pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])

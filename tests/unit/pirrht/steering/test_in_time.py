@@ -15,7 +15,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Scene, Workspace
-from pirrht.moving.certify import certify_leg
 from pirrht.problem import Problem
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
@@ -79,10 +78,10 @@ def test_a_way_that_touches_by_a_hair_is_left_to_fcl_and_what_surely_meets_is_bl
     space = FreeSpace.of(SCENES["crossing"]())
     traffic = space.moving
     x = 3.25 + 0.4
-    assert certify_leg(traffic, x + 1e-3, 0.5, 0.0, x + 1e-3, 4.5, 4.5) == FREE
-    assert certify_leg(traffic, x - 1e-3, 0.5, 0.0, x - 1e-3, 4.5, 4.5) == BLOCKED
-    assert certify_leg(traffic, 3.25, 3.79, 0.0, 3.25, 3.79, 3.8) == FREE  # who waits until it comes near
-    assert certify_leg(traffic, 3.25, 3.79, 0.0, 3.25, 3.79, 3.9) == BLOCKED
+    assert traffic.certify(x + 1e-3, 0.5, x + 1e-3, 4.5, 0.0, 4.5) == FREE
+    assert traffic.certify(x - 1e-3, 0.5, x - 1e-3, 4.5, 0.0, 4.5) == BLOCKED
+    assert traffic.certify(3.25, 3.79, 3.25, 3.79, 0.0, 3.8) == FREE  # who waits until it comes near
+    assert traffic.certify(3.25, 3.79, 3.25, 3.79, 0.0, 3.9) == BLOCKED
 
 
 def test_costs_are_those_of_the_integral():
@@ -146,9 +145,6 @@ def test_waiting_is_no_control_for_a_while():
     assert found.cost == pytest.approx(1.25 + 0.5 * (1.0 + 4.0))
     assert found.slack is None
     assert path.knots == pytest.approx(knots)
-    assert path.places(np.array([0.0, 1.0, 2.0, 9.0])) == pytest.approx(
-        np.array([[1.0, 2.5], [1.0, 2.5], [1.5, 2.5], [2.0, 2.5]])
-    )
 
 
 def test_a_point_is_steered_by_its_own_cost_and_other_systems_track_at_their_pace():

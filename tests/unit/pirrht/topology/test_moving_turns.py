@@ -9,7 +9,7 @@ import pytest
 from discs import block, disc
 from moving import SCENES, moved
 
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import markers_of

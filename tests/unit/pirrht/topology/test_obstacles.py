@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.topology.obstacles import components, projected_area
+from pirrht.topology.obstacles import components
 
 RADIUS, HEIGHT = 0.2, 0.1
 OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])
@@ -182,29 +182,6 @@ def test_upright_solids_are_joined_exactly_if_the_robot_is_wider_than_their_gap(
         tried += 1
         for robot, count in ((0.5 * gap * 1.001, 1), (0.5 * gap * 0.999, 2)):
             assert len(found(*pair, half=(9, 9), radius=robot)) == count, pair
-
-
-@pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
-def test_projected_area_is_that_of_the_shadow(kind):
-    rng = np.random.default_rng(3)
-    ball = rng.normal(size=(20000, 3))
-    ball /= np.linalg.norm(ball, axis=1, keepdims=True)
-    for seed in range(5):
-        a, b, c = size = rng.uniform(0.2, 1.0, 3)
-        turn = Rotation.random(random_state=seed)
-        rim = np.hstack(
-            [ball[:, :2] / np.linalg.norm(ball[:, :2], axis=1, keepdims=True) * a, b * np.sign(ball[:, 2:])]
-        )
-        surface = {
-            Kind.BOX: np.sign(ball) * size,
-            Kind.CYLINDER: rim,
-            Kind.SPHERE: ball * a,
-            Kind.CAPSULE: ball * a + np.array([0, 0, b]) * np.sign(ball[:, 2:]),
-            Kind.ELLIPSOID: ball * size,
-            Kind.MESH: OCTAHEDRON * size,
-        }[kind]
-        shadow = ConvexHull(turn.apply(surface)[:, :2]).volume
-        assert projected_area(solid(kind, [a, b, c], [0, 0], turn)) == pytest.approx(shadow, rel=0.005)
 
 
 def test_hundreds_of_touching_cylinders_are_few_components():

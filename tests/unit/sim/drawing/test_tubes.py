@@ -10,7 +10,7 @@ from discs import block, disc
 from moving import moved, oblique
 
 from pirrht.arrays import Array
-from pirrht.geometry.motion import Mover
+from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
 from sim.drawing.tubes import CORNERS, MOST, OFF, foreseen, outlines, tubes
 from sim.plotting.ground import MOMENTS, outline

@@ -1,4 +1,4 @@
-"""Advance a block of paths of a point around one reference in lockstep, stage by stage (`stages`, `exits`).
+"""Advance a block of paths of a point around one reference in lockstep, stage by stage (`point_stages`).
 
 Exits and close walls, which are rare, are done lane by lane; paths that have ended leave the block. Paths are those of
 `rollouts.general` up to rounding: the same numbers are drawn in the same order.
@@ -16,14 +16,13 @@ from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
-from pirrht.rollouts.point.exits import SLOW, bridge, judge, single, survey, wall_push
 
-from pirrht.rollouts.point.stages import (  # isort: skip
-    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PER, PUSH0, PUSH1, ROOT, SAMPLE, SIGN,
-    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, cross, draw, move, fit_steps, row_of,
-    scratch_of, relax, tape_control, way_control,
+from pirrht.rollouts.point_stages import (  # isort: skip
+    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT, SAMPLE, SIGN, SLOW,
+    SPENT, STEP, SUM0, SUM1, TUBE, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge, cross, draw, fit_steps,
+    judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey, tape_control, tube_control, wall_push,
 )  # fmt: skip
-from pirrht.rollouts.tables import Origin, empty_paths
+from pirrht.rollouts.tables import Origin, empty_paths, tube_of
 from pirrht.rollouts.tuning import TUNING
 
 
@@ -65,12 +64,6 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def lane(k):  # type: ignore[no-untyped-def]
-    """Return a lane's number, in bounds the compiler sees (`row_of`)."""
-    return min(max(k, 0), LANES)
-
-
-@inlined
 def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def]
     """Write log dQ_g/dP of a path whose last step took a time `until` to out (H,)."""
     y0, y1 = np.float64(f[Z0 + k]), np.float64(f[Z1 + k])
@@ -107,7 +100,7 @@ def compact(k, last, H, scratch):  # type: ignore[no-untyped-def]
     """Move the last lane to where lane k has left."""
     f, a, ratio, short, long, random, _ = scratch
     k, last = lane(k), lane(last)
-    for row in range(X, PER + L, L):
+    for row in range(X, TUBE, L):
         f[row + k] = f[row + last]
     for row in range(0, short.shape[0], L):
         short[row + k] = short[row + last]
@@ -177,19 +170,17 @@ def begin(tables, origin, run, scratch):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def write_controls(setup, tables, around, h, scratch, n):  # type: ignore[no-untyped-def]
-    """Write the control of every reference, in noise units, and wall drift."""
+def write_controls(setup, tables, around, B, h, scratch, n):  # type: ignore[no-untyped-def]
+    """Write the control of every reference, in noise units, and wall drift; arena and B: `single`."""
     f, a, _, short, _, _, _ = scratch
-    ways, active, B, drift = tables.ways, tables.active, setup.diffusion, tables.drift.ctypes.data
-    (H, T, _), (_, C, J, _) = tables.drift.shape, ways.slope.shape
-    place, slope = ways.place.ctypes.data, ways.slope.ctypes.data
+    ways, active, drift = tables.ways, tables.active, tables.drift.ctypes.data
+    H, T, _ = tables.drift.shape
     if tables.wall_offset > 0.0:
         wall_push(around.field, tables.wall_offset, tables.set_back, B, f, short, n)
     for one in range(H):
         g = h if one == 0 else (one - 1 if one <= h else one)  # a_h first
         if ways.count[g] > 0:
-            tube = place, slope, ways.count[g] - 1, C, J
-            way_control(tube, ways.decay, around.goal, g, h, B, scratch, n)
+            tube_control(tube_of(ways, g), ways.decay, around.goal, g, h, B, scratch, n)
         else:
             tape_control(drift, g, T, active[g], f, short, a, n)
 
@@ -199,28 +190,22 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
     """Simulate the samples of one run, at most LANES; write steps to `into` (stop - start, T, 4) if any."""
     f, a, ratio, short, long, random, bits = scratch
     h, start, stop, chosen, _ = run
-    H, T, n, B, around = (
-        tables.drift.shape[0],
-        tables.drift.shape[1],
-        stop - start,
-        setup.diffusion,
-        single(setup.world),
-    )
-    variance, rim = B[0, 0] * B[0, 0] + B[0, 1] * B[0, 1], TUNING.rim * setup.world.radius
+    (H, T, _), n, B, inverse = tables.drift.shape, stop - start, single_matrix(setup.diffusion), setup.inverse
+    around, follows, wide = single(setup.world), tables.wall_offset > 0.0, setup.diffusion
+    variance, rim = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1], TUNING.rim * setup.world.radius
     begin(tables, origin, run, scratch)
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
         f[C0 + k] = f[C1 + k]
     begun = False
     while n > 0:
-        full = (n + WIDE - 1) // WIDE * WIDE
+        full = min((n + WIDE - 1) // WIDE * WIDE, LANES)  # in bounds the compiler sees
         fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
-        write_controls(setup, tables, around, h, scratch, full)
+        write_controls(setup, tables, around, B, h, scratch, full)
         if not begun:
             bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
-            inverse, begun = setup.inverse, True
             base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
-            run = RUN(h, start, stop, chosen, base)
+            run, begun = RUN(h, start, stop, chosen, base), True
         relax(h, f, a, full)
         draw(random, bits, f, full)
         move(h, B, f, a, full)
@@ -235,7 +220,7 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         for k in range(n if into.shape[0] > 0 else 0):
             record(into, k, start, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
-        if advance(h, tables.window, tables.wall_offset > 0.0, f, short, a, full) >= T:
+        if advance(h, tables.window, follows, f, short, a, full) >= T:
             n = end_late(setup, tables, run, n, scratch, paths)
 
 

@@ -1,4 +1,4 @@
-"""Cost of the clearance along one step of a guide, from static and from moving obstacles, with two derivatives.
+"""Walls next to guides: the cost of clearance along a step with two derivatives, and the wall drift of a point.
 
 A step leads from one position to another, and where its velocity changes by b, along the parabola that bows by b dt / 8
 from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) b dt / 2 with b = v_0 - v_1. Moving
@@ -7,17 +7,15 @@ obstacles count where they are when the step passes a point; each is a wall of i
 
 from __future__ import annotations
 
-import math
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import border, with_slope
+from pirrht.geometry.field import border, two_walls, with_slope
+from pirrht.geometry.world import NOTHING_MOVES, WALL, MovingKernels, with_walls
 from pirrht.jit.jit import borrowing, inlined, kernel
-from pirrht.moving.broad_phase import listing
-from pirrht.moving.distances import outside_of, piece_of, wall_of_body
-from pirrht.moving.exits import met_on_path
+from pirrht.proposals.tuning import TUNING
 
 STATIC = 6  # static walls at one place: two components and four sides of the border
 
@@ -44,13 +42,12 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     They are the two nearest components and the sides of the border; all at most STATIC.
     """
     count = 0
-    if border(field, x, y) < margin:
-        for side in range(4):
-            c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
-            if c < margin:
-                walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
-                walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
-                count += 1
+    for side in range(4 if border(field, x, y) < margin else 0):
+        c = (x - field.left, field.right - x, y - field.low, field.high - y)[side]
+        if c < margin:
+            walls[count, 0], walls[count, 1] = c, (1.0, -1.0, 0.0, 0.0)[side]
+            walls[count, 2] = (0.0, 0.0, 1.0, -1.0)[side]
+            count += 1
     for k in range(2):
         c, nx, ny = with_slope(field, field.nearest if k == 0 else field.second, x, y)
         if c >= margin:
@@ -60,67 +57,51 @@ def static_walls(field, margin, x, y, walls):  # type: ignore[no-untyped-def]
     return count
 
 
-@borrowing
-def moving_walls(traffic, margin, x, y, time, walls, count):  # type: ignore[no-untyped-def]
-    """Add moving obstacles nearer than `margin` [m] at a time [s] to `count` walls; return the new number."""
-    for j in range(traffic.J):
-        ox, oy, yaw, _, _, _, _ = piece_of(traffic, j, time)
-        if outside_of(traffic, j, ox, oy, x, y) >= margin:
-            continue
-        c, nx, ny, _, _ = wall_of_body(traffic, j, ox, oy, yaw, x, y)
-        if c >= margin:
-            continue
-        if nx == 0.0 and ny == 0.0:  # inside, away from its middle
-            size = math.sqrt((x - ox) * (x - ox) + (y - oy) * (y - oy)) + 1e-9
-            nx, ny = (x - ox) / size, (y - oy) / size
-        walls[count, 0], walls[count, 1], walls[count, 2] = c, nx, ny
-        count += 1
-    return count
-
-
 @cache
-def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
+def clearance_costs(moving: MovingKernels | None) -> tuple[Any, Any, Any]:
     """Build the kernels `scratch`, `cost` and `expand` of the clearance cost, with or without moving obstacles."""
+    among, (watch, _, moving_walls, *_) = moving is not None, moving or NOTHING_MOVES
 
     @kernel
     def scratch(setup):  # type: ignore[no-untyped-def]
-        """Allocate room for the walls at one place."""
-        return np.empty((STATIC + (setup.world.moving.J if moving else 0), 3))
+        """Allocate the walls at one place, and notes on moving obstacles."""
+        return np.empty((STATIC + setup.world.moving.J, WALL)), watch(setup.world.moving)
 
     @borrowing
-    def walls_at(setup, task, step, t, walls):  # type: ignore[no-untyped-def]
+    def walls_at(setup, task, step, t, space):  # type: ignore[no-untyped-def]
         """Write the walls at a share t of a step; return their number, and the weight of its bow there [s]."""
-        x, y, dx, dy, bx, by, begin, dt = step
+        (x, y, dx, dy, bx, by, begin, dt), (walls, notes) = step, space
         w = 0.5 * t * (1.0 - t) * dt
         at, to = x + t * dx + w * bx, y + t * dy + w * by
         count = static_walls(setup.world.field, task.margin, at, to, walls)
-        if moving:
-            count = moving_walls(setup.world.moving, task.margin, at, to, begin + t * dt, walls, count)
+        if among:
+            rows = walls[count:]
+            count += moving_walls(setup.world.moving, notes, at, to, begin + t * dt, task.margin, rows)[0]
         return count, w
 
     @borrowing
-    def cost(setup, task, step, points, walls):  # type: ignore[no-untyped-def]
+    def cost(setup, task, step, points, space):  # type: ignore[no-untyped-def]
         """Return the clearance cost of a step [cost] at some points, its end the last.
 
         A step is (x, y, dx, dy, bx, by, begin, dt): start and displacement [m], loss of velocity [m/s], times [s].
         """
-        total = 0.0
+        total, walls = 0.0, space[0]
         for k in range(1, points + 1):
-            count, _ = walls_at(setup, task, step, k / points, walls)
+            count, _ = walls_at(setup, task, step, k / points, space)
             for i in range(count):
                 total += barrier(walls[i, 0], task)[0]
         return task.price * total * step[7] / points
 
     @borrowing
-    def expand(setup, task, step, points, walls, g, H):  # type: ignore[no-untyped-def]
+    def expand(setup, task, step, points, space, g, H):  # type: ignore[no-untyped-def]
         """Differentiate `cost` in both positions and b: gradient to g (6,), Gauss-Newton Hessian to H (6, 6).
 
         Returns: whether there are any walls; otherwise nothing is written.
         """
-        found = False
+        found, walls = False, space[0]
         for k in range(1, points + 1):
             t = k / points
-            count, w = walls_at(setup, task, step, t, walls)
+            count, w = walls_at(setup, task, step, t, space)
             share, scale = (1.0 - t, t, w), task.price * step[7] / points
             for e in range(count):
                 if not found:
@@ -142,16 +123,33 @@ def clearance_costs(moving: bool) -> tuple[Any, Any, Any]:
     return scratch, cost, expand
 
 
-@kernel
-def touches(traffic, step, held, candidates):  # type: ignore[no-untyped-def]
-    """Check whether a step touches a moving obstacle.
+@cache
+def drift_along(moving: MovingKernels) -> Any:
+    """Build the kernel (setup, places (k, 2), times (k,), offset) of wall drift along a guide.
 
-    A step is (x, y, mx, my, turn, t, dt): both ends [m], its turn in all [rad], begin and duration [s]. `held` is from
-    earlier steps (`held_of`), `candidates` (J,) is scratch.
+    It returns the slope of log psi (k, 2) [1/m] by near walls of an offset [m], and its derivatives (k, 2, 2) [1/m^2],
+    at places [m] and at times [s] on the clock of moving obstacles.
     """
-    x, y, mx, my, turn, t, dt = step
-    length = math.sqrt((mx - x) ** 2 + (my - y) ** 2) * (1.0 + abs(turn)) + traffic.speed * dt
-    count = listing(traffic, x, y, t, length, held, candidates)
-    if t + dt > held[4]:
-        count = listing(traffic, x, y, t, math.inf, held, candidates)
-    return met_on_path(traffic, candidates, count, (x, y, mx, my, turn), t, dt, 1.0) <= 1.0
+    watch, near = moving.watch, moving.walls
+
+    @kernel
+    def drift(setup, places, times, offset):  # type: ignore[no-untyped-def]
+        k, notes, rows = places.shape[0], watch(setup.world.moving), np.zeros((setup.world.moving.J, WALL))
+        slopes, bends, within = np.zeros((k, 2)), np.zeros((k, 2, 2)), TUNING.drift_near * offset
+        for i in range(k):
+            x, y = places[i]
+            count, _ = near(setup.world.moving, notes, x, y, times[i], within, rows)
+            c, nx, ny, d, mx, my = with_walls(two_walls(setup.world.field, x, y), rows, count, 0.0)
+            for gap, wx, wy in ((c, nx, ny), (d, mx, my)):
+                least = max(float(gap), TUNING.drift_gap * offset)
+                push = offset / (least * (least + offset))
+                fall = -push * (1.0 / least + 1.0 / (least + offset))
+                slopes[i, 0] += push * wx
+                slopes[i, 1] += push * wy
+                bends[i, 0, 0] += fall * wx * wx
+                bends[i, 0, 1] += fall * wx * wy
+                bends[i, 1, 0] += fall * wx * wy
+                bends[i, 1, 1] += fall * wy * wy
+        return slopes, bends
+
+    return drift

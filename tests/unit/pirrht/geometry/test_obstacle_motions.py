@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pirrht.errors import SceneError
-from pirrht.geometry.motion import Motion, Mover
+from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Kind, Obstacle
 
 ROWS = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [3.0, 1.0, 2.0, 1.0]])
