@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pirrht.jit.jit import kernel
-from pirrht.jit.vectors import axpy, matvec, solve
+from pirrht.jit.vectors import axpy, blended, matvec, solve
 
 
 def drawn(*shape):
@@ -33,3 +33,13 @@ def test_small_systems_are_solved(m):
     A[0, 0] = 0.0 if m > 1 else 1.0  # a row that needs a pivot
     solve(A, Y, X)
     np.testing.assert_allclose(A @ X, Y, atol=1e-12)
+
+
+def test_numbers_are_blended_between_four_rows():
+    @kernel
+    def blend(first, second):
+        return blended(first.ctypes.data, second.ctypes.data, np.float32(0.25), np.float32(0.5), np.float32(0.75))
+
+    (a, b), (c, d) = first, second = drawn(2, 2, 4).astype(np.float32)
+    low, high = 0.75 * a + 0.25 * b, 0.5 * c + 0.5 * d
+    np.testing.assert_allclose(blend(first, second), low + 0.75 * (high - low), rtol=1e-6)
