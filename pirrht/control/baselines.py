@@ -1,11 +1,10 @@
 """Baselines: follow the best class only, and model predictive path integral control without references.
 
-*Best class.* Planners optimise one trajectory per topology and pick one of them. teb_local_planner (Roesmann, Hoffmann
-and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de Groot, Ferranti, Gavrila and Alonso-Mora, IEEE T-RO
-2025) optimise several homotopy classes and execute the cheapest. Here psi_h is the mean over the samples around
-reference h, each weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and the control is the mean of these samples. Both
-planners can favour the class followed so far: its cost is multiplied by `selection_cost_hysteresis` (1 by default) or
-by `selection_weights/consistency` (0.8 as T-MPC is configured).
+*Best class.* teb_local_planner (Roesmann, Hoffmann and Bertram, Robotics and Autonomous Systems 88, 2017) and T-MPC (de
+Groot, Ferranti, Gavrila and Alonso-Mora, IEEE T-RO 2025) optimise several homotopy classes and execute the cheapest.
+Here psi_h is the mean over the samples around reference h, each weighed by dP/dQ_h alone, v_h = -lambda log psi_h, and
+the control is the mean of these samples. Both planners can favour the class followed so far: its cost is multiplied by
+`selection_cost_hysteresis` (1 by default) or by `selection_weights/consistency` (0.8 as T-MPC is configured).
 
 *MPPI.* Williams, Wagener, Goldfain, Drews, Rehg, Boots and Theodorou, "Information theoretic MPC for model-based
 reinforcement learning" (ICRA 2017), Algorithm 2. Around the controls u_0 .. u_T-1 noise eps is drawn; a path costs
@@ -29,7 +28,7 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import ClassMemory, Policy
-from pirrht.control.prediction import Predictor
+from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.assembly import path_integral
@@ -115,7 +114,7 @@ class Mppi(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling | None = None, *, horizon: float = 3.0,
         terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
-        predict: Predictor | None = None, rng: np.random.Generator,
+        predict: ConstantVelocity | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         if not (np.isfinite(horizon) and horizon > 0):
             raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")

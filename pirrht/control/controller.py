@@ -12,7 +12,7 @@ from pirrht.control import proposals as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import Predictor
+from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.proposals import ProposalBuilder, plan_of
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
@@ -65,7 +65,7 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
-        homology: Homology | None = None, predict: Predictor | None = None, tuning: ControlTuning = TUNING,
+        homology: Homology | None = None, predict: ConstantVelocity | None = None, tuning: ControlTuning = TUNING,
         rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(

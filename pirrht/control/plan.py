@@ -232,11 +232,6 @@ class ClassMixture:
         """Return log psi of every class at state x (n,), s [s] after the plan [nats], up to a common constant."""
         return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
 
-    def with_classes(self, classes: Mapping[str, ClassLaw]) -> ClassMixture | None:
-        """Return the mixture of other classes; None without any."""
-        problem, state, push = self.problem, self.state, self.push
-        return ClassMixture(problem=problem, state=state, classes=classes, push=push) if classes else None
-
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
         """Return log psi (C,) and control (C, m) of the classes."""
         d, carried, free = self.problem.dynamics, self.state.copy(), self._controls(x, s)

@@ -12,7 +12,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import ClassMixture, Law, Plan
-from pirrht.control.prediction import Prediction, Predictor
+from pirrht.control.prediction import ConstantVelocity, Prediction
 from pirrht.control.settings import TimeBudget
 from pirrht.errors import OptionError
 from pirrht.estimation.estimate import Allocation
@@ -51,12 +51,11 @@ class ClassMemory:
 
     def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart], names: Mapping[str, str]) -> ClassMemory:
         """Return what remains among other obstacles, by present classes of paths that are free, and their names."""
-        mixture, before = self.mixture, self.allocation
+        before = self.allocation
         return ClassMemory(
             paths=kept(self.paths, heirs), optima=kept(self.optima, heirs),
             sampled={heirs[one] for one in self.sampled & heirs.keys()},
             allocation=Allocation(kept(before.contribution, names), kept(before.shares, names)),
-            mixture=None if mixture is None else mixture.with_classes(kept(mixture.classes, names)),
             followed=names.get(self.followed or ""),
         )  # fmt: skip
 
@@ -147,7 +146,7 @@ class Policy(ABC):
     path_integral: PathIntegral  # sampler of the problem
     homology: Homology  # classes of references and runs
     tree: HomologyTree | None = None  # None: it needs none
-    predict: Predictor | None = None  # None: motions are known
+    predict: ConstantVelocity | None = None  # None: motions are known
     run: RunState  # of the run under way
 
     @property

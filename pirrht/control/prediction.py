@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -32,20 +31,6 @@ class Prediction:
     homology: Homology
     tree: HomologyTree | None  # None: none is required
     since: float  # when its clock starts, on that of the run [s]
-
-
-class Predictor(Protocol):
-    """Predicts moving obstacles."""
-
-    def begin(self) -> None:
-        """Forget the last prediction; a new run begins."""
-
-    def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
-        """Return the prediction for a robot at x (n,) that has seen all until `seen` [s].
-
-        Args:
-            enough: whether time is too short to grow a tree of so many vertices further; None: it never is.
-        """
 
 
 class ConstantVelocity:
@@ -74,7 +59,11 @@ class ConstantVelocity:
         self._last = None
 
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
-        """Return the prediction for a robot at x (n,) that has seen all until `seen` [s]."""
+        """Return the prediction for a robot at x (n,) that has seen all until `seen` [s].
+
+        Args:
+            enough: whether time is too short to grow a tree of so many vertices further; None: it never is.
+        """
         if self._last is None or not self._holds(self._last, seen):
             movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
             start = np.array([x[0], x[1], self.space.scene.start[2]])

@@ -11,7 +11,6 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
-from pirrht.proposals.guidance import DDPGuidance
 from pirrht.rollouts.backend import Backend
 from pirrht.rollouts.cpu import Cpu, setup_of
 from pirrht.rollouts.tables import PredictedWorld, Snapshot
@@ -34,8 +33,6 @@ def path_integral(
     classes = homology_of(problem, space) if homology is None else homology
     world = PredictedWorld(Snapshot(setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
-    guided = sampling.guide == "feedback" and DDPGuidance.suits(problem)
-    guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
-    proposals = ProposalFactory(problem, space, sampling, world, guidance)
+    proposals = ProposalFactory(problem, space, sampling, world)
     simulates = Cpu.of(problem, space.world, threads, fitted=sampling.fitted) if backend is None else backend
     return PathIntegral(proposals, simulates, threads=threads, terminal_cost=terminal_cost)

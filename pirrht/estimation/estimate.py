@@ -9,6 +9,7 @@ counts are fixed before the samples of a plan are drawn, so the estimate of psi 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,8 +20,8 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.tuning import TUNING
-from pirrht.estimation.weights import centred, deviation, grouped, heavy, tail_shape
+from pirrht.estimation.sampling import TUNING
+from pirrht.estimation.weights import deviation, heavy, tail_shape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
@@ -53,9 +54,6 @@ class Rollouts:
     def size(self) -> int:
         """Number S of samples."""
         return len(self.log_weight)
-
-    def __repr__(self) -> str:
-        return f"Rollouts({self.size} samples from {formatting.vector(self.x0)})"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -158,34 +156,38 @@ def weigh(
     if len(parts) > 1:
         paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
     log_weight = np.concatenate([part.log_weight for part in parts])
-    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
-    top = float(log_weight.max())
+    top, H = float(log_weight.max()), len(parts[0].tables.first) - 1
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
         raise NoSurvivingSample(collisions=lost[0], timeouts=lost[1])
     relative = np.exp(log_weight - top)
     total = float(relative.sum())
-    weight = relative / total
-    log_psi = top + float(np.log(total)) - float(np.log(len(log_weight)))
-    names = [*(classes or {}).values(), OTHER]
-    groups = grouped(weight, paths.key, [*(classes or {})], paths.now, paths.span)
-    span = max(float(groups.span.sum()), 1e-300)
-    control = groups.control.sum(axis=0) / span
-    errors = deviation(centred(weight, paths.now, paths.span, control), first, parts[0].tables.mirrored)
+    weight, log_psi = relative / total, top + float(np.log(total)) - float(np.log(len(log_weight)))
+    keys, names = [*(classes or {})], [*(classes or {}).values(), OTHER]
+    group = np.full(len(weight), len(keys))  # class of each sample
+    for g, key in enumerate(keys):
+        group[paths.key == key] = g
+    times_weight = (np.ones(()), weight, paths.span, *paths.now.T)
+    shares, squares, spans, *sums = (np.bincount(group, weight * one, len(names)) for one in times_weight)
+    controls, span = np.stack(sums, axis=1), max(float(spans.sum()), 1e-300)
+    control = controls.sum(axis=0) / span
+    # Terms of psi and, to first order (delta method), of the control.
+    terms = np.column_stack([weight, weight[:, None] * (paths.now - paths.span[:, None] * control)])
+    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
+    errors = deviation(terms, first, parts[0].tables.mirrored)
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))
-    drawn_around = np.array([float(weight[a:b].sum()) for a, b in zip(first[:-1], first[1:], strict=True)])
-    drawn_around = drawn_around.reshape(len(parts), -1).sum(axis=0)
-    end = np.cumsum([part.size for part in parts])
+    pieces = [float(weight[a:b].sum()) for a, b in itertools.pairwise(first)]
+    drawn_around = np.reshape(pieces, (len(parts), H)).sum(axis=0)
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
-    ess = groups.weight**2 / np.maximum(groups.square, 1e-300)
-    means = groups.control / np.maximum(groups.span, 1e-300)[:, None] + (free - control)
+    ess, begin = shares**2 / np.maximum(squares, 1e-300), sum(part.size for part in parts[:shown])
+    means = controls / np.maximum(spans, 1e-300)[:, None] + (free - control)
     return Estimate(
         control=free + drawn_around @ parts[0].rise + walls.push, log_psi=log_psi,
         value=-problem.temperature * log_psi, value_error=problem.temperature * float(errors[0]),
         control_error=np.hypot(errors[1:] / span, unresolved), ess=float(1.0 / np.sum(weight**2)),
-        weight=weight[end[shown] - parts[shown].size : end[shown]],
-        class_weights=dict(zip(names, groups.weight.tolist(), strict=True)),
+        weight=weight[begin : begin + parts[shown].size],
+        class_weights=dict(zip(names, shares.tolist(), strict=True)),
         class_ess=dict(zip(names, ess.tolist(), strict=True)), class_controls=dict(zip(names, means, strict=True)),
         proposal_weights=drawn_around.tolist(), survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=parts[shown], parts=tuple(parts), walls=walls,
@@ -226,26 +228,20 @@ class Allocation:
             predicted: log psi of each, (H,) [nats].
             worth: whether each is worth more than the fewest samples, (H,).
         """
-        N, t = samples, self.tuning
-        least = min(N, max(t.fewest, math.ceil(t.least * N)))
-        chosen = np.asarray(worth) if any(worth) else np.ones(len(names), dtype=np.bool_)
-        number = np.full(len(names), min(N, t.fewest))
-        some = [name for name, one in zip(names, chosen, strict=True) if one]
-        number[chosen] = self._shared(some, np.asarray(predicted)[chosen], N * len(some), least)
-        return [int(n) for n in number]
-
-    def _shared(self, names: Sequence[str], predicted: Array, total: int, least: int) -> Array:
-        """Distribute a total number of samples, at least so many each, (l,)."""
-        known = [self.contribution[name] for name in names if name in self.contribution]
-        usual = float(np.mean(known)) if known else 0.0
+        t, chosen = self.tuning, [k for k in range(len(names)) if worth[k] or not any(worth)]
+        fewest, least = min(samples, t.fewest), min(samples, max(t.fewest, math.ceil(t.least * samples)))
+        known = [self.contribution[names[k]] for k in chosen if names[k] in self.contribution]
+        usual, promise = np.mean(known) if known else 0.0, np.asarray(predicted)[chosen]
+        raw = np.ones(len(chosen))
         if usual > 0.0:
-            raw = np.array([self.contribution.get(name, usual) for name in names])
-        else:
-            raw = np.exp(predicted - predicted.max()) if np.isfinite(predicted).all() else np.ones(len(names))
-        exact = least + (total - least * len(names)) * raw / raw.sum()
-        number: Array = np.floor(exact)
-        number[np.argsort(number - exact, kind="stable")[: total - int(number.sum())]] += 1
-        return number
+            raw = np.array([self.contribution.get(names[k], usual) for k in chosen])
+        elif np.isfinite(promise).all():
+            raw = np.exp(promise - promise.max())
+        exact = least + (samples - least) * len(chosen) * raw / raw.sum()
+        number, counts = np.floor(exact), np.full(len(names), fewest)
+        number[np.argsort(number - exact, kind="stable")[: samples * len(chosen) - int(number.sum())]] += 1
+        counts[chosen] = number
+        return [int(n) for n in counts]
 
     def split(self, proposals: Sequence[Proposal], second: Callable[[int], ProposalControl | None]) -> list[Proposal]:
         """Give some samples of the k-th class to its `second(k)` proposal, if that is not None."""

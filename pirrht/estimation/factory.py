@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
@@ -10,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.tuning import TUNING, EstimationTuning
+from pirrht.estimation.sampling import TUNING, EstimationTuning, Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
@@ -51,19 +51,22 @@ class ProposalFactory:
 
     def __init__(
         self, problem: Problem, space: FreeSpace, sampling: Sampling, world: PredictedWorld,
-        guidance: DDPGuidance | None, tuning: EstimationTuning = TUNING,
+        tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
-        self.problem, self.space, self.sampling, self.world = problem, space, sampling, world
-        self.guidance, self.tuning, d = guidance, tuning, problem.dynamics
-        start, feedback = d.state_of(problem.scene.start), sampling.guide == "feedback"
+        self.problem, self.space, self.sampling, self.world, self.tuning = problem, space, sampling, world, tuning
+        d, start, feedback = (
+            problem.dynamics,
+            problem.dynamics.state_of(problem.scene.start),
+            sampling.guide == "feedback",
+        )
+        self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
+        guided = feedback and DDPGuidance.suits(problem)
+        self.guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
         self.pointlike = feedback and d.n == d.m == 2
         self.climbs = feedback and d.even and not world.moving
         self.climbs_too = world.moving and self.pointlike and d.even
         self._everywhere = Scales.of(problem, start) if d.constant and not callable(problem.R) else None
         self.set_back, self._soft = self._set_back(start)
-        self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
-        self._drifts = self.climbs or (guidance is not None and guidance.gated)
-        self._law_width = 0 if guidance is None else guidance.law_width
         self._last: tuple[tuple[Any, ...], float, ProposalTables | None] = (), 0.0, None
 
     @cached_property
@@ -91,17 +94,15 @@ class ProposalFactory:
             drops: whether classes of less than exp(-hopeless) of another's predicted psi get control sequences.
         """
         found: list[ProposalControl] = []
-        goal, most = self.space.scene.goal, -math.inf
+        goal, most, decay = self.space.scene.goal.center, -math.inf, self.scales(x).decay
         for trajectory in trajectories:
-            least, predicted = most - self.tuning.hopeless if drops else -math.inf, -math.inf
-            control: ProposalControl | None = None
-            if self.climbs and -self.scales(x).decay * trajectory.length >= least:  # log psi without walls
-                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal.center]))
-                predicted = control.promise
-            if control is None or predicted < least:
-                control = Tape(times, trajectory.tape(times), predicted)
-            found.append(control)
-            most = max(most, predicted)
+            least, control = most - self.tuning.hopeless if drops else -math.inf, None
+            if self.climbs and -decay * trajectory.length >= least:  # log psi without walls
+                control = self.climbing(x, np.vstack([trajectory.path.start[1:, :2], goal]))
+            promise = -math.inf if control is None else control.promise
+            worth = control is not None and promise >= least
+            found.append(control if worth and control else Tape(times, trajectory.tape(times), promise))
+            most = max(most, promise)
         return found
 
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
@@ -148,14 +149,14 @@ class ProposalFactory:
             moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
-    def scales(self, x: Array) -> Scales:
-        """Return the scales at x (n,), which are constant if G, B and R are."""
-        return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
-
     def _clearance(self, x: Array, time: float) -> float:
         """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
         world = self.world.setup.world
         return world.clearance(x[0], x[1], time) if self.world.moving else float(clearance(world.field, x[0], x[1]))
+
+    def scales(self, x: Array) -> Scales:
+        """Return the scales at x (n,), which are constant if G, B and R are."""
+        return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
 
     def _from_goal(self, x: Array) -> Array:
         """Return the distances of x (..., n) from the goal's disc, (...) [m], negative inside."""
@@ -180,7 +181,7 @@ class ProposalFactory:
         """Return the tables of a batch in the predicted world; other numbers of samples alone reuse the last ones."""
         key = self.world.snapshot, batch.state, batch.times, *(one.lead for one in batch.proposals)
         before, time, tables = self._last
-        alike = len(key) == len(before) and all(one is other for one, other in zip(key, before, strict=True))
+        alike = len(key) == len(before) and all(map(operator.is_, key, before))
         if tables is None or not alike or time != batch.time:
             tables = self._packed(batch)
         self._last = key, batch.time, tables
@@ -188,6 +189,7 @@ class ProposalFactory:
 
     def _packed(self, batch: Batch) -> ProposalTables:
         (setup, homology), x, times, d = self.world.snapshot, batch.state, batch.times, self.problem.dynamics
+        guidance, drifts = self.guidance, self.climbs or (self.guidance is not None and self.guidance.gated)
         H, T, m = len(batch.proposals), len(times) - 1, d.m
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         scales, moving = self.scales(x), self.world.moving
@@ -195,12 +197,12 @@ class ProposalFactory:
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
-            ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if self._drifts else 0.0,
+            ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
             set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
-            law=np.zeros((H, T * FINER, self._law_width)), law_length=np.zeros(H, np.int64),
+            law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time),
             law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip

@@ -13,23 +13,23 @@ time limit does so as far as the time that samples take depends on their outcome
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
-from pirrht.estimation.tuning import TUNING, EstimationTuning
+from pirrht.estimation.sampling import TUNING, EstimationTuning
 from pirrht.estimation.weights import log_weights, normalised
 from pirrht.jit.jit import over_ranges
 from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import Backend
-from pirrht.rollouts.tables import Chosen, Origin, Paths, Setup, Snapshot
+from pirrht.rollouts.tables import Chosen, Origin, Setup, Snapshot
 
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
@@ -43,11 +43,11 @@ class Replay(NamedTuple):
 
     backend: Backend
 
-    def trace(self, rollouts: Rollouts, chosen: NDArray[np.int64]) -> tuple[Array, NDArray[np.int64]]:
+    def trace(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, IntArray]:
         """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
         return self.backend.trace(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
 
-    def tapes(self, rollouts: Rollouts, groups: Sequence[NDArray[np.bool_]]) -> tuple[Array, Array, Array]:
+    def tapes(self, rollouts: Rollouts, groups: Sequence[BoolArray]) -> tuple[Array, Array, Array]:
         """Return open-loop controls of groups of samples, with weights normalised within each group.
 
         Args:
@@ -70,9 +70,8 @@ class Replay(NamedTuple):
         top = max(float(part.log_weight.max()) for part in parts)
         share = np.array([float(np.exp(part.log_weight - top).sum()) for part in parts])
         share /= share.sum()
-        tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)])[:2] for part in parts]
-        tape = sum(w * one[0] for w, (one, _) in zip(share, tapes, strict=True))
-        alive = sum(w * one[0] for w, (_, one) in zip(share, tapes, strict=True))
+        tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)]) for part in parts]
+        tape, alive = (sum(w * one[k][0] for w, one in zip(share, tapes, strict=True)) for k in (0, 1))
         return np.asarray(tape), np.asarray(alive)
 
 
@@ -96,12 +95,8 @@ class PathIntegral:
         self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
         self.threads, self.terminal_cost, self.tuning = threads, terminal_cost, tuning
         self.problem, self.sampling, self.guidance = proposals.problem, proposals.sampling, proposals.guidance
+        self.space: FreeSpace = proposals.space
         self.temperature = self.problem.temperature
-
-    @property
-    def space(self) -> FreeSpace:
-        """The free space."""
-        return self.proposals.space
 
     @property
     def setup(self) -> Setup:
@@ -123,13 +118,10 @@ class PathIntegral:
         world = self.setup.world._replace(moving=moving)
         self.proposals.world.snapshot = Snapshot(self.setup._replace(world=world), homology)
 
-    def warm_up(self) -> None:
+    def warm_up(self, *, guides: bool = True) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""
-        self.proposals.warm_up()
-        self.warm_up_samples()
-
-    def warm_up_samples(self) -> None:
-        """Compile the kernels of sampling, weighing and tracing."""
+        if guides:
+            self.proposals.warm_up()
         d = self.problem.dynamics
         x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)
@@ -159,28 +151,21 @@ class PathIntegral:
         paths, rise = self.backend.sample(setup, tables, origin), np.zeros((len(batch.proposals), m))
         if self.guidance is not None:
             rise[:] = [tables.law_weight * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
-        rollouts = Rollouts(
-            setup=setup, origin=origin, tables=tables, paths=paths, log_weight=np.empty(len(paths.work)), rise=rise
-        )
-        ended = paths if self.terminal_cost is None else self._completed(rollouts, self.terminal_cost)
+        log_weight = np.empty(len(paths.work))
+        rollouts = Rollouts(setup=setup, origin=origin, tables=tables, paths=paths, log_weight=log_weight, rise=rise)
+        ended, under_way = paths, np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
+        if self.terminal_cost is not None and len(under_way) > 0:  # as if they had arrived
+            cost, outcome = paths.work.copy(), paths.outcome.copy()
+            cost[under_way] += self.terminal_cost(self.replay.trace(rollouts, under_way)[0][:, -1])
+            outcome[under_way] = Outcome.GOAL
+            ended = paths._replace(work=cost, outcome=outcome)
 
         def work(start: int, stop: int) -> None:
             part = slice(start, stop)
-            rollouts.log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, tables.first, part)
+            log_weight[part] = log_weights(self.problem, self.sampling.weights, ended, tables.first, part)
 
         over_ranges(work, rollouts.size, self.threads if rollouts.size >= self.tuning.parallel else 1)
         return rollouts
-
-    def _completed(self, rollouts: Rollouts, terminal_cost: Callable[[Array], Array]) -> Paths:
-        """Charge paths that are under way at the end of the grid their terminal cost, as if they had arrived."""
-        paths = rollouts.paths
-        under_way = np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
-        if len(under_way) == 0:
-            return paths
-        work, outcome = paths.work.copy(), paths.outcome.copy()
-        work[under_way] += terminal_cost(self.replay.trace(rollouts, under_way)[0][:, -1])
-        outcome[under_way] = Outcome.GOAL
-        return paths._replace(work=work, outcome=outcome)
 
     def estimate(self, *parts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
         """Weigh the samples of batches from one state (n,) together: v [cost], u (m,) and their errors.
@@ -191,8 +176,8 @@ class PathIntegral:
         Raises:
             NoSurvivingSample: no sample has any weight.
         """
-        first = parts[0]
-        return weigh(self.problem, parts, self.proposals.near_walls(first.tables, first.x0, first.origin.time), classes)
+        walls = self.proposals.near_walls(parts[0].tables, parts[0].x0, parts[0].origin.time)
+        return weigh(self.problem, parts, walls, classes)
 
     def sample(
         self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0
@@ -216,37 +201,30 @@ class PathIntegral:
             own = np.random.SeedSequence([seed, len(parts)]).generate_state(1, np.uint64)[0] >> np.uint64(1)
             parts.append(self.rollout(batch.counting(counts.tolist()), int(own) if parts else seed))
 
-        if left is None:
-            draw(1.0)
-        else:
-            part, before = tuning.first_round if self.moving else 1.0, left()
-            draw(part, fewest=1)
-            self._fill(left, (before - left()) / part, part, float(number.sum()), draw)
-        drawn, most = 1.0, max(1.0, settings.most / settings.samples)
-        while settings.target is not None and drawn < most and not self._so_far(parts)[0] <= settings.target:
-            more = min(drawn, most - drawn)
+        most = tuning.most / max(1.0, float(number.sum()))
+        first = tuning.first_round if left is not None and self.moving else 1.0
+        begun = math.inf if left is None else left()
+        draw(first, fewest=0 if left is None else 1)
+        if left is not None:
+            more, drawn, now = first, first, left()
+            while drawn < most:
+                more = min(2.0 * drawn, most - drawn, tuning.filled * now * more / max(begun - now, 1e-6))
+                if more < first:  # as few as that are not worth their overhead
+                    break
+                draw(more)
+                drawn, begun, now = drawn + more, now, left()
+        drawn, limit = 1.0, max(1.0, settings.most / settings.samples)
+        while settings.target is not None and drawn < limit and not self._so_far(parts)[0] <= settings.target:
+            more = min(drawn, limit - drawn)
             draw(more, fewest=1)
             drawn += more
-        most = min(tuning.first_plan, tuning.most / max(1.0, float(number.sum())))
+        most = min(tuning.first_plan, most)
         enough = 2 if least <= 0.0 or self._so_far(parts)[1] >= least else 0
         while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
             draw(drawn)
             drawn *= 2.0
             enough = enough + 1 if self._so_far(parts)[1] >= least else 0
         return self.estimate(*parts, classes=batch.named)
-
-    def _fill(
-        self, left: Callable[[], float], duration: float, drawn: float, number: float, draw: Callable[[float], None]
-    ) -> None:
-        """Draw rounds while time is left; `drawn` times `number` samples are there, of `duration` [s] per `number`."""
-        least, most = drawn, self.tuning.most / number
-        while drawn < most:
-            before = left()
-            more = min(2.0 * drawn, most - drawn, self.tuning.filled * before / max(duration, 1e-6))
-            if more < least:  # as few as that are not worth their overhead
-                return
-            draw(more)
-            duration, drawn = (before - left()) / more, drawn + more
 
     def _so_far(self, parts: Sequence[Rollouts]) -> tuple[float, float]:
         """Return the control's largest standard error [control] and effective samples; inf and 0 without survivors."""

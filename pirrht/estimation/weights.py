@@ -1,4 +1,4 @@
-"""Weights of samples: the rules that make them, their sums by class, standard errors and tails.
+"""Weights of samples: the rules that make them, standard errors and tails.
 
 Weights stay logarithms until they are normalised: phi/lambda can exceed a million.
 
@@ -10,23 +10,17 @@ little towards 1/2.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
-from pirrht.arrays import Array
-from pirrht.estimation.tuning import TUNING, EstimationTuning
+from pirrht.arrays import Array, IntArray
+from pirrht.estimation.sampling import TUNING, EstimationTuning
 from pirrht.jit.jit import kernel
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.tables import Paths
 
 
-def log_weights(
-    problem: Problem, rule: str, paths: Paths, first: NDArray[np.int64], part: slice = slice(None)
-) -> Array:
+def log_weights(problem: Problem, rule: str, paths: Paths, first: IntArray, part: slice = slice(None)) -> Array:
     """Return the logarithm of each sample's contribution to psi, (S,) [nats], or of a part of them.
 
     Mixture weight of a sample with cost S from N_g samples of each proposal Q_g: exp(-S / lambda) / sum_g (N_g / N)
@@ -34,11 +28,10 @@ def log_weights(
 
     Args:
         rule: one of WEIGHTS; "average" is the paper's (sections III-B and IV-C). Under "biased" samples weigh by their
-            cost alone, whatever drew them (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
+            cost alone (Trevisan and Alonso-Mora, IEEE RA-L 2024): no estimate of psi.
         first: (H+1,) first sample of each reference; the last entry is S.
     """
-    number = np.diff(first)
-    H, S = len(number), int(first[-1])
+    number, S = np.diff(first), int(first[-1])
     outcome = paths.outcome[part]
     log_weight = paths.log_survival[part] - paths.work[part] / problem.temperature
     log_weight[outcome == Outcome.COLLISION] -= problem.phi / problem.temperature
@@ -46,20 +39,15 @@ def log_weights(
         samples = np.arange(S)[part]
         own = np.searchsorted(first, samples, side="right") - 1
         # The paper averages H estimators; with unequal counts each sample stands for S / (H N_h) of them.
-        log_weight += np.log(S / (H * number[own])) - paths.log_ratio[samples, own]
+        log_weight += np.log(S / (len(number) * number[own])) - paths.log_ratio[samples, own]
     elif rule != "biased":
-        log_weight -= _log_mean(paths.log_ratio[part], number / S)
+        ratio = paths.log_ratio[part]
+        top = ratio[:, 0].copy()
+        for column in ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
+            np.maximum(top, column, out=top)
+        log_weight -= top + np.log(np.einsum("sh,h->s", np.exp(ratio - top[:, None]), number / S))
     log_weight[outcome == Outcome.TIMEOUT] = -np.inf
     return log_weight
-
-
-def _log_mean(log_ratio: Array, share: Array) -> Array:
-    """log sum_g share_g exp(log_ratio_g), row by row."""
-    top = log_ratio[:, 0].copy()
-    for column in log_ratio.T[1:]:  # few and long: several times as fast as a maximum along the rows
-        np.maximum(top, column, out=top)
-    mean: Array = top + np.log(np.einsum("sh,h->s", np.exp(log_ratio - top[:, None]), share))
-    return mean
 
 
 def normalised(log_weight: Array) -> tuple[Array, float]:
@@ -103,35 +91,6 @@ def _pareto(x: Array) -> float:
     return float(np.mean(np.log1p(-best * x)))
 
 
-class Groups(NamedTuple):
-    """Sums over the samples of each of G groups."""
-
-    weight: Array  # (G,) sum of weights
-    square: Array  # (G,) of weights
-    control: Array  # (G, m) weight times control now
-    span: Array  # (G,) weight times the time that the control now is a mean over [s]
-
-
-def grouped(weight: Array, key: NDArray[np.int64], keys: Sequence[int], now: Array, span: Array) -> Groups:
-    """Sum samples of controls `now` (S, m) over `span` (S,) [s] by key: one group per `keys`, the last for others."""
-    group = np.full(len(key), len(keys))
-    for g, one in enumerate(keys):
-        group[key == one] = g
-
-    def total(values: Array) -> Array:
-        return np.asarray(np.bincount(group, weight * values, len(keys) + 1), dtype=float)
-
-    return Groups(total(np.ones(())), total(weight), np.stack([total(one) for one in now.T], axis=1), total(span))
-
-
-def centred(weight: Array, now: Array, span: Array, control: Array) -> Array:
-    """Return each sample's terms of psi and, to first order (delta method), of the control, (S, 1+m).
-
-    Args: weights (S,), the control now integrated over a time, (S, m), that time (S,) [s], and the control (m,).
-    """
-    return np.column_stack([weight, weight[:, None] * (now - span[:, None] * control)])
-
-
 @kernel
 def scatter(terms, first, step, outlying):  # type: ignore[no-untyped-def]
     """Return standard deviations (k,) of sums of terms (S, k), those from first[h] on being identically distributed.
@@ -161,7 +120,7 @@ def scatter(terms, first, step, outlying):  # type: ignore[no-untyped-def]
     return np.sqrt(variance + outlying * largest)
 
 
-def deviation(terms: Array, first: NDArray[np.int64], paired: bool, tuning: EstimationTuning = TUNING) -> Array:
+def deviation(terms: Array, first: IntArray, paired: bool, tuning: EstimationTuning = TUNING) -> Array:
     """Return standard deviations (k,) of sums of terms (S, k), independent or in antithetic pairs (`scatter`)."""
     spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1, tuning.outlying)
     return spread

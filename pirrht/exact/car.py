@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Frame, Progress, frame_at, ignore_progress, in_goal, interpolate, polynomial
+from pirrht.exact.grid import TUNING, Frame, frame_at, in_goal, interpolate, polynomial
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -64,10 +64,8 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return h
 
 
-def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
-) -> Headings:
-    """Solve for log psi of a car at a spacing [m], dt unused; OptionError if sweeps do not settle."""
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> Headings:
+    """Solve for log psi of a car at a spacing [m]; OptionError if sweeps do not settle."""
     d, scene = problem.dynamics, space.scene
     assert isinstance(d, Unicycle)
     assert not callable(problem.q)

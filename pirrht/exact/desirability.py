@@ -58,9 +58,7 @@ class Solver(Protocol):
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
         """Return the requested spacing [m], or a default; refuses a grid that is too fine or too coarse."""
 
-    def grid_of(
-        self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
-    ) -> Any:
+    def grid_of(self, problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress) -> Any:
         """Solve for a spacing [m] and a step dt [s] or none; `progress` gets the share done if it takes long."""
 
 

@@ -22,10 +22,8 @@ from pirrht.exact.grid import (
     Domain,
     Equation,
     Frame,
-    Progress,
     affordable,
     frame_at,
-    ignore_progress,
     in_goal,
     indices,
     interpolate,
@@ -54,9 +52,7 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
     return affordable(space.scene, default if spacing is None else spacing, reason, ", a longer step dt")
 
 
-def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
-) -> Lattice:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, *_: object) -> Lattice:
     """Solve for log phi with steps of dt [s] and a spacing [m]; OptionError if it does not settle."""
     assert dt is not None
     equation, domain = Equation.of(problem), Domain.of(space)

@@ -30,7 +30,6 @@ from pirrht.exact.grid import (
     Progress,
     affordable,
     frame_at,
-    ignore_progress,
     in_goal,
     largest_change,
 )
@@ -142,9 +141,7 @@ def _plan(problem: Problem, scene: Scene, spacing: float) -> tuple[Timetable, fl
     return table, longest, thinning
 
 
-def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
-) -> Frames:
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress) -> Frames:
     """Solve in continuous time on a grid of this spacing [m]; dt is none.
 
     Calls `progress` with the share of the steps that is done, anew for every period. OptionError as of `spacing_for`,

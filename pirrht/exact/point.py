@@ -25,18 +25,7 @@ from scipy.special import hyp0f1
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import (
-    TUNING,
-    Domain,
-    Equation,
-    Frame,
-    Progress,
-    affordable,
-    frame_at,
-    ignore_progress,
-    in_goal,
-    indices,
-)
+from pirrht.exact.grid import TUNING, Domain, Equation, Frame, affordable, frame_at, in_goal, indices
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
@@ -47,33 +36,25 @@ CLOSE = 1e-7  # of that end [m]
 
 
 def ends_of_arms(
-    domain: Domain, points: Array, free_by: Array, rows: IntArray, heads: Array, spacing: float
+    domain: Domain, points: Array, rows: IntArray, heads: Array, spacing: float
 ) -> tuple[Array, BoolArray]:
-    """End arms of points (K, 2), free by (K,), towards heads (k, 2) at walls or rim: ends (k, 2) [m], if at the rim.
+    """End arms of points (K, 2) towards heads (k, 2) at walls or rim: ends (k, 2) [m], if at the rim.
 
     `rows` (k,) are the points that arms belong to, `spacing` is h [m].
     """
-    tails, room = points[rows], free_by[rows]
-    ends, at_goal = _cut(domain, tails, room, heads)
-    short = ~at_goal & (np.hypot(*(ends - tails).T) < TUNING.hug * spacing)
+    ends, at_goal = _cut(domain, points[rows], heads)
+    short = ~at_goal & (np.hypot(*(ends - points[rows]).T) < TUNING.hug * spacing)
     hugging = np.unique(rows[short])
-    again = np.isin(rows, hugging)
-    which = np.searchsorted(hugging, rows[again])
-    beside, beside_by = _off_walls(domain, points[hugging], spacing)
-    ends[again], at_goal[again] = _cut(domain, beside[which], beside_by[which], heads[again])
+    again, around = np.isin(rows, hugging), points[hugging, None] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
+    free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
+    best = np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
+    beside = around[np.searchsorted(hugging, rows[again]), best[np.searchsorted(hugging, rows[again])]]
+    ends[again], at_goal[again] = _cut(domain, beside, heads[again])
     return ends, at_goal
 
 
-def _off_walls(domain: Domain, points: Array, spacing: float) -> tuple[Array, Array]:
-    """Find places half an arm from points (j, 2) with most clearance, (j, 2) and (j,) [m]; spacing h [m]."""
-    around = points[:, None, :] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
-    free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
-    best = np.arange(len(points)), np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
-    return around[best], free_by[best]
-
-
-def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Array, BoolArray]:
-    """Cut lines from tails, free by (k,) [m], to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
+def _cut(domain: Domain, tails: Array, heads: Array) -> tuple[Array, BoolArray]:
+    """Cut lines from free tails to heads at a wall or the rim, 3 x (k, 2) [m]; tell if at the rim."""
     clearance, goal = domain.clearance, domain.goal
     span = heads - tails
     full = np.hypot(*span.T)
@@ -86,16 +67,16 @@ def _cut(domain: Domain, tails: Array, free_by: Array, heads: Array) -> tuple[Ar
     at_head = clearance(heads)
     to_wall, crosses = np.where(at_head <= CLOSE, full, np.inf), np.flatnonzero(at_head < 0.0)
     if len(crosses) > 0:
-        ends = np.zeros(len(crosses)), full[crosses]
-        to_wall[crosses] = find_root(
-            lambda t, k: clearance(tails[k] + t[:, None] * unit[k]), ends, args=(crosses,), tolerances={"fatol": CLOSE}
-        ).x
+        root = find_root(
+            lambda t, k: clearance(tails[k] + t[:, None] * unit[k]), (np.zeros(len(crosses)), full[crosses]),
+            args=(crosses,), tolerances={"fatol": CLOSE},
+        )  # fmt: skip
+        to_wall[crosses] = np.nan_to_num(root.x)
     length = np.clip(np.minimum(to_rim, to_wall), CLOSE, full)
     return tails + length[:, None] * unit, to_rim <= to_wall
 
 
 ComplexArray = NDArray[np.complex128]
-
 WHOLE = ARMS @ np.array([1.0, 1j])  # arms as x + iy
 
 
@@ -122,10 +103,8 @@ def default_spacing(problem: Problem, scene: Scene) -> float:
     return min(TUNING.point_lengths / Equation.of(problem).wavenumber, TUNING.point_radii * scene.robot_radius)
 
 
-def grid_of(
-    problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress = ignore_progress
-) -> Expansion:
-    """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients; dt is unused."""
+def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> Expansion:
+    """Solve in continuous time on a grid of this spacing [m], (K, 8) coefficients."""
     equation = Equation.of(problem)
     return solve(Domain.of(space), wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
 
@@ -149,7 +128,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     neighbour, arms, log_end = number[flat], np.broadcast_to(WHOLE, flat.shape).copy(), np.zeros(flat.shape)
     cut = neighbour < 0
     rows, heads = np.nonzero(cut)[0], points[flat[cut]]
-    ends, at_goal = ends_of_arms(domain, points[free], free_by[free], rows, heads, spacing)
+    ends, at_goal = ends_of_arms(domain, points[free], rows, heads, spacing)
     arms[cut] = (ends - points[free][rows]) @ [1.0, 1j] / spacing
     log_end[cut] = np.where(at_goal, 0.0, -wall)
     s = _lengths(neighbour, spacing * np.abs(arms), log_end, wavenumber)
@@ -239,16 +218,13 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
             term[n] *= t / (j * (n + j))
             e[n] += term[n]
         j += 1.0
-    z = complex(u, v)
-    z2 = z * z
-    z3 = z2 * z
-    c1, c2, c3 = complex(c[1], -c[2]), complex(c[3], -c[4]), complex(c[5], -c[6])
-    total = c[0] * e[0] + (c1 * z).real * e[1] + (c2 * z2).real * e[2] + (c3 * z3).real * e[3]
-    total += c[7] * (z2 * z2).real * e[4]
-    # The derivative along z lowers the order by one, that along its conjugate raises it.
-    down = c1 * e[0] + 2.0 * c2 * z * e[1] + 3.0 * c3 * z2 * e[2] + 4.0 * c[7] * z3 * e[3]
-    up = 2.0 * c[0] * z * e[1] + c1 * z2 * e[2] / 2.0 + c2 * z3 * e[3] / 3.0
-    up += z2 * z2 * (c3 * e[4] / 4.0 + c[7] * z * e[5] / 5.0)
+    z, power, total, down, up = complex(u, v), 1.0 + 0.0j, c[0] * e[0], 0.0j, 2.0 * c[0] * complex(u, v) * e[1]
+    for n in range(1, 5):  # the derivative along z lowers the order by one, that along its conjugate raises it
+        own = complex(c[2 * n - 1], -c[2 * n] if n < 4 else 0.0) * power  # of z^n, over z
+        total += (own * z).real * e[n]
+        down += n * own * e[n - 1]
+        up += own * z * z * e[n + 1] / (n + 1)
+        power *= z
     gx, gy = (down.real + kh * up.real) / h, (kh * up.imag - down.imag) / h
     total = max(total, grid.least * math.sqrt(gx * gx + gy * gy))
     slope[0], slope[1] = gx / total, gy / total

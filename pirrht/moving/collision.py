@@ -64,15 +64,8 @@ class Body:
     def travel(self, begin: float, end: float) -> float:
         """Bound how far any of its points goes between two times [s], jumps aside [m]."""
         (laps, s), (more, t) = self.lap(begin), self.lap(end)
-        return (more - laps) * self._travelled[-1] + self._gone(t) - self._gone(s)
-
-    def _gone(self, time: float) -> float:
-        """Return how far they have gone since the first row, at a time of the rows [s]."""
-        i = bisect_right(self._times, time)
-        if i in (0, len(self._times)):
-            return self._travelled[max(i - 1, 0)]
-        (a, b), (s, t) = self._travelled[i - 1 : i + 1], self._times[i - 1 : i + 1]
-        return a + (b - a) * (time - s) / (t - s)
+        gone = np.interp([s, t], self._times, self._travelled)
+        return float((more - laps) * self._travelled[-1] + gone[1] - gone[0])
 
     def clearance(self, place: Array, row_time: float) -> float:
         """Return the free distance of a robot at a place (2,) [m] at a time of the rows [s]; at most 0 in contact."""

@@ -240,10 +240,7 @@ def bridge(moving, notes, way, t, dt, cov, rule, state, out):  # type: ignore[no
 
 @borrowing
 def sweep(moving, notes, step, t, dt, stop):  # type: ignore[no-untyped-def]
-    """Return the share at which a step without position noise meets an obstacle, or NEVER: `MovingKernels.sweep`.
-
-    Clearances certify parts of the step, since path and obstacles come nearer no faster than by their speeds.
-    """
+    """Find the share at which a step without position noise meets an obstacle, by certified parts: `MovingKernels`."""
     x, y, mx, my, turn = step
     length = math.sqrt((mx - x) ** 2 + (my - y) ** 2)
     within = length * (1.0 + abs(turn)) + moving.speed * dt

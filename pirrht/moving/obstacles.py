@@ -118,7 +118,8 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
         many = len(motion.rows), len(mover.solids), len(boxes[j])
         parts[j] = row, row + many[0], solid, solid + many[1], box, box + many[2]
         row, solid, box = row + many[0], solid + many[1], box + many[2]
-        rows.append(_with_rates(motion.rows))
+        rates = np.diff(motion.rows[:, 1:], axis=0) * (1.0 / np.diff(motion.rows[:, :1], axis=0))
+        rows.append(np.hstack([motion.rows, np.vstack([rates, np.zeros(3)])]))  # it stays at the last
     return body, parts, np.vstack([np.zeros((0, ROW)), *rows]), np.vstack([np.zeros((0, BOX)), *boxes])
 
 
@@ -159,11 +160,3 @@ def _excess(distance: Array, pitch: float) -> Array:
     nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
     excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
     return excess
-
-
-def _with_rates(rows: Array) -> Array:
-    """Return rows (k, 4) of a motion with the rates at which it leaves each, (k, ROW); it stays at the last."""
-    out, steps = np.zeros((len(rows), ROW)), rows[1:] - rows[:-1]
-    out[:, :4] = rows
-    out[:-1, 4:] = steps[:, 1:] * (1.0 / steps[:, :1])
-    return out

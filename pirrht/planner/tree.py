@@ -87,7 +87,6 @@ class HomologyTree:
         self.storage = Storage(steering.n, self.homology.M, classes)
         self.draws = 0
         self.origin: Array | None = None  # where the robot is, (n,), as draws take it; None: at the scene's start
-        self._remembering = self.checker.around.caching()
         for x in roots:
             self.storage.write(x, True)
             self._insert(x, NO_EDGES, NO_EDGES)
@@ -275,7 +274,7 @@ class HomologyTree:
         values, storage = np.array(self.steering.numbers), self.storage
         places, vertices = storage.places, storage.vertices
         return cast(
-            tuple[int, int], grow(self._propose, places, vertices, draws, i, self._remembering, values, self.rules)
+            tuple[int, int], grow(self._propose, places, vertices, draws, i, self.checker.around, values, self.rules)
         )
 
     @cached_property
@@ -284,7 +283,7 @@ class HomologyTree:
         steering = cast(CompiledSteering, self.steering)
         numbers, kind = np.array(steering.numbers), type(steering)
         straight = np.empty(self.homology.M)
-        given = (self.storage.vertices, 1, self.states[0], self._remembering, numbers, True, False, straight)
+        given = (self.storage.vertices, 1, self.states[0], self.checker.around, numbers, True, False, straight)
         kernels = nearest_with(kind.cost, steering.n), kind.optimum, len(numbers), self.checker.motion.kernels
         return address_of(proposer(*kernels), given)
 

@@ -17,7 +17,7 @@ from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.walls import clearance_costs
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
 
 
 @borrowing

@@ -22,7 +22,7 @@ from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import COURSE
 from pirrht.proposals.tuning import TUNING
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit, turn_of
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
 from pirrht.topology.crossings import key_of_segment
 from pirrht.topology.moving_crossings import key_of_path
 
@@ -96,15 +96,11 @@ def optimiser(kind: KernelSpec) -> Any:
 
     @kernel
     def optimise(setup, task, times, key, rounds, course, length):  # type: ignore[no-untyped-def]
-        """Improve a trajectory of class `key` in place; it never leaves its class, nor free space in its class, again.
+        """Improve a course in place; it never leaves its class, nor free space in its class, again.
 
-        Args:
-            times: (T+1,) ends of the steps [s]; where obstacles move, on their clock.
-            key: additive class key that the result must have, unless aims are held to.
-            rounds: at most so many backward passes.
-            course: the trajectory followed, its gains used until the first backward pass; overwritten.
-            length: steps that it prescribes.
-
+        Its first `length` steps are followed, with its gains until the first of at most so many `rounds` of backward
+        passes. `times` (T+1,) are ends of steps [s], on the clock of moving obstacles; the result must have the
+        additive class `key`, unless aims are held to.
         Returns: steps that end outside the goal (-1: it does not get there), cost, cost with clearance priced [cost],
             whether it is of its class and touches nothing.
         """

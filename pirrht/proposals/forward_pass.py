@@ -2,7 +2,7 @@
 
 A step has m modes of control in noise units, a = B_c^-1 G_c u (in input form s^-1 u), or 2 m where it sways: with
 u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step and moves the mean over it, as the noise
-of rollouts does (`rollouts.general.step`).
+of rollouts does (`rollouts.step`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pirrht.jit.jit import borrowing, kernel
 from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.walls import clearance_costs
-from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
+from pirrht.rollouts.step import SWAY, KernelSpec, diffusion_of
 from pirrht.systems.dynamics import no_homing, wrapped
 
 

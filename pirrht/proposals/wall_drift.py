@@ -218,7 +218,7 @@ class NearWalls:
     """Wall drift at a state, and its effect on the mean control over leading steps.
 
     A proposal counts by its value at the start, and the mean is that of the rest. For a point whose optimal control is
-    a martingale (`rollouts.general.kind`) it counts in part, and the mean is corrected by the bias of walls.
+    a martingale (`rollouts.step`) it counts in part, and the mean is corrected by the bias of walls.
     """
 
     push: Array  # wall drift, (m,); the mean is without it

@@ -19,10 +19,10 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.world import MovingKernels, World
 from pirrht.jit.jit import as_jitable, kernel, over_ranges
 from pirrht.problem import Problem, unit_rate
-from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.law import straight_home
-from pirrht.rollouts.general.path import Kept, any_path
+from pirrht.rollouts.law import straight_home
+from pirrht.rollouts.path import Kept, any_path
 from pirrht.rollouts.point_block import replay, sample
+from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Chosen, Kernels, Origin, Paths, ProposalTables, Setup, empty_paths
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift, no_homing
@@ -38,31 +38,27 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     @kernel
     def sample(setup, tables, origin, start, stop, paths):  # type: ignore[no-untyped-def]
         times, window, first, scratch, h = tables.times, tables.window, tables.first, scratch_of(setup, tables), 0
-        applied, led_by, base = np.zeros((window, m)), np.zeros((window, m)), np.zeros(m)
+        now = np.zeros((2, m))
         for s in range(start, stop):
             while s >= first[h + 1]:
                 h += 1
-            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), applied, led_by, base)
+            now[:] = 0.0
+            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), np.empty((0, m)), now)
             work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
-            paths.log_survival[s] = lasting
+            span = times[taken - 1] + last if taken <= window else times[window]
+            paths.log_survival[s], paths.span[s] = lasting, span
             for j in range(m):
-                paths.start_control[s, j] = base[j]
-            for i in range(min(taken, window)):
-                dt = times[i + 1] - times[i]
-                under_way = last if i == taken - 1 else dt
-                paths.span[s] += under_way
-                for j in range(m):
-                    paths.now[s, j] += dt * (applied[i, j] - led_by[i, j]) + under_way * base[j]
+                paths.now[s, j], paths.start_control[s, j] = now[0, j] + span * now[1, j], now[1, j]
 
     @kernel
     def replay(setup, tables, origin, number, states, applied, steps):  # type: ignore[no-untyped-def]
-        first, scratch, base = tables.first, scratch_of(setup, tables), np.zeros(m)
+        first, scratch = tables.first, scratch_of(setup, tables)
         for c in range(number.shape[0]):
             h = 0
             while number[c] >= first[h + 1]:
                 h += 1
-            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)), base)
+            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)))
             _, _, _, steps[c], _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
 
     return Kernels(sample, replay, TUNING.alone)
@@ -134,23 +130,18 @@ def kind_of(problem: Problem, moving: MovingKernels | None = None, *, fitted: bo
     """Describe a problem for which kernels are compiled, kernels of its moving obstacles, and `Sampling.fitted`."""
     d = problem.dynamics
     noise = d.diffusion_block if d.input_matrix is None else d.input_matrix
+    # For samples that outlive their law; among moving obstacles points have one too.
+    pointlike = moving is not None and d.n == d.m == 2 and not d.input_form and d.homing is no_homing
+    homing = straight_home if pointlike else d.homing
     return KernelSpec(
         drift=as_jitable(d.drift),
         control_block=None if d.constant or d.input_form else as_jitable(_function(d.control_block)),
         diffusion_block=None if d.constant else as_jitable(_function(noise)),
         q=as_jitable(problem.q) if callable(problem.q) else unit_rate, n=d.n, m=d.m, varying_rate=callable(problem.q),
-        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles),
-        homing=as_jitable(_homing(problem, moving)), input_form=d.input_form, stratonovich=d.stratonovich,
-        anisotropic=d.n == d.m == 2 and not d.even, moving=moving,
-        curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
+        noisy_position=d.noisy_position, angles=sum(1 << i for i in d.angles), homing=as_jitable(homing),
+        input_form=d.input_form, stratonovich=d.stratonovich, anisotropic=d.n == d.m == 2 and not d.even,
+        moving=moving, curved_step=d.drift is not no_drift and not d.noisy_position and fitted,
     )  # fmt: skip
-
-
-def _homing(problem: Problem, moving: MovingKernels | None) -> Callable[..., None]:
-    """Choose the control of samples that outlive their law; among moving obstacles points have one too."""
-    d = problem.dynamics
-    point = moving is not None and d.n == d.m == 2 and not d.input_form
-    return straight_home if point and d.homing is no_homing else d.homing
 
 
 def _function(block: Array | Callable[..., None]) -> Callable[..., None]:

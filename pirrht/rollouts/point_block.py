@@ -1,7 +1,7 @@
 """Advance a block of paths of a point around one reference in lockstep, stage by stage (`point_stages`).
 
 Exits and close walls, which are rare, are done lane by lane; paths that have ended leave the block. Paths are those of
-`rollouts.general` up to rounding: the same numbers are drawn in the same order.
+`rollouts.path` up to rounding: the same numbers are drawn in the same order.
 """
 
 from __future__ import annotations

@@ -28,9 +28,8 @@ from pirrht.steering.straight_line import Tracked
 from pirrht.steering.tuning import TUNING
 from pirrht.systems.dynamics import check_positive
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.topology.crossings import crossed
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import crossings_of_leg, row_of, turns_between
+from pirrht.topology.moving_crossings import crossings_of_leg
 
 LATE = 1e-9  # share by which rounding may exceed the limit of speeds
 
@@ -83,18 +82,7 @@ def _cut(motions, i, share):  # type: ignore[no-untyped-def]
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     ax, ay, s, bx, by, t = _ends(motions, i)
-    if around.bases.state.shape[0] == 0 or to_goal:
-        return crossings_of_leg(around, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
-    count = crossed(around.cuts, ax, ay, bx, by, marker, turn, count)
-    goal, static = (around.goal_x, around.goal_y), around.markers.shape[0]
-    one = row_of(around.bases, around.tracks, goal, around.speed, ax, ay, s, -1)
-    two = row_of(around.bases, around.tracks, goal, around.speed, bx, by, t, one)
-    for j in range(around.tracks.J):
-        whole = turns_between(around.bases, around.tracks, j, one, two)
-        if whole != 0:
-            marker[count], turn[count] = static + j, whole
-            count += 1
-    return count
+    return crossings_of_leg(around, (ax, ay, s), (bx, by, t), to_goal, marker, turn, count)
 
 
 def _free(motions: Legs, i: int, space: FreeSpace) -> bool:

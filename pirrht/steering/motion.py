@@ -22,7 +22,6 @@ from pirrht.jit.jit import inlined, kernel, part
 from pirrht.problem import Problem
 from pirrht.topology.crossings import Cuts, pairs_of_curve
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import BaseCache
 from pirrht.topology.tracks import MarkerTrajectories
 
 SPACING = 0.05  # distance of points on drawn arcs [m]
@@ -122,7 +121,6 @@ class Surroundings(NamedTuple):
     traffic: Moving  # J obstacles
     tracks: MarkerTrajectories  # of J moving markers
     speed: float  # of bases [m/s]
-    bases: BaseCache  # kept ones
 
     @classmethod
     def of(cls, space: FreeSpace, homology: Homology) -> Surroundings:
@@ -131,12 +129,8 @@ class Surroundings(NamedTuple):
         return cls(
             field=space.field, cuts=homology.cuts, markers=homology.markers, weights=homology.hash_weights, goal_x=x,
             goal_y=y, goal_radius=float(space.scene.goal.radius), traffic=space.moving, tracks=homology.tracks,
-            speed=homology.speed, bases=BaseCache.empty(homology.J, 0),
+            speed=homology.speed,
         )  # fmt: skip
-
-    def caching(self) -> Surroundings:
-        """Add room for the bases of a growing graph's vertices; for one thread at a time."""
-        return self._replace(bases=BaseCache.empty(self.tracks.J)) if self.tracks.J else self
 
 
 class Motions(Protocol):

@@ -1,8 +1,7 @@
 """Count the whole turns of straight legs and of sampled paths about moving markers, at rays that they cross.
 
 Legs: seen from a marker, a leg, the base of its head and the base of its tail backwards are closed. That winds as often
-as it crosses one ray. As legs begin and end at the same states many times while a graph grows, `BaseCache` keeps the
-bases of as many states as it has rows; a state whose row is taken is computed again.
+as it crosses one ray. Of most legs a marker is outside the triangle with the goal point, and they cross nothing.
 
 Sampled paths: the ray of a marker leaves it away from the goal point, and moves along. A path completed straight to the
 goal point, where it waits, crosses it as often, counter-clockwise positive, as its class differs from that of the goal
@@ -16,7 +15,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.spans import BOX, span_at
@@ -28,6 +26,7 @@ from pirrht.topology.tracks import (
     crossings_of_step,
     crossings_of_waiting,
     place_at,
+    places_at,
     rows_of,
 )
 from pirrht.topology.tuning import TUNING
@@ -43,14 +42,10 @@ class MarkerTable(NamedTuple):
 
 @kernel
 def crossings_of_leg(markers, a, b, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs that a straight leg adds to the class of its head, at most M; number of pairs.
+    """Append the pairs that a straight leg adds to the class of its head to marker, turn (l,) [turns]; number of pairs.
 
-    Args:
-        markers: `MarkerTable`, or a record with its fields.
-        a, b: tail and head, or where it enters the goal's disc, (3) each [m, m, s].
-        to_goal: whether it ends there and goes on straight to the goal point.
-        marker, turn: pairs, (l,) each [turns].
-        count: how many are there already.
+    It goes from a to b, (3) each [m, m, s]; `to_goal`: b is where it enters the goal's disc, and goes on to the goal
+    point. There are `count` pairs already; `markers` is a record with the fields of `MarkerTable`.
     """
     cuts, tracks = markers.cuts, markers.tracks
     count = crossed(cuts, a[0], a[1], b[0], b[1], marker, turn, count)
@@ -78,7 +73,8 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     first, last = seen_from(tracks, j, ax, ay, s), seen_from(tracks, j, bx, by, t)
     base = crossings_of_base(tracks, j, goal, speed, a, first)
     if to_goal:
-        head = crossings_at_goal(tracks, j, goal, t, last)
+        lx, ly = seen_from(tracks, j, gx, gy, t)
+        head = crossing(last[0], last[1], lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
     else:
         head = crossings_of_base(tracks, j, goal, speed, b, last)
     return crossings_of_step(tracks, j, a, b, first, last) + head - base
@@ -102,14 +98,6 @@ def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-
     last = seen_from(tracks, j, gx, gy, arrives)
     ahead = crossings_of_step(tracks, j, start, (gx, gy, arrives), first, last)
     return ahead - crossings_of_waiting(tracks, j, gx, gy, arrives, last[0], last[1])
-
-
-@kernel
-def crossings_at_goal(tracks, j, goal, t, first):  # type: ignore[no-untyped-def]
-    """Crossings from `first` (2) [m] to the goal point (2) [m] at t [s] at once, less those of waiting there."""
-    gx, gy = goal
-    lx, ly = seen_from(tracks, j, gx, gy, t)
-    return crossing(first[0], first[1], lx, ly) - crossings_of_waiting(tracks, j, gx, gy, t, lx, ly)
 
 
 @kernel
@@ -150,50 +138,6 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     return a * x + b * y - c > TUNING.outside_margin
 
 
-class BaseCache(NamedTuple):
-    """Bases of states (R,) as they are seen from J markers that move; without rows nothing is kept."""
-
-    state: Array  # (R, 3) x, y [m], t [s]; not a number where none is kept
-    seen: Array  # (R, J, 2) where the state is seen [m]
-    crossings: NDArray[np.int64]  # (R, J) as `crossings_of_base` has them
-
-    @classmethod
-    def empty(cls, J: int, rows: int = TUNING.cached_bases) -> BaseCache:
-        """Allocate bases of so many states, none of which is known."""
-        return cls(np.full((rows, 3), np.nan), np.empty((rows, J, 2)), np.empty((rows, J), np.int64))
-
-
-@kernel
-def row_of(bases, tracks, goal, speed, x, y, t, keep):  # type: ignore[no-untyped-def]
-    """Find the row of the base from (x, y) [m] at t [s], written unless it is known; not row `keep`.
-
-    Tracks, goal and speed are as of `whole_turns`.
-    """
-    R, state = bases.state.shape[0], bases.state
-    # Large primes, not whole, spread states over rows.
-    row = int(abs(x * 7919.3 + y * 104729.7 + t * 1299709.1)) % R
-    if row == keep:
-        row = (row + 1) % R
-    if state[row, 0] == x and state[row, 1] == y and state[row, 2] == t:
-        return row
-    state[row, 0], state[row, 1], state[row, 2] = x, y, t
-    for j in range(tracks.J):
-        fx, fy = seen_from(tracks, j, x, y, t)
-        bases.seen[row, j, 0], bases.seen[row, j, 1] = fx, fy
-        bases.crossings[row, j] = crossings_of_base(tracks, j, goal, speed, (x, y, t), (fx, fy))
-    return row
-
-
-@kernel
-def turns_between(bases, tracks, j, one, two):  # type: ignore[no-untyped-def]
-    """`whole_turns` about marker j of the edge between the states of two rows."""
-    a, b = bases.state[one], bases.state[two]
-    first, last = bases.seen[one, j], bases.seen[two, j]
-    tail, head = (a[0], a[1], a[2]), (b[0], b[1], b[2])
-    own = crossings_of_step(tracks, j, tail, head, (first[0], first[1]), (last[0], last[1]))
-    return own + bases.crossings[two, j] - bases.crossings[one, j]
-
-
 class RayTable(NamedTuple):
     """J markers that move, at the ends of T steps."""
 
@@ -210,23 +154,21 @@ class RayTable(NamedTuple):
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
         """
         fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
-        seen, base = (np.empty((len(some), 2, tracks.J)) for some in (times, fine))
-        _write_goal(tracks, goal, times, seen)
-        _write_goal(tracks, goal, fine, base)
-        return cls(seen, weight, int(_opening(base, weight, goal, float(x[0]), float(x[1]))))
+        base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
+        seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
+        # At its end, the goal point itself, it is on no ray.
+        return cls(seen, weight, -int(key_of_path(cls(along, weight, 0), tuple(goal), base, len(base) - 2)))
 
 
 SPOT = 4  # numbers of the last place of a path: step, share of it, and place as seen from the goal point [m]
 NO_RAYS = RayTable(np.zeros((1, 2, 0)), np.zeros(0, dtype=np.int64), 0)
 
 
-@kernel
-def _write_goal(tracks, goal, times, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (T, 2, J) with the goal point (2,) as seen from each marker at times (T,) [s]."""
-    for i in range(times.shape[0]):
-        for j in range(out.shape[2]):
-            x, y = place_at(tracks, j, times[i])
-            out[i, 0, j], out[i, 1, j] = goal[0] - x, goal[1] - y
+def _goal_seen(tracks: MarkerTrajectories, goal: Array, times: Array) -> Array:
+    """Return the goal point (2,) as seen from each marker at times (T,) [s], (T, 2, J) [m]."""
+    places = np.empty((tracks.J, len(times), 2))
+    places_at(tracks, times, places)
+    return np.ascontiguousarray(goal[:, None] - places.transpose(1, 2, 0))
 
 
 @inlined
@@ -243,21 +185,6 @@ def turn_at_ray(c, along, d, further):  # type: ignore[no-untyped-def]
     if along * abs(d) + further * abs(c) >= 0.0:
         return 0
     return 1 if c > 0.0 else -1
-
-
-@kernel
-def _opening(base, weight, goal, x, y):  # type: ignore[no-untyped-def]
-    """Additive key that takes off the turns of the base from (x, y) [m], along which markers are as in (k, 2, J)."""
-    key, last = np.int64(0), base.shape[0] - 1
-    rx, ry = x - goal[0], y - goal[1]
-    for j in range(weight.shape[0]):
-        c, along = side_of_ray(base[0, 0, j], base[0, 1, j], rx, ry)
-        for i in range(1, last):
-            rest = 1.0 - i / last
-            d, further = side_of_ray(base[i, 0, j], base[i, 1, j], rest * rx, rest * ry)
-            key -= turn_at_ray(c, along, d, further) * weight[j]
-            c, along = d, further
-    return key
 
 
 @inlined

@@ -71,16 +71,10 @@ class MarkerTrajectories(TrajectoryTable):
 
 def _crossed(seen: Array) -> IntArray:
     """Count crossings of a marker's ray by places (k, 2) that it sees [m] until each, and back at the first: k + 1."""
-    crossed = np.zeros(len(seen) + 1, dtype=np.int64)
-    _count_crossings(np.vstack([seen, seen[:1]]), crossed)
-    return crossed
-
-
-@kernel
-def _count_crossings(places, out):  # type: ignore[no-untyped-def]
-    """Write how often a path over places (k, 2) [m] has crossed the ray until each to `out` (k,), 0 at first."""
-    for k in range(1, out.shape[0]):
-        out[k] = out[k - 1] + crossing(places[k - 1, 0], places[k - 1, 1], places[k, 0], places[k, 1])
+    (ax, ay), (bx, by) = seen.T, np.roll(seen, -1, axis=0).T
+    turned = ax * by - ay * bx
+    steps = np.where((ay >= 0.0) & (by < 0.0) & (turned > 0.0), 1, 0)
+    return np.cumsum([0, *(steps - ((ay < 0.0) & (by >= 0.0) & (turned < 0.0)))])
 
 
 @inlined
@@ -260,23 +254,11 @@ def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
 
 def _path(motion: Motion, point: Array, off: float) -> Array:
     """Times [s] and places [m] of a point (2,) [m] of a body, (k, 3); chords are off by at most `off` [m]."""
-    arm = float(np.hypot(*point))
+    rows, arm = motion.rows, float(np.hypot(*point))
     most = 2.0 * math.acos(max(1.0 - off / arm, 0.0)) if arm > off else math.inf
-    yaws = motion.rows[:, 3]
-    turned = np.abs(yaws[1:] - yaws[:-1]).max(initial=0.0)
-    if arm == 0.0 or turned <= most:
-        return _seen(motion.rows[:, 0] - motion.offset, motion.rows[:, 1:].T, point)
-    times = [motion.rows[:1, 0]]
-    for a, b in zip(motion.rows[:-1], motion.rows[1:], strict=True):
-        pieces = max(1, math.ceil(abs(b[3] - a[3]) / most))
-        times.append(np.linspace(a[0], b[0], pieces + 1)[1:])
-    t = np.concatenate(times)
-    poses = np.array([np.interp(t, motion.rows[:, 0], motion.rows[:, k]) for k in (1, 2, 3)])
-    return _seen(t - motion.offset, poses, point)
-
-
-def _seen(times: Array, poses: Array, point: Array) -> Array:
-    """Times (k,) [s] and places of a point (2,) [m] of a body at poses (3, k), (k, 3)."""
-    x, y, yaw = poses
+    pieces = np.maximum(np.ceil(np.abs(np.diff(rows[:, 3])) / most), 1).astype(int)
+    times = [np.linspace(a, b, n + 1)[1:] for a, b, n in zip(rows[:-1, 0], rows[1:, 0], pieces, strict=True)]
+    t = np.concatenate([rows[:1, 0], *times])
+    x, y, yaw = (np.interp(t, rows[:, 0], rows[:, k]) for k in (1, 2, 3))
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.column_stack([times, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
+    return np.column_stack([t - motion.offset, x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])

@@ -13,7 +13,6 @@ class TopologyTuning(NamedTuple):
     goal_margin: float = 1e-6  # a segment that passes the goal point this close, against its length, tests all markers
     box_span: float = 2.0  # span of the boxes that a marker's trajectory lies in [s]: short is exact, long is quick
     outside_margin: float = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
-    cached_bases: int = 8192  # states of which a growing tree keeps the bases: more than its vertices, to miss rarely
     base_piece: float = 0.02  # the base of sampled paths is evaluated so often [s]: rays hardly turn in between
     chord_error: float = 0.25  # deviation of a marker's trajectory from its chords [robot radii]: few rows, same side
     marker_offset: tuple[float, float] = (1.7e-3, -2.9e-3)  # of moving markers from the middle [robot radii]: off lines

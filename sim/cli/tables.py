@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.tuning import TUNING
+from pirrht.estimation.sampling import TUNING
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import title

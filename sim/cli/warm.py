@@ -174,7 +174,7 @@ def integral_of(dynamics_name: str, *, moving: bool) -> Any:
 def compile_rest(dynamics_name: str, *, moving: bool) -> None:
     """Compile what runs of one kind of dynamics need, in the order opposite to that of the process that plans."""
     integral = integral_of(dynamics_name, moving=moving)
-    integral.warm_up_samples()
+    integral.warm_up(guides=False)
     if not moving:
         compile_shortening(dynamics_name)
     integral.proposals.warm_up()

@@ -15,7 +15,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.tuning import TUNING
+from pirrht.estimation.sampling import TUNING
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint, Workspace

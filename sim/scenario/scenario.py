@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
 from pirrht.control.policy import Policy
-from pirrht.control.prediction import ConstantVelocity, Predictor
+from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.sampling import Sampling
@@ -195,7 +195,7 @@ class Scenario(Task):
         budget = None if s.budget is None else s.budget * classes
         return replace(self.sampling, samples=s.samples * classes, budget=budget)
 
-    def _prediction(self, *, trees: bool) -> Predictor | None:
+    def _prediction(self, *, trees: bool) -> ConstantVelocity | None:
         """Return what predicts moving obstacles for plans; None: they know."""
         if not self.moving or self.settings.predict == "known":
             return None

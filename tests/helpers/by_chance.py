@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
-from pirrht.moving.exits import sweep, watch
+from pirrht.moving.exits import begin, sweep, watch
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback, Track
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -28,6 +28,7 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
     """Fill paths (S, 4, 3) [m, m, s] from (x, t) over two places to the goal point, and their costs (S,)."""
     notes, best = watch(setup.world.moving), math.sqrt(2.0 * q / r)
     for s in range(cost.shape[0]):
+        begin(notes)
         draws, path = stream(seed, s), paths[s]
         path[0, 0], path[0, 1], path[0, 2] = x[0], x[1], t
         path[3, 0], path[3, 1] = setup.world.goal

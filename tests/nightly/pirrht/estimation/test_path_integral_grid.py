@@ -21,8 +21,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
-from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.path import any_path
+from pirrht.rollouts.step import KernelSpec
 
 SEEDS = 24
 

@@ -18,8 +18,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Allocation, Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.estimation.tuning import TUNING
+from pirrht.estimation.sampling import TUNING, Sampling
 from pirrht.estimation.weights import deviation
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene

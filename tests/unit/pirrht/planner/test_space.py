@@ -85,9 +85,6 @@ class Surroundings(NamedTuple):
     ring: Array  # (3,)
     weights: Any  # (1,)
 
-    def caching(self) -> Surroundings:
-        return self
-
 
 class Segments(NamedTuple):
     """k straight segments, as `Motions`."""

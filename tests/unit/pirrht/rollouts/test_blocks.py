@@ -16,8 +16,8 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
-from pirrht.rollouts.general.kind import KernelSpec
-from pirrht.rollouts.general.path import any_path
+from pirrht.rollouts.path import any_path
+from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import Paths
 from sim.scenario import Scenario
 

@@ -15,7 +15,7 @@ from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import copied
 from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import BaseCache, outside, row_of, turns_between, whole_turns
+from pirrht.topology.moving_crossings import outside, whole_turns
 from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()
@@ -94,25 +94,6 @@ def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
                 assert round((closed - base)[len(moving.markers) + j]) == 0
                 assert whole_turns(moving.tracks, j, goal, 1.0, tuple(a), tuple(b), False) == 0
     assert quick > 100
-
-
-def test_an_edge_between_kept_bases_turns_as_one_that_is_looked_at_alone():
-    """Also where rows are so few that states take each other's, and where states come again."""
-    space, rng = FreeSpace.of(busy(1)), np.random.default_rng(2)
-    moving, goal, turned = STEERING.homology(space), (5.5, 2.5), 0
-    tracks, states = moving.tracks, np.vstack([random_path(rng)[:2] for _ in range(40)])
-    for bases in (BaseCache.empty(moving.J, 7), BaseCache.empty(moving.J)):
-        for _ in range(400):
-            a, b = sorted(states[rng.integers(len(states), size=2)].tolist(), key=lambda state: state[2])
-            if a == b:
-                continue
-            one = row_of(bases, tracks, goal, 1.0, *a, -1)
-            two = row_of(bases, tracks, goal, 1.0, *b, one)
-            for j in range(moving.J):
-                whole = whole_turns(tracks, j, goal, 1.0, tuple(a), tuple(b), False)
-                assert turns_between(bases, tracks, j, one, two) == whole
-                turned += whole != 0
-    assert turned > 100
 
 
 def test_crossings_of_waiting_are_those_of_steps_that_stay():

@@ -9,19 +9,11 @@ from typing import Any
 from pirrht.geometry.world import NOTHING_MOVES
 from pirrht.jit.jit import part
 from pirrht.jit.streams import normals
-from pirrht.rollouts.first_exit import (
-    COLLISION,
-    GOAL,
-    INSIDE,
-    at_crossing,
-    bridge_exit,
-    distances,
-    endpoint_exit,
-    line_of,
-    rim_along,
-    sweep_onward,
-)
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
+
+from pirrht.rollouts.first_exit import (  # isort: skip
+    COLLISION, GOAL, INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, line_of, rim_along, sweep_onward,
+)  # fmt: skip
 
 
 @part

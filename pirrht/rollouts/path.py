@@ -23,22 +23,25 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.geometry.world import NOTHING_MOVES
+from pirrht.geometry.world import NOTHING_MOVES, WALL
 from pirrht.jit import vectors
-from pirrht.jit.jit import borrowing, load_float64, part
+from pirrht.jit.jit import borrowing, kernel, load_float64, part
 from pirrht.jit.streams import antithetic, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
+from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
-from pirrht.rollouts.general.exits import exits
-from pirrht.rollouts.general.kind import KernelSpec, diffusion_of, scratch_for
-from pirrht.rollouts.general.law import aims
-from pirrht.rollouts.general.step import NO_WALLS, covariance_of, length_for, motion, noise_for, walls_for
-from pirrht.rollouts.tables import law_columns
+from pirrht.rollouts.law import aims
+from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import key_of_step
-from pirrht.topology.moving_crossings import key_among, open_sides
+from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
+
+from pirrht.rollouts.step import (  # isort: skip
+    NO_WALLS, KernelSpec, covariance_of, diffusion_of, length_for, motion, noise_for, walls_for,
+)  # fmt: skip
 
 
 @cache
@@ -51,11 +54,11 @@ def log_ratios(kind: KernelSpec) -> Any:
     @part
     def of_law(tables, scratch, g, h, i, dt):  # type: ignore[no-untyped-def]
         """Return the term of a law's step."""
-        law, drawn, wide, white, off = tables.law, scratch.drawn, scratch.wide, scratch.white, scratch.off
+        law, drawn, a, white, off = tables.law, scratch.drawn, scratch.a, scratch.white, scratch.off
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
-            axpy(white.ctypes.data, drawn.ctypes.data, 1.0, wide.ctypes.data + 8 * wide.shape[1] * g, -dt)
+            axpy(white.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
             matvec(off.ctypes.data, row + 8 * inverse, white.ctypes.data)
             noise, size = off.ctypes.data, 1.0
         for j in range(modes):
@@ -89,19 +92,21 @@ def recorder(kind: KernelSpec) -> Any:
     gated, steady = kind.gated, kind.is_martingale
 
     @part
-    def to_controls(scratch, inverse):  # type: ignore[no-untyped-def]
-        """Turn `column`, of a, into controls, in `carried`."""
+    def add_control(scratch, inverse, out, row, factor):  # type: ignore[no-untyped-def]
+        """Add a multiple of the control that belongs to `column`, of a, to a row of out (.., m)."""
         column, carried = scratch.column, scratch.carried
         if state_dependent_gain:
             solve(scratch.D, column, carried)
-        else:
-            for j in range(m):
-                carried[j, 0] = 0.0
+        for j in range(m):
+            total = carried[j, 0]
+            if not state_dependent_gain:
+                total = 0.0
                 for k in range(m):
-                    carried[j, 0] += inverse[j, k] * column[k, 0]
+                    total += inverse[j, k] * column[k, 0]
+            out[row, j] += factor * total
 
     @part
-    def taken(scratch, h, counted, without):  # type: ignore[no-untyped-def]
+    def lead(scratch, h, counted, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
         pushed, a = scratch.wall_drift, scratch.a
         for j in range(m):
@@ -111,54 +116,102 @@ def recorder(kind: KernelSpec) -> Any:
                 scratch.column[j, 0] -= pushing
 
     @part
-    def relax(led_by, inverse, scratch, h, counted, owed, last):  # type: ignore[no-untyped-def]
-        """Add the half owed to the last step."""
+    def relax(keep, inverse, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
+        """Take off the half that is owed."""
         if owed > 0.0:
-            taken(scratch, h, counted, False)
-            to_controls(scratch, inverse)
-            for j in range(m):
-                led_by[last, j] += 0.5 * owed * scratch.carried[j, 0]
+            lead(scratch, h, counted, False)
+            add_control(scratch, inverse, keep.now, 0, -0.5 * owed)
 
     @part
     def record(keep, inverse, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
-        """Add a step of `until` seconds, the first also without wall drift; return the share owed."""
-        (i, whole, first), carried, near_walls = where, scratch.carried, noisy_position and tables.wall_offset > 0.0
-        owes = near_walls and inside and i < keep.led_by.shape[0]
+        """Add a step of `until` seconds, the first also without wall drift; return the time that is owed."""
+        (i, whole, first), column, y = where, scratch.column, scratch.y
+        near_walls = noisy_position and tables.wall_offset > 0.0
         if i < keep.applied.shape[0]:
             for j in range(m):
-                scratch.column[j, 0] = scratch.y[j]
-            to_controls(scratch, inverse)
-            for j in range(m):
-                keep.applied[i, j] += carried[j, 0] / whole
-        if i < keep.led_by.shape[0]:
-            taken(scratch, h, tables.counted, False)
-            to_controls(scratch, inverse)
-            for j in range(m):
-                keep.led_by[i, j] += (0.5 if owes else 1.0) * carried[j, 0] * until / whole
-            if first:
-                taken(scratch, h, tables.counted, near_walls)
-                to_controls(scratch, inverse)
-                for j in range(m):
-                    keep.base[j] = carried[j, 0]
-        return until / whole if owes else 0.0
+                column[j, 0] = y[j]
+            add_control(scratch, inverse, keep.applied, i, 1.0 / whole)
+        if keep.now.shape[0] == 0 or i >= tables.window:
+            return 0.0
+        owes = near_walls and inside
+        lead(scratch, h, tables.counted, False)
+        for j in range(m):
+            column[j, 0] = y[j] - (0.5 if owes else 1.0) * until * column[j, 0]
+        add_control(scratch, inverse, keep.now, 0, 1.0)
+        if first:
+            lead(scratch, h, tables.counted, near_walls)
+            add_control(scratch, inverse, keep.now, 1, 1.0)
+        return until if owes else 0.0
 
     return relax, record
 
 
 class Kept(NamedTuple):
-    """Outputs of one path; arrays without rows are left alone."""
+    """Sums that one path adds to, from zero; arrays without rows are left alone."""
 
     ratio: Array  # (H,) log dQ_g/dP under each reference
-    states: Array  # (T+1, n)
-    applied: Array  # (up to T, m) control carried up to the exit, as a mean over each step
-    led_by: Array  # (up to T, m) the proposal's part of it
-    base: Array  # (m,) the proposal control at the start without wall drift
+    states: Array  # (T+1, n), written
+    applied: Array  # (T, m) control carried up to the exit, as a mean over each step
+    now: Array  # (2, m) its integral over the window without the proposal's part; that part at the start, no wall drift
+
+
+class Scratch(NamedTuple):
+    """Arrays that all paths of a thread share: n states, m controls, H references, J moving obstacles."""
+
+    x: Array  # (n,) the state
+    moved: Array  # (n,) where the step leads, and before that its middle
+    f: Array  # (n,) drift
+    y: Array  # (m,) noise of the step under P
+    G: Array  # (rows, m) G, or scratch where B = G s
+    D: Array  # (m, m) B^-1 G
+    B: Array  # (rows, m)
+    a: Array  # (H, modes) a of every reference, of all modes
+    wall_drift: Array  # (m,) wall drift
+    stage: NDArray[np.int64]  # (H,) cross-section of a tube, or row of a law
+    lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
+    column: Array  # (m, 1)
+    carried: Array  # (m, 1)
+    home: Array  # (m,) a beyond the last row of a law
+    white: Array  # (modes,) independent normals
+    drawn: Array  # (modes,) noise of the step
+    off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
+    apart: Array  # (n,) state less the law's
+    fresh: Array  # normals of the next steps
+    watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
+    walls: Array  # (J, WALL) of moving obstacles that are near
+    side: Array  # (marks,) side of the ray of each moving marker on which the path is
+    spot: Array  # (SPOT,) where that was evaluated
+    tube: NDArray[np.float32]  # (NUMBERS,) of a tube at the state
+
+
+SCRATCH: Any = Scratch
+
+
+@cache
+def scratch_for(kind: KernelSpec) -> Any:
+    """Build the kernel (setup, tables) that makes the scratch."""
+    n, m, rows, modes, steps = kind.n, kind.m, kind.rows, kind.modes, TUNING.abreast
+    watch = (kind.moving or NOTHING_MOVES).watch
+
+    @kernel
+    def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
+        H = tables.control.shape[0]
+        return SCRATCH(
+            np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
+            np.empty((rows, m)), np.zeros((H, modes)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty((m, 1)), np.empty((m, 1)), np.zeros(m), np.zeros(modes), np.zeros(modes),
+            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
+            np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
+            np.empty(NUMBERS, np.float32),
+        )  # fmt: skip
+
+    return scratch_of
 
 
 @cache
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
-    drift, q, n, m, noisy_position = kind.drift, kind.q, kind.n, kind.m, kind.noisy_position
+    drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
     varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
     drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving is not None
     begin_watch = (kind.moving or NOTHING_MOVES).begin
@@ -182,15 +235,6 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if moving:
             begin_watch(scratch.watch)
             open_sides(tables.marks, setup.world.goal, x[0], x[1], scratch.side, scratch.spot)
-
-    @part
-    def clear_step(keep, i):  # type: ignore[no-untyped-def]
-        """Set the records of a step of the grid to zero."""
-        for j in range(m):
-            if i < keep.applied.shape[0]:
-                keep.applied[i, j] = 0.0
-            if i < keep.led_by.shape[0]:
-                keep.led_by[i, j] = 0.0
 
     @part
     def evaluate(setup, tables, scratch, known, before, left, now):  # type: ignore[no-untyped-def]
@@ -236,18 +280,17 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         first, sign = antithetic(sample, tables.first[h], tables.mirrored)
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = np.int64(tables.marks.opening if moving else 0)
-        owed, last = 0.0, 0  # share of a step of the grid for which half of the proposal is missing in `led_by`
+        owed = 0.0  # time for which half of the proposal has not been taken off [s]
         known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
-            clear_step(keep, i)
             while left > 0.0 and exit == INSIDE:
                 now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
                 rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
-                relax(keep.led_by, setup.inverse, scratch, h, tables.counted, owed, last)
+                relax(keep, setup.inverse, scratch, h, tables.counted, owed)
                 state = draw(tables, scratch, state, sign, h, i, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
@@ -259,7 +302,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
                 owed = record(keep, setup.inverse, scratch, tables, h, where, until, exit == INSIDE)
-                last, log_survival = i, log_survival + missed
+                log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share
                 done += until
                 copy_row(moved, x)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.jit.jit import jitable, load_float64, part
-from pirrht.rollouts.general.kind import KernelSpec
+from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import wrapped
@@ -31,52 +31,40 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 
 
 @cache
-def nearest_of(n: int, angles: int) -> Any:
-    """Build the kernel (address, pitch, s, last, x (n,), there, weights) that finds a law's nearest step from s on.
-
-    Bits of `angles` mark headings. Rows begin at the address, `pitch` bytes apart; states are at column `there`,
-    weights of squares at `weights`. Steps are followed as long as they come nearer.
-    """
-
-    @part
-    def apart(row, x, there, weights):  # type: ignore[no-untyped-def]
-        """Square of the distance from x (n,) to the state of a law's row at an address."""
-        total = 0.0
-        for k in range(n):
-            off = x[k] - load_float64(row, there + k)
-            if (angles >> k) & 1:
-                off = wrapped(off)
-            total += load_float64(row, weights + k) * off * off
-        return total
-
-    @part
-    def nearest(first, pitch, s, last, x, there, weights):  # type: ignore[no-untyped-def]
-        """Return the nearest step, up to the last one."""
-        here = apart(first + pitch * s, x, there, weights)
-        onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
-        if onward < here:
-            while onward < here:
-                s, here = s + 1, onward
-                onward = apart(first + pitch * (s + 1), x, there, weights) if s < last else np.inf
-            return s
-        while s > 0:
-            onward = apart(first + pitch * (s - 1), x, there, weights)
-            if onward >= here:
-                break
-            s, here = s - 1, onward
-        return s
-
-    return nearest
-
-
-@cache
 def aims(kind: KernelSpec) -> Any:
-    """Build the kernel that writes `a` of every reference, and with a law `wide`."""
+    """Build the kernel that writes `a` of every reference, of all modes."""
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
     takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
     moving = kind.moving is not None
-    fixed, homing_of, nearest = n - rows, kind.homing, nearest_of(n, angles)
+    fixed, homing_of = n - rows, kind.homing
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
+
+    @part
+    def off(x, row, k):  # type: ignore[no-untyped-def]
+        """Return how far state k is from that of a law's row at an address."""
+        apart = x[k] - load_float64(row, there + k)
+        return wrapped(apart) if (angles >> k) & 1 else apart
+
+    @part
+    def distance(x, row):  # type: ignore[no-untyped-def]
+        """Return the square of the distance from x (n,) to the state of a law's row at an address."""
+        total = 0.0
+        for k in range(n):
+            apart = off(x, row, k)
+            total += load_float64(row, metric + k) * apart * apart
+        return total
+
+    @part
+    def nearest(first, pitch, s, last, x):  # type: ignore[no-untyped-def]
+        """Return the nearest row, of those from s on that come nearer one by one; they lie `pitch` bytes apart."""
+        here = distance(x, first + pitch * s)
+        for step in (1, -1):
+            while 0 <= s + step <= last:
+                onward = distance(x, first + pitch * (s + step))
+                if onward >= here:
+                    break
+                s, here = s + step, onward
+        return s
 
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
@@ -87,25 +75,23 @@ def aims(kind: KernelSpec) -> Any:
         elif s < led[g]:
             pitch, final = 8 * law.shape[2], min(led[g], law.shape[1] - 1)
             first = law.ctypes.data + pitch * law.shape[1] * g
-            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x, there, metric)
+            s = nearest(first, pitch, min(s + FINER, final) if i > 0 else s, final, scratch.x)
         scratch.stage[g] = s
         return s
 
     @part
     def along_row(tables, scratch, g, s):  # type: ignore[no-untyped-def]
-        """Write `wide` of a law's row s."""
-        law, x, wide, apart = tables.law, scratch.x, scratch.wide, scratch.apart
+        """Write `a` of a law's row s."""
+        law, x, a, apart = tables.law, scratch.x, scratch.a, scratch.apart
         row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
-        for k in range(n):
-            apart[k] = x[k] - load_float64(row, there + k)
-            if (angles >> k) & 1:
-                apart[k] = wrapped(apart[k])
         steep = load_float64(row, end + 1)
+        for k in range(n):
+            apart[k] = off(x, row, k)
         for j in range(modes):
             total = load_float64(row, j)
             for k in range(n):
                 total += load_float64(row, modes + k * modes + j) * apart[k]
-            wide[g, j] = max(-steep, min(steep, total))
+            a[g, j] = max(-steep, min(steep, total))
 
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
@@ -121,28 +107,16 @@ def aims(kind: KernelSpec) -> Any:
 
     @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
-        """Write `a` and `wide` of a law, or past its end of homing, which is computed once; return whether it is."""
-        a, wide, home, world = scratch.a, scratch.wide, scratch.home, setup.world
-        s = row_of(tables, scratch, g, at)
+        """Write `a` of a law, or past its end of homing, which is computed once; return whether it is."""
+        home, world, s = scratch.home, setup.world, row_of(tables, scratch, g, at)
         if s < tables.law_length[g]:
             along_row(tables, scratch, g, s)
-        else:
-            if not headed:
-                homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, home)
-                headed = True
-            for j in range(modes):
-                wide[g, j] = home[j] if j < m else 0.0
-        for j in range(m):
-            a[g, j] = wide[g, j]
-        return headed
-
-    @part
-    def without_law(scratch, g):  # type: ignore[no-untyped-def]
-        """Write zeros."""
-        for j in range(m):
-            scratch.a[g, j] = 0.0
-        for j in range(modes if takes_law else 0):
-            scratch.wide[g, j] = 0.0
+            return headed
+        if not headed:
+            homing_of(scratch.x, setup.parameters, scratch.B, world.goal, world.radius, setup.least_rate, home)
+        for j in range(modes):
+            scratch.a[g, j] = home[j] if j < m else 0.0
+        return True
 
     @part
     def add_sequence(tables, scratch, g, i):  # type: ignore[no-untyped-def]
@@ -155,21 +129,13 @@ def aims(kind: KernelSpec) -> Any:
                 scratch.a[g, j] += tables.drift[g, i, j]
 
     @part
-    def drifts(tables, g):  # type: ignore[no-untyped-def]
-        """Tell whether walls push on top: where noise moves the position, and neither tube nor law has it."""
-        apart = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated)
-        return noisy_position and tables.wall_offset > 0.0 and apart
-
-    @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
-        """Add the control sequence, and wall drift where nothing else has it."""
-        a, pushed, under_way = scratch.a, drifts(tables, g), i < tables.active[g]
-        if under_way:
+        """Add the control sequence, and wall drift where noise moves the position and neither tube nor law has it."""
+        pushed = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated) and tables.wall_offset > 0.0
+        if i < tables.active[g]:
             add_sequence(tables, scratch, g, i)
-        for j in range(m if pushed else 0):
-            a[g, j] += scratch.wall_drift[j]
-        for j in range(m if takes_law and (under_way or pushed or tables.ways.count[g] > 0) else 0):
-            scratch.wide[g, j] = a[g, j]
+        for j in range(m if noisy_position and pushed else 0):
+            scratch.a[g, j] += scratch.wall_drift[j]
 
     @part
     def aim(setup, tables, scratch, ratio, walls, h, at):  # type: ignore[no-untyped-def]
@@ -186,7 +152,8 @@ def aims(kind: KernelSpec) -> Any:
             elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)
             else:
-                without_law(scratch, g)
+                for j in range(modes):
+                    scratch.a[g, j] = 0.0
             add(tables, scratch, g, at[0])
 
     return aim

@@ -1,25 +1,122 @@
-"""Build the parts of an Euler-Maruyama step: its length, its noise under the reference followed, and its end."""
+"""Describe a kind of dynamics, and build the parts of its Euler-Maruyama step: length, noise, and where it leads.
+
+Kernels are compiled for one `KernelSpec`; all parts take the scratch that paths of a thread share (`path.Scratch`).
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from pirrht.geometry.field import two_walls
-from pirrht.geometry.world import NOTHING_MOVES, with_walls
+from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, with_walls
 from pirrht.jit import vectors
-from pirrht.jit.jit import part
+from pirrht.jit.jit import borrowing, part
 from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
-from pirrht.rollouts.general.kind import SWAY, KernelSpec, diffusion_of
 from pirrht.rollouts.tables import law_columns
 from pirrht.rollouts.tuning import TUNING
+from pirrht.systems.dynamics import no_drift, no_homing
 
 NO_WALLS = ONE, ZERO, ZERO, ONE, ZERO, ZERO
+SWAY = 1.0 / math.sqrt(12.0)  # deviation of the mean of a step's noise from its middle, in deviations of the noise
+
+
+class KernelSpec(NamedTuple):
+    """A kind of dynamics and cost rate for which kernels are compiled; functions are numba's."""
+
+    drift: Callable[..., None]  # (x, p, out)
+    control_block: Callable[..., None] | None  # G_c (x, p, out); None: B^-1 G, which turns u into a, is constant
+    diffusion_block: Callable[..., None] | None  # B_c (x, p, out); in input form G, of which B = G s; None: constant
+    q: Callable[..., float]  # (x, p) [cost/s], if it varies
+    n: int  # states
+    m: int  # controls
+    varying_rate: bool  # whether q varies
+    noisy_position: bool  # whether noise acts on the position
+    angles: int = 0  # bit k: the k-th state is a heading
+    homing: Callable[..., None] = no_homing  # (x, p, B, aim, radius, rate, out): `Dynamics.homing`
+    input_form: bool = False  # whether noise enters through inputs
+    stratonovich: bool = False  # whether f and G are those of the middle of a step: `Dynamics.stratonovich`
+    anisotropic: bool = False  # whether a point drifts, or has more noise one way: tubes know neither
+    moving: MovingKernels | None = None  # kernels of moving obstacles; None: they are compiled away
+    curved_step: bool = False  # whether paths bend within a step by its noise, of which the mean over it is drawn too
+
+    @property
+    def rows(self) -> int:
+        """Trailing states that B has rows for."""
+        return self.n if self.input_form else self.m
+
+    @property
+    def drifting(self) -> bool:
+        """Tell whether its state moves by itself."""
+        return self.drift is not no_drift
+
+    @property
+    def varying(self) -> bool:
+        """Tell whether B varies with the state."""
+        return self.diffusion_block is not None
+
+    @property
+    def state_dependent_gain(self) -> bool:
+        """Tell whether B^-1 G, which turns u into a, varies with the state."""
+        return self.control_block is not None
+
+    @property
+    def along_line(self) -> bool:
+        """Tell whether its position moves to and fro along a line alone."""
+        return self.rows > self.m and self.noisy_position and not self.drifting
+
+    @property
+    def modes(self) -> int:
+        """Modes of the noise of a step: m, and as many sways of paths that bend."""
+        return 2 * self.m if self.curved_step else self.m
+
+    @property
+    def gated(self) -> bool:
+        """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
+        return self.moving is not None and self.n == self.m == 2 and not self.input_form
+
+    @property
+    def is_martingale(self) -> bool:
+        """Tell whether a gated point has neither drift nor varying B, G or q.
+
+        Then its optimal control is a martingale along its optimal paths (`proposals.wall_drift`).
+        """
+        varies = self.drifting or self.varying or self.state_dependent_gain or self.varying_rate
+        return self.gated and not varies
+
+    @property
+    def takes_law(self) -> bool:
+        """Tell whether samples follow a linear law; those of a point among static obstacles climb psi instead."""
+        return self.moving is not None or not (self.n == self.m == 2 and not self.anisotropic)
+
+
+@cache
+def diffusion_of(kind: KernelSpec) -> Any:
+    """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
+    block: Any = kind.diffusion_block
+    rows, m = kind.rows, kind.m
+
+    @borrowing
+    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, G)
+        for i in range(rows):
+            for j in range(m):
+                total = 0.0
+                for k in range(m):
+                    total += G[i, k] * s[k, j]
+                B[i, j] = total
+
+    @borrowing
+    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, B)
+
+    return through_inputs if kind.input_form else as_it_is
 
 
 @cache
@@ -121,28 +218,18 @@ def noise_for(kind: KernelSpec) -> Any:
     @part
     def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
-        law, drawn, stage, wide = tables.law, scratch.drawn, scratch.stage, scratch.wide
+        law, drawn, stage, a = tables.law, scratch.drawn, scratch.stage, scratch.a
         state, source = one_by_one(scratch, state) if noisy_position else abreast(scratch, state, i)
         if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
             source = drawn.ctypes.data
-        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), wide.ctypes.data + 8 * wide.shape[1] * h, dt)
+        axpy(drawn.ctypes.data, source, sign * math.sqrt(dt), a.ctypes.data + 8 * a.shape[1] * h, dt)
         for j in range(m):
             scratch.y[j] = drawn[j]
         return state
 
-    @part
-    def plain(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
-        y, a, root, other = scratch.y, scratch.a, math.sqrt(dt), 0.0
-        for j in range(m):
-            z = other
-            if j % 2 == 0:
-                state, z, other = normals(state)
-            y[j] = sign * z * root + a[h, j] * dt
-        return state
-
-    return under_law if kind.takes_law else plain
+    return under_law
 
 
 @cache
