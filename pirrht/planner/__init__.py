@@ -6,9 +6,12 @@ expand       Algorithm 1 for many draws in one kernel, and draws in passages
 rewire       Algorithms 2 and 3 in kernels: classes that a vertex keeps (AppendNode), and the search over the queue
 graph        vertices, edges and nodes in memory: all of a tree that changes
 file         trees as files, which are examined before they are trusted
+shorten      shortens paths inside their class, by steering method: here straight lines, which the paper leaves as is
+chain        of any steering method: the cheapest chain of its own connections
+in_time      in space and time: knots are left out, and moved
 tuning       tuned numbers
 
 An edge is known only to its kind of motion (`steering.motion`), a class only to its `Signature`: nothing here depends
-on the dimension of space, and no cost is taken to be a length. It imports steering, shortening and layers below them;
-it knows neither noise nor control.
+on the dimension of space, and no cost is taken to be a length. It imports steering and layers below it; it knows
+neither noise nor control.
 """

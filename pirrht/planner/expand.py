@@ -23,6 +23,7 @@ from pirrht.jit.jit import (
     store_int32,
     store_int64,
 )  # fmt: skip
+from pirrht.jit.vectors import copy_row
 from pirrht.planner import graph as g
 from pirrht.planner.graph import STATUS
 from pirrht.planner.rewire import ask_again, reaches, relaxed
@@ -107,14 +108,6 @@ def _add_edge(at, tail, head, edges, i, sign, weights):  # type: ignore[no-untyp
     store_int64(at.size, g.SIZE.pairs, used)
 
 
-@part
-def lacks_room(at, out, back):  # type: ignore[no-untyped-def]
-    """Return whether two batches of `Edges`, (k,) each, may not fit with all their pairs."""
-    edges, pairs = len(out.near) + len(back.near), len(out.turns.marker) + len(back.turns.marker)
-    used, paired = load_int64(at.size, g.SIZE.edges), load_int64(at.size, g.SIZE.pairs)
-    return used + edges > at.edge_room or paired + pairs > at.pair_room
-
-
 @kernel
 def insert(at, vertices, straight, out, back, around, rules):  # type: ignore[no-untyped-def]
     """Make the state that stands at the end of `vertices` a vertex: edges leave it, and where it is no root enter it.
@@ -175,8 +168,7 @@ def proposer(
         nearest(vertices.states[:size], x, numbers, forward, near, np.empty(near.shape[0]))
         others, here = vertices.states[near], np.empty((near.shape[0], n))
         for i in range(near.shape[0]):
-            for k in range(n):
-                here[i, k] = x[k]  # arrays assigned as a whole compile words for shapes that differ
+            copy_row(x, here[i])
         into_goal = vertices.in_goal[near]
         if not forward:
             into_goal[:] = root
@@ -194,8 +186,7 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
 
     `propose` is the address of a `proposer`, `values` its numbers.
     """
-    straight = np.empty(at.M)
-    gx, gy = around.goal_x, around.goal_y
+    straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
     while i < draws.shape[0]:
         x, v = draws[i], load_int64(at.size, g.SIZE.vertices)
         status = certify_point(around.field, x[0], x[1])
@@ -205,11 +196,9 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         away = math.hypot(x[0] - gx, x[1] - gy) / around.goal_radius
         if status != FREE or v >= vertices.states.shape[0] or abs(away - 1.0) <= TUNING.goal_rim:
             return i, STATUS.ask
-        root = away < 1.0
-        for k in range(x.shape[0]):
-            vertices.states[v, k] = x[k]  # whether or not it becomes a vertex
+        root, forward = away < 1.0, away >= 1.0
+        copy_row(x, vertices.states[v])  # whether or not it becomes a vertex
         vertices.in_goal[v] = root
-        forward = not root
         size = v if forward else v + 1
         out, unsure = _propose(propose, (vertices, size, x, around, values, forward, root, straight))
         if unsure > 0:
@@ -220,7 +209,9 @@ def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignor
         back = out
         if forward and not rules.mirrored:
             back, unsure = _propose(propose, (vertices, v + 1, x, around, values, False, False, straight))
-        if unsure > 0 or lacks_room(at, out, back):
+        edges = load_int64(at.size, g.SIZE.edges) + len(out.near) + len(back.near)
+        pairs = load_int64(at.size, g.SIZE.pairs) + len(out.turns.marker) + len(back.turns.marker)
+        if unsure > 0 or edges > at.edge_room or pairs > at.pair_room:
             return i, STATUS.ask
         insert(at, vertices, straight, out, back, around, rules)
         i += 1

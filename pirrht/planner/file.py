@@ -12,12 +12,12 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from io import BytesIO
 from pathlib import Path
 from tokenize import TokenError
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +30,11 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle
 from pirrht.planner import graph as g
+from pirrht.planner.chain import keys_of
 from pirrht.planner.expand import restore
 from pirrht.planner.graph import SIZE, Graph, Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
-from pirrht.shortening.chain import keys_of
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
 
@@ -133,18 +133,14 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     }
 
 
-def _motions(movers: tuple[Mover, ...]) -> str:
-    """A digest of what bodies are made of and how they move."""
-    digest = hashlib.sha256()
-    for mover in movers:
-        motion = mover.motion
-        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.offset} ".encode() + motion.rows.tobytes())
-    return digest.hexdigest()[:16]
-
-
 def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
+    path = Path(file) if isinstance(file, str | Path) else None
+    if path is not None and (why := why_unreadable(path)) is not None:
+        if why == MISSING:
+            raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
+        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
     try:
-        with _opened(file, name) as stream:
+        with path.open("rb") if path is not None else nullcontext(cast(BinaryIO, file)) as stream:
             arrays = read_arrays(stream)
         about = json.loads(str(arrays.pop("about")))
         known, version = about["format"], about["version"]
@@ -162,17 +158,6 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
     return about, arrays
 
 
-def _opened(file: str | Path | BinaryIO, name: str) -> AbstractContextManager[BinaryIO]:
-    if not isinstance(file, str | Path):
-        return nullcontext(file)
-    why = why_unreadable(Path(file))
-    if why == MISSING:
-        raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
-    if why is not None:
-        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
-    return Path(file).open("rb")
-
-
 def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
     belongs = about.get("belongs")
     known = belongs if isinstance(belongs, dict) else {}
@@ -185,16 +170,8 @@ def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, A
             )
 
 
-# -- arrays ------------------------------------------------------------------------------------------------------
-
-
 def read_arrays(stream: BinaryIO) -> Arrays:
-    """Read the arrays of an npz file by name.
-
-    Raises:
-        OSError, zipfile.BadZipFile, zlib.error, EOFError: it cannot be read, or is not as it was written.
-        ValueError, RuntimeError, MemoryError: it is a file of another kind, or declares more than a tree has.
-    """
+    """Read the arrays of an npz file by name; an OSError or one of BROKEN or UNREADABLE if it is not one."""
     if not zipfile.is_zipfile(stream):
         raise ValueError("it is no zip file")
     with zipfile.ZipFile(stream) as archive:
@@ -288,9 +265,6 @@ def _take_over(graph: Graph, arrays: Arrays) -> None:
         getattr(graph, name)[:V, :K] = arrays[name]
 
 
-# -- what is not an array ----------------------------------------------------------------------------------------
-
-
 def _digest(obstacles: tuple[Obstacle, ...]) -> str:
     """A short name of a geometry; equal for equal shapes in equal places and order."""
     known = hashlib.sha256()
@@ -299,6 +273,15 @@ def _digest(obstacles: tuple[Obstacle, ...]) -> str:
         for array in (o.size, o.position, o.rotation, o.vertices, o.faces):
             known.update(b"-" if array is None else np.ascontiguousarray(array).tobytes())
     return known.hexdigest()[:16]
+
+
+def _motions(movers: tuple[Mover, ...]) -> str:
+    """A digest of the solids of bodies and of how they move."""
+    digest = hashlib.sha256()
+    for mover in movers:
+        motion = mover.motion
+        digest.update(f"{_digest(mover.solids)} {motion.repeat} {motion.offset} ".encode() + motion.rows.tobytes())
+    return digest.hexdigest()[:16]
 
 
 def _described(steering: Steering) -> str:

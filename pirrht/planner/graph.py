@@ -139,12 +139,12 @@ class Addresses(NamedTuple):
 class Capacity(NamedTuple):
     """Numbers of entries that there is room for, as in the shapes of a `Graph`."""
 
-    V: int
-    E: int
-    P: int
-    K: int
-    C: int
-    Q: int
+    V: int  # vertices
+    E: int  # edges
+    P: int  # pairs of these
+    K: int  # nodes of a vertex
+    C: int  # pairs of a node
+    Q: int  # nodes in the queue
 
 
 class Places(Addresses):
@@ -177,25 +177,16 @@ def empty_graph(capacity: Capacity, n: int, M: int) -> Graph:
     edge["next_in"] = edge["next_out"] = vertex["first_out"] = vertex["first_in"] = -1
     vertex["node"]["parent"] = ROOT
     return Graph(
-        size=np.zeros(5, np.int64),
-        pruned=np.zeros(1, np.int64),
-        states=np.zeros((V, n)),
-        in_goal=np.zeros(V, np.bool_),
-        straight=np.zeros((V, M)),
-        edge_first=np.zeros(E + 1, np.int64),
-        edge_marker=np.zeros(P, np.int32),
-        edge_turn=np.zeros(P, np.int16),
-        marker=np.zeros((V, K, C), np.int32),
-        turn=np.zeros((V, K, C), np.int16),
-        queue_cost=np.zeros(Q),
-        queue_vertex=np.zeros(Q, np.int32),
-        queue_key=np.zeros(Q, np.int64),
-        refill=np.zeros(V, np.int32),
-        waiting=np.zeros(V, np.bool_),
+        size=np.zeros(5, np.int64), pruned=np.zeros(1, np.int64),
+        states=np.zeros((V, n)), in_goal=np.zeros(V, np.bool_), straight=np.zeros((V, M)),
+        edge_first=np.zeros(E + 1, np.int64), edge_marker=np.zeros(P, np.int32), edge_turn=np.zeros(P, np.int16),
+        marker=np.zeros((V, K, C), np.int32), turn=np.zeros((V, K, C), np.int16),
+        queue_cost=np.zeros(Q), queue_vertex=np.zeros(Q, np.int32), queue_key=np.zeros(Q, np.int64),
+        refill=np.zeros(V, np.int32), waiting=np.zeros(V, np.bool_),
         **{name: edge[name] for name in EDGE.names or ()},
         **{name: vertex[name] for name in ("nodes", "first_out", "first_in")},
         **{name: vertex["node"][name] for name in NODE.names or ()},
-    )
+    )  # fmt: skip
 
 
 class Storage:
@@ -225,7 +216,7 @@ class Storage:
         self.make_room(**{name: getattr(self.capacity, name) + 1})
 
     def make_room(self, **least: int) -> None:
-        """Double what is too small for so many of V vertices, E edges, P pairs, K nodes, C pairs or Q nodes queued."""
+        """Double what is less than so many, by names of a `Capacity`."""
         counts, old = self.capacity._asdict(), self.places.graph
         for name, count in least.items():
             while counts[name] < count:

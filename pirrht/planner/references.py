@@ -18,9 +18,9 @@ from pirrht.arrays import Array
 from pirrht.errors import NoReference
 from pirrht.jit.jit import kernel, load_int32, load_int64, mapped
 from pirrht.planner import graph as g
+from pirrht.planner.chain import keys_of
+from pirrht.planner.shorten import resume, resumes, shorten
 from pirrht.planner.tuning import TUNING
-from pirrht.shortening.chain import keys_of
-from pirrht.shortening.shorten import resume, resumes, shorten
 from pirrht.steering.edges import Edges
 from pirrht.steering.motion import Motions, Trajectory
 from pirrht.topology.signature import class_id, integers

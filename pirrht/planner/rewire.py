@@ -300,8 +300,7 @@ def relaxed(at, rules):  # type: ignore[no-untyped-def]
     while load_int64(at.size, g.SIZE.queue) > 0 or load_int64(at.size, g.SIZE.refill) > 0:
         pruned = load_int64(at.pruned, 0)
         while load_int64(at.size, g.SIZE.refill) > 0:
-            last = load_int64(at.size, g.SIZE.refill) - 1
-            v = load_int32(at.refill, last)
+            v = load_int32(at.refill, load_int64(at.size, g.SIZE.refill) - 1)
             status = _fill(at, v, rules)
             if status == STATUS.pairs_full:
                 store_int64(at.pruned, 0, pruned)  # what was refused will be refused, and counted, again

@@ -151,13 +151,9 @@ class HomologyTree:
     def _sampling(self, count: int) -> Array:
         """Draw states (count, n): in passages that have no vertex yet, or random (Sampling)."""
         offered = [self._passage_draws.at(self.draws + k) for k in range(count)]
-        random = [k for k, x in enumerate(offered) if x is None]
-        drawn = np.empty((count, self.states.shape[1]))
-        drawn[random] = self.steering.draws(self.space, self.rng, len(random), self.origin, self.tuning.goal_share)
-        for k, x in enumerate(offered):
-            if x is not None:
-                drawn[k] = x
-        return drawn
+        uniform = sum(x is None for x in offered)
+        drawn = iter(self.steering.draws(self.space, self.rng, uniform, self.origin, self.tuning.goal_share))
+        return np.array([next(drawn) if x is None else x for x in offered])
 
     def _insert(self, x: Array, edges: Edges, back: Edges) -> None:
         """Make the state x (n,) that was written last a vertex, with edges from it and to it."""
@@ -182,7 +178,7 @@ class HomologyTree:
         near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
 
         def edges(near: NDArray[np.int64]) -> Edges:
-            motions = self.steering.connect(_repeated(x, len(near)), self.states[near])  # line 3: TPBVP
+            motions = self.steering.connect(np.repeat(x[None], len(near), axis=0), self.states[near])  # line 3: TPBVP
             return self.checker.inspect(motions, self.in_goal[near], near)  # lines 4 and 5: ObstacleFree
 
         if threads == 1 or len(near) < self.tuning.shared_edges:
@@ -199,7 +195,7 @@ class HomologyTree:
         x, in_goal = self.states[v], self.in_goal
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1
         near = near[(near != v) & ~in_goal[near]]
-        motions = self.steering.connect(self.states[near], _repeated(x, len(near)))  # line 3: TPBVP
+        motions = self.steering.connect(self.states[near], np.repeat(x[None], len(near), axis=0))  # line 3: TPBVP
         return self.checker.inspect(motions, np.full(len(near), in_goal[v]), near)  # lines 4 and 5: ObstacleFree
 
     def _near(self, x: Array, states: Array, *, forward: bool, least: int = 0) -> NDArray[np.int64]:
@@ -233,7 +229,7 @@ class HomologyTree:
         return query.extract(x)
 
     def at(self, x: Array, time: float) -> Array:
-        """State to query it at, for a system's state x (n,) at a time [s]."""
+        """State to query the tree at, for a system's state x (n,) at a time [s]."""
         return self.steering.at(x, time)
 
     def lengths(self, x: Array) -> dict[tuple[int, ...], float]:
@@ -271,11 +267,8 @@ class HomologyTree:
         """Handle the draws from i on in compiled code: how many have been handled, and what comes next."""
         if not isinstance(self.steering, CompiledSteering):
             return i, STATUS.ask
-        values, storage = np.array(self.steering.numbers), self.storage
-        places, vertices = storage.places, storage.vertices
-        return cast(
-            tuple[int, int], grow(self._propose, places, vertices, draws, i, self.checker.around, values, self.rules)
-        )
+        values, at = np.array(self.steering.numbers), (self.storage.places, self.storage.vertices)
+        return cast(tuple[int, int], grow(self._propose, *at, draws, i, self.checker.around, values, self.rules))
 
     @cached_property
     def _propose(self) -> Any:
@@ -306,29 +299,12 @@ class HomologyTree:
 
     def __repr__(self) -> str:
         scene, rules = formatting.name(self.space.scene.name), self.rules
-        counts = f"{self.size} vertices, {self.node_count} nodes"
-        return (
-            f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {rules.classes or 'all'} classes a vertex)"
-        )
+        counts, classes = f"{self.size} vertices, {self.node_count} nodes", f"{rules.classes or 'all'} classes a vertex"
+        return f"HomologyTree({counts} in {scene}, |1 - H| <= {rules.limit:g}, {classes})"
 
     def plot(self, x: Array | None = None, *, axes: Any = None) -> Any:
-        """Draw the best edge of every vertex on a map of the scene.
+        """Draw the best edge of every vertex on a map of the scene, and the references of a state x (n,).
 
-        Args:
-            x: a state (n,) from which the reference of every class is drawn too.
-            axes: of matplotlib, to draw on; without them a new figure is made.
-
-        Returns:
-            the axes.
-
-        Raises:
-            OptionError: matplotlib is not installed.
-            NoReference: no allowed class reaches the goal from x.
+        Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
         """
         return import_module("sim.plotting.prompt").tree(self, x, axes)
-
-
-def _repeated(x: Array, count: int) -> Array:
-    here = np.empty((count, len(x)))
-    here[:] = x
-    return here

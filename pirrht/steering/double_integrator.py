@@ -39,30 +39,21 @@ from pirrht.topology.crossings import crossed
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 
 
-class Cubic(NamedTuple):
-    """One path of constant jerk, as numbers: p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3]."""
-
-    x: float
-    y: float
-    vx: float
-    vy: float
-    ax: float
-    ay: float
-    jx: float
-    jy: float
+# A path in kernels is 8 numbers: p0 [m], v0 [m/s], c0 [m/s^2], c1 [m/s^3], x before y.
+_numbers = inlined(lambda motions, i: as_tuple(motions.path[i], 8))
 
 
 @inlined
 def place(c, s):  # type: ignore[no-untyped-def]
     """Return the position (x, y) [m] after s [s]."""
-    x = c.x + s * (c.vx + s * (0.5 * c.ax + s * c.jx / 6.0))
-    return x, c.y + s * (c.vy + s * (0.5 * c.ay + s * c.jy / 6.0))
+    x = c[0] + s * (c[2] + s * (0.5 * c[4] + s * c[6] / 6.0))
+    return x, c[1] + s * (c[3] + s * (0.5 * c[5] + s * c[7] / 6.0))
 
 
 @inlined
 def speeds(c, s):  # type: ignore[no-untyped-def]
     """Return the velocity (vx, vy) [m/s] after s [s]."""
-    return c.vx + s * (c.ax + 0.5 * s * c.jx), c.vy + s * (c.ay + 0.5 * s * c.jy)
+    return c[2] + s * (c[4] + 0.5 * s * c[6]), c[3] + s * (c[5] + 0.5 * s * c[7])
 
 
 @inlined
@@ -79,7 +70,7 @@ def stride(c, s, most, free):  # type: ignore[no-untyped-def]
 @inlined
 def _greatest_force(c, duration):  # type: ignore[no-untyped-def]
     """Return the greatest magnitude of the acceleration [m/s^2]: it is linear in time, so that is at an end."""
-    return max(math.hypot(c.ax, c.ay), math.hypot(c.ax + duration * c.jx, c.ay + duration * c.jy))
+    return max(math.hypot(c[4], c[5]), math.hypot(c[4] + duration * c[6], c[5] + duration * c[7]))
 
 
 class Cubics(NamedTuple):
@@ -99,10 +90,10 @@ class Cubics(NamedTuple):
             for c, T, v in map(self.curve, range(len(self.cost)))
         ]
 
-    def curve(self, i: int) -> tuple[Cubic, float, float]:
-        """Motion i, its duration [s], and a speed that it nowhere exceeds [m/s]."""
-        c, T = Cubic(*self.path[i].tolist()), float(self.duration[i])
-        return c, T, math.hypot(c.vx, c.vy) + T * float(_greatest_force(c, T))
+    def curve(self, i: int) -> tuple[tuple[float, ...], float, float]:
+        """Numbers of motion i, its duration [s], and a speed that it nowhere exceeds [m/s]."""
+        c, T = tuple(self.path[i].tolist()), float(self.duration[i])
+        return c, T, math.hypot(c[2], c[3]) + T * float(_greatest_force(c, T))
 
     def length(self) -> Array:
         """Lengths of the paths (k,) [m], by Gauss-Legendre quadrature."""
@@ -112,15 +103,10 @@ class Cubics(NamedTuple):
         return np.asarray(0.5 * self.duration * (np.hypot(vx, vy) @ WEIGHTS))
 
 
-@inlined
-def _cubic(motions, i):  # type: ignore[no-untyped-def]
-    return Cubic(*as_tuple(motions.path[i], 8))
-
-
 @kernel
 def _entry(motions, i, around):  # type: ignore[no-untyped-def]
     """March to the disc: by strides that certainly stay out of it."""
-    c, duration, s = _cubic(motions, i), motions.duration[i], 0.0
+    c, duration, s = _numbers(motions, i), motions.duration[i], 0.0
     most = _greatest_force(c, duration)
     while True:
         x, y = place(c, s)
@@ -135,16 +121,16 @@ def _entry(motions, i, around):  # type: ignore[no-untyped-def]
 @inlined
 def _cut(motions, i, s):  # type: ignore[no-untyped-def]
     """End motion i after s [s]; its cost is the integral of q + (r/2) |c0 + c1 s|^2."""
-    c, q, r = _cubic(motions, i), motions.rates[i, 0], motions.rates[i, 1]
-    still, cross = c.ax * c.ax + c.ay * c.ay, c.ax * c.jx + c.ay * c.jy
-    square = still + s * (cross + s * (c.jx * c.jx + c.jy * c.jy) / 3.0)
+    c, q, r = _numbers(motions, i), motions.rates[i, 0], motions.rates[i, 1]
+    still, cross = c[4] * c[4] + c[5] * c[5], c[4] * c[6] + c[5] * c[7]
+    square = still + s * (cross + s * (c[6] * c[6] + c[7] * c[7]) / 3.0)
     motions.duration[i], motions.cost[i] = s, s * (q + 0.5 * r * square)
 
 
 @kernel
 def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
     """Cover a path by discs of certified clearance."""
-    c, duration, s, verdict = _cubic(motions, i), motions.duration[i], 0.0, FREE
+    c, duration, s, verdict = _numbers(motions, i), motions.duration[i], 0.0, FREE
     most = _greatest_force(c, duration)
     while True:
         x, y = place(c, s)
@@ -163,7 +149,7 @@ def _certify(motions, i, around, patient):  # type: ignore[no-untyped-def]
 @kernel
 def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append pairs of a polyline with the path in free discs about its corners, and so with the path's turns."""
-    c, duration = _cubic(motions, i), motions.duration[i]
+    c, duration = _numbers(motions, i), motions.duration[i]
     most, s = _greatest_force(c, duration), 0.0
     ax, ay = place(c, 0.0)
     while s < duration:
@@ -179,7 +165,7 @@ def _pairs(motions, i, around, to_goal, marker, turn, count):  # type: ignore[no
 
 @inlined
 def _between(motions, i, share, out):  # type: ignore[no-untyped-def]
-    c, s = _cubic(motions, i), share * motions.duration[i]
+    c, s = _numbers(motions, i), share * motions.duration[i]
     out[0], out[1] = place(c, s)
     out[2], out[3] = speeds(c, s)
     return True
@@ -194,15 +180,12 @@ def _free(motions: Cubics, i: int, space: FreeSpace) -> bool:
 
 def _trajectory(steering: Any, path: Cubics) -> Trajectory:
     """Take mean accelerations of short pieces of time."""
-    controls, durations = [], []
-    for row, T in zip(path.path, path.duration, strict=True):
-        count = max(1, math.ceil(T / TUNING.control_piece))
-        middle = (np.arange(count) + 0.5) * T / count
-        controls.append(row[4:6] + middle[:, None] * row[6:8])
-        durations.append(np.full(count, T / count))
+    counts = np.maximum(1, np.ceil(path.duration / TUNING.control_piece)).astype(int)
+    rows, durations = np.repeat(path.path, counts, axis=0), np.repeat(path.duration / counts, counts)
+    middles = (np.concatenate([np.arange(count) for count in counts]) + 0.5) * durations
     return Trajectory(
-        controls=np.vstack(controls), durations=np.concatenate(durations), path=path, cost=float(path.cost.sum()),
-        length=float(path.length().sum()),
+        controls=rows[:, 4:6] + middles[:, None] * rows[:, 6:8], durations=durations, path=path,
+        cost=float(path.cost.sum()), length=float(path.length().sum()),
     )  # fmt: skip
 
 
@@ -261,18 +244,13 @@ class MassSteering(CompiledSteering):
 
     The root is the goal point with a free velocity, which is written as not a number.
 
-    Args:
-        q: cost rate [cost/s].
-        r: weight of the acceleration [cost s^3/m^2].
-        top: speeds up to this are drawn [m/s].
-
     Raises:
-        OptionError: one of them is not a positive number.
+        OptionError: one of the numbers is not positive.
     """
 
-    q: float = 1.0
-    r: float = 2.0
-    top: float = 2.0
+    q: float = 1.0  # cost rate [cost/s]
+    r: float = 2.0  # weight of the acceleration [cost s^3/m^2]
+    top: float = 2.0  # speeds up to this are drawn [m/s]
 
     n = 4
     motion = CUBICS

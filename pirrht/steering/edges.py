@@ -39,12 +39,12 @@ NO_EDGES = Edges(np.empty(0, np.int64), np.empty(0, np.int8), np.empty(0), _NO_T
 
 def concatenated(parts: Sequence[Edges]) -> Edges:
     """Join several judgements in order."""
-    counts = np.cumsum([0, *(len(part.turns.marker) for part in parts)])
-    first = [part.turns.first[:-1] + count for part, count in zip(parts, counts, strict=False)]
-    marker, turn = (np.concatenate([part.turns[k] for part in parts]) for k in (1, 2))
-    turns = Turns(np.concatenate([*first, counts[-1:]]), marker, turn)
-    near, status, cost = (np.concatenate(column) for column in list(zip(*parts, strict=True))[:3])
-    return Edges(near, status, cost, turns)
+    near, status, cost, turns = zip(*parts, strict=True)
+    first, marker, turn = zip(*turns, strict=True)
+    counts = np.cumsum([0, *map(len, marker)])
+    starts = [one[:-1] + count for one, count in zip(first, counts, strict=False)]
+    joined = Turns(np.concatenate([*starts, counts[-1:]]), np.concatenate(marker), np.concatenate(turn))
+    return Edges(np.concatenate(near), np.concatenate(status), np.concatenate(cost), joined)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -150,22 +150,15 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 class InTime(CompiledSteering):
     """Legs of a point in space and time, for a robot that is one or for proposals of another that track them.
 
-    Args:
-        q: cost rate [cost/s].
-        r: weight of the velocity in q + (r/2) |v|^2 [cost s/m^2].
-        speed: limit of speeds [m/s]; 0 is five times the best one.
-        m: controls of a system that only tracks these legs; 0 is the point's own velocity.
-        slack: time that such a system may take to get under way [s].
-
     Raises:
         OptionError: q or r is not a positive number, or the limit is a negative one or slower than the best speed.
     """
 
-    q: float = 1.0
-    r: float = 2.0
-    speed: float = 0.0
-    m: int = 0
-    slack: float = 0.0
+    q: float = 1.0  # cost rate [cost/s]
+    r: float = 2.0  # weight of the velocity in q + (r/2) |v|^2 [cost s/m^2]
+    speed: float = 0.0  # limit of speeds [m/s]; 0: five times the best one
+    m: int = 0  # controls of a system that only tracks these legs; 0: the point's own velocity
+    slack: float = 0.0  # time that such a system may take to get under way [s]
 
     n = 3
     min_neighbours = 500  # in haste one goes farther than to the cheapest neighbours
@@ -183,8 +176,7 @@ class InTime(CompiledSteering):
     def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> InTime:
         """Take legs for any problem, of a point or for another system to track, at most at a speed [m/s].
 
-        Args:
-            pace: the best speed of another [m/s]; None: that at which its cost per meter is least.
+        `pace` is the best speed of another [m/s]; None: that at which its cost per meter is least.
 
         Raises:
             OptionError: the cost of the problem tells no pace, or the limit is no speed.

@@ -185,24 +185,26 @@ def copied(motions: Any) -> Any:
 
 
 @part
+def _length(curves, i):  # type: ignore[no-untyped-def]
+    length = 0.0
+    for p in range(curves.length.shape[1]):
+        length += curves.length[i, p]
+    return length
+
+
+@part
 def _entry(curves, i, around):  # type: ignore[no-untyped-def]
-    start, length, whole = curves.start[i], curves.length[i], 0.0
-    for p in range(length.shape[0]):
-        whole += length[p]
-    if math.hypot(start[0] - around.goal_x, start[1] - around.goal_y) > 1.001 * (around.goal_radius + whole):
+    start, x, y, radius = curves.start[i], around.goal_x, around.goal_y, around.goal_radius
+    if math.hypot(start[0] - x, start[1] - y) > 1.001 * (radius + _length(curves, i)):
         return np.inf
-    return entry_of_curve(start, curves.curvature[i], length, around.goal_x, around.goal_y, around.goal_radius)
+    return entry_of_curve(start, curves.curvature[i], curves.length[i], x, y, radius)
 
 
 @part
 def _cut(curves, i, s):  # type: ignore[no-untyped-def]
-    length, whole, left = curves.length[i], 0.0, 0.0
-    for p in range(length.shape[0]):
-        whole += length[p]
-    truncate(length, s, length)
-    for p in range(length.shape[0]):
-        left += length[p]
-    curves.cost[i] *= left / max(whole, 1e-300)  # a curve of no length costs nothing
+    whole = _length(curves, i)
+    truncate(curves.length[i], s, curves.length[i])
+    curves.cost[i] *= _length(curves, i) / max(whole, 1e-300)  # a curve of no length costs nothing
 
 
 @part
@@ -219,12 +221,10 @@ def _pairs(curves, i, around, to_goal, marker, turn, count):  # type: ignore[no-
 @kernel
 def _between(curves, i, share, out):  # type: ignore[no-untyped-def]
     """Write a position, or a pose of a system of three states whose third is the heading."""
-    n, length, left = out.shape[0], curves.length[i], 0.0
+    n, length, left = out.shape[0], curves.length[i], share * _length(curves, i)
     x, y, theta = curves.start[i, 0], curves.start[i, 1], curves.start[i, 2]
     if n > 3 or (n == 3 and abs(math.sin(0.5 * (curves.tails[i, 2] - theta))) > 1e-6):  # the third is no heading
         return False
-    for p in range(length.shape[0]):
-        left += share * length[p]
     for p in range(length.shape[0]):
         x, y, theta = along(x, y, theta, curves.curvature[i, p], min(left, length[p]))
         left = max(0.0, left - length[p])

@@ -42,17 +42,14 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 
 
 class Lines(CompiledSteering):
-    """A steering method whose vertices are positions (2,) [m], joined by straight lines at one speed.
-
-    It has `pace`, the speed [m/s], and `cost_per_meter` [cost/m].
-    """
+    """A steering method whose vertices are positions (2,) [m], joined by straight lines at one speed."""
 
     n = 2
     symmetric = True
     cost = _cost
     optimum = _connect
-    pace: float
-    cost_per_meter: float
+    pace: float  # the speed [m/s]
+    cost_per_meter: float  # [cost/m]
 
     numbers = property(lambda self: (self.cost_per_meter,), doc="The cost per meter [cost/m].")
     speed = property(lambda self: self.pace, doc="The constant pace [m/s].")
@@ -105,28 +102,18 @@ class StraightLine(Lines):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tracked(Lines):
-    """Straight lines at one pace between positions, for systems that move otherwise.
+    """Straight lines at one pace between positions, for systems that move otherwise."""
 
-    Args:
-        pace: speed [m/s].
-        cost_per_meter: of it [cost/m].
-        slack: time that getting under way, or turning about, may take [s].
-        m: controls of the system.
-    """
-
-    pace: float
-    cost_per_meter: float
-    slack: float
-    m: int
+    pace: float  # speed [m/s]
+    cost_per_meter: float  # of it [cost/m]
+    slack: float  # time that getting under way, or turning about, may take [s]
+    m: int  # controls of the system
 
     drives = False
 
     @classmethod
     def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
-        """Take lines for any problem.
-
-        Args:
-            pace: speed [m/s]; without one, that at which the problem's cost per meter is least.
+        """Take lines for any problem at a pace [m/s]; None: that at which the problem's cost per meter is least.
 
         Raises:
             OptionError: the pace is not positive, or the cost tells none.

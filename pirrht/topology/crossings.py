@@ -9,7 +9,7 @@ markers there are: its turns are (marker, turn) pairs, all other integers are 0 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +21,11 @@ from pirrht.topology.tuning import TUNING
 
 
 class CutTable(NamedTuple):
-    """Markers by direction from the goal point and by position, as numbers that kernels can take cheaply."""
+    """Markers by direction from the goal point, as numbers that kernels can take cheaply."""
 
     goal_x: float  # goal point [m]
     goal_y: float  # [m]
-    M: int
+    M: int  # number of markers
     buckets: int  # B sectors of equal width; 1: all markers are always asked
     start: int  # address of int32 (2B+1,): first marker of each sector, twice around
     x: int  # address of float64 (2M,): markers by direction, twice around [m]
@@ -37,7 +37,7 @@ class CutTable(NamedTuple):
 class Cuts(CutTable):
     """A `CutTable` together with the arrays that its addresses point to."""
 
-    arrays: tuple[NDArray[np.float64] | NDArray[np.int64] | NDArray[np.int32], ...]
+    arrays: tuple[NDArray[Any], ...]
 
     @classmethod
     def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
@@ -48,10 +48,8 @@ class Cuts(CutTable):
         order = np.argsort(away, kind="stable")
         start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
         twice = np.concatenate([order, order])
-        arrays = (
-            np.concatenate([start[:B], start + M]).astype(np.int32), np.ascontiguousarray(markers[twice, 0]),
-            np.ascontiguousarray(markers[twice, 1]), weights[twice], twice.astype(np.int32),
-        )  # fmt: skip
+        x, y = (np.ascontiguousarray(column[twice]) for column in markers.T)
+        arrays = np.concatenate([start[:B], start + M]).astype(np.int32), x, y, weights[twice], twice.astype(np.int32)
         cuts = cls(float(goal[0]), float(goal[1]), M, B, *(array.ctypes.data for array in arrays))
         cuts.arrays = arrays
         return cuts
@@ -60,10 +58,9 @@ class Cuts(CutTable):
 @inlined
 def direction(dx, dy):  # type: ignore[no-untyped-def]
     """Return a number from 0 to 4 that grows with the angle of (dx, dy); 0 where there is none."""
-    size = abs(dx) + abs(dy)
-    if size == 0.0:
+    if dx == 0.0 and dy == 0.0:
         return 0.0
-    part = dy / size
+    part = dy / (abs(dx) + abs(dy))
     if dx < 0.0:
         return 2.0 - part
     return part if part >= 0.0 else 4.0 + part
@@ -201,15 +198,11 @@ def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[n
 
 @borrowing
 def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ignore[no-untyped-def]
-    """Append the pairs of a curve, in which a marker may come up more than once; number of pairs.
+    """Append the pairs of a curve to marker, turn (l,) [turns], with space for M more per piece; number of pairs.
 
-    Args:
-        cuts: `Cuts`.
-        curve: start (3,) [m, m, rad], curvature (P,) [1/m] and length (P,) [m].
-        to_goal: whether it goes on straight from its end to the goal point, which crosses no cut.
-        head: the place (2) at its end [m], exactly.
-        marker, turn: pairs, (l,) each [turns], with space for M more per piece.
-        count: how many are there already.
+    A marker may come up more than once. The curve is start (3,) [m, m, rad], curvature (P,) [1/m] and length (P,) [m];
+    `to_goal` tells whether it goes on straight from its end to the goal point, which crosses no cut, and `head` (2) is
+    the place at its end [m], exactly.
     """
     start, curvature, length = curve
     last = length.shape[0] - 1
@@ -221,8 +214,7 @@ def pairs_of_curve(cuts, curve, to_goal, head, marker, turn, count):  # type: ig
             ex, ey, end = along(x, y, theta, curvature[p], length[p])
             if p == last and not to_goal:  # the state itself: its side of a cut must not depend on rounding
                 ex, ey = head
-            piece = x, y, theta, curvature[p], length[p]
-            count = _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count)
+            count = _pairs_of_piece(cuts, (x, y, theta, curvature[p], length[p]), ex, ey, marker, turn, count)
             x, y, theta = ex, ey, end
     return count
 

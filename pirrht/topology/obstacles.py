@@ -53,9 +53,8 @@ def continued(
 
     An earlier marker stays while an inflated solid covers it: signatures may wind around any point of a component, and
     around two of one. Else it is put outside of the workspace, where no path winds around it, until a later component
-    takes its number. So turns about all that stays, and names of classes, keep their meaning. `parts` are the
-    components now, `before` those that name the classes so far, of which `named` keep their number even if they are
-    gone.
+    takes its number. So turns about all that stays, and names of classes, keep their meaning. `parts` are those of now,
+    `before` those that name the classes so far, of which `named` keep their number even if they are gone.
     """
     radius, (low, high) = collision.footprint.radius, collision.extents()
     part_of = {i: part for part in parts for i in part.members}

@@ -183,7 +183,7 @@ def compile_rest(dynamics_name: str, *, moving: bool) -> None:
 def compile_shortening(dynamics_name: str) -> None:
     """Compile what shortens paths in static scenes."""
     from pirrht.freespace import FreeSpace
-    from pirrht.shortening.shorten import shorten
+    from pirrht.planner.shorten import shorten
     from pirrht.steering.edges import EdgeChecker
     from sim.rehearsal import ROOM
 

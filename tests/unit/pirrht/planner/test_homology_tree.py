@@ -14,8 +14,8 @@ from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
 from pirrht.planner.references import Reference
+from pirrht.planner.shorten import shorten
 from pirrht.planner.tree import HomologyTree
-from pirrht.shortening.shorten import shorten
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine

@@ -11,11 +11,11 @@ from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.planner.chain import cheapest_chain
+from pirrht.planner.shorten import shorten
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import ChainTuning
 from pirrht.problem import Problem
-from pirrht.shortening.chain import cheapest_chain
-from pirrht.shortening.shorten import shorten
-from pirrht.shortening.tuning import ChainTuning
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.single_integrator import SingleIntegrator

@@ -21,7 +21,7 @@ from pirrht.geometry.arcs import FREE, LEAST_STEP, UNSURE
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import as_tuple, inlined, kernel
 from pirrht.jit.vectors import copy_row
-from pirrht.shortening.tuning import RESUME, TUNING, ChainTuning, ResumeTuning
+from pirrht.planner.tuning import CHAIN, RESUME, ChainTuning, ResumeTuning
 from pirrht.steering.edges import EdgeChecker, judge_with
 from pirrht.steering.motion import MotionKernels, Motions, copied
 from pirrht.steering.steering import CompiledSteering, Steering
@@ -38,7 +38,7 @@ class Chain(NamedTuple):
     key: NDArray[np.int64]  # (k,) its additive key
 
 
-def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = TUNING) -> Any:
+def cheapest_chain(path: Motions, steering: Steering, checker: EdgeChecker, tuning: ChainTuning = CHAIN) -> Any:
     """Find a path of consecutive motions into the goal, of one kind and class with `path`, that never costs more."""
     states, motion = np.vstack([path.tails[:1], path.heads]), checker.motion.kernels
     numbers: tuple[float, ...] = ()
@@ -74,49 +74,41 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
     entry, cut, certify, pairs, most, between = motion
 
     @part
-    def measure(around, motions, last, scratch):  # type: ignore[no-untyped-def]
-        """Cut a single motion at the goal if it is the last one; its cost and additive key."""
-        marker, turn = scratch
-        if last:
-            s = entry(motions, 0, around)
-            if s < np.inf:
-                cut(motions, 0, s)
-        count = pairs(motions, 0, around, last, marker, turn, 0)
-        return motions.cost[0], key_of_pairs(marker, turn, 0, count, around.weights)
+    def join(around, numbers, tail, head, last, scratch):  # type: ignore[no-untyped-def]
+        """Join two states (1, n), up to the goal if it is the `last` motion; the motion, its cost and additive key."""
+        (marker, turn), motion = scratch, connect(tail, head, numbers)
+        s = entry(motion, 0, around) if last else np.inf
+        if s < np.inf:
+            cut(motion, 0, s)
+        count = pairs(motion, 0, around, last, marker, turn, 0)
+        return motion, motion.cost[0], key_of_pairs(marker, turn, 0, count, around.weights)
 
     @part
-    def admissible(around, motions, last):  # type: ignore[no-untyped-def]
-        """Tell whether a single motion is certified, and outside the goal or, cut there, the last one."""
-        outside = last or entry(motions, 0, around) == np.inf
-        return outside and certify(motions, 0, around, False) == FREE
+    def admissible(around, motion, last):  # type: ignore[no-untyped-def]
+        """Return whether a single motion is certified, and outside the goal or, cut there, the last one."""
+        outside = last or entry(motion, 0, around) == np.inf
+        return outside and certify(motion, 0, around, False) == FREE
 
     @part
-    def stations_of(around, numbers, states, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
-        """Write stations along a path and the legs between them to a `Chain`; the number of stations."""
-        stations, cost, key = out
-        legs, spacing = len(states) - 1, 0.0
-        for i in range(legs):
-            leg = connect(states[i : i + 1], states[i + 1 : i + 2], numbers)
-            cost[i], _ = measure(around, leg, i == legs - 1, scratch)
-            spacing += cost[i] / count
-        used, row = 1, np.empty((1, states.shape[1]))
-        copy_row(states[0], stations[0])
-        for i in range(legs):
+    def stations_of(around, numbers, path, count, tuning, scratch, out):  # type: ignore[no-untyped-def]
+        """Write stations along a `Chain`, about so many, to `out` (l, n); their number."""
+        states, cost, _ = path
+        last, used, row = len(states) - 2, 1, np.empty((1, states.shape[1]))
+        spacing = np.sum(cost[: last + 1]) / count
+        copy_row(states[0], out[0])
+        for i in range(last + 1):
             tail, head = states[i : i + 1], states[i + 1 : i + 2]
-            leg, parts = connect(tail, head, numbers), max(1, math.ceil(cost[i] / spacing))
-            whole = leg.cost[0] * (1.0 + tuning.rounding)
-            measure(around, leg, i == legs - 1, scratch)
+            motion, _, _ = join(around, numbers, tail, head, i == last, scratch)
+            whole = cost_of(tail[0], head[0], numbers, np.inf) * (1.0 + tuning.rounding)
+            parts = max(1, math.ceil(cost[i] / spacing))
             for p in range(1, parts):
-                if between(leg, 0, p / parts, row[0]):
+                if between(motion, 0, p / parts, row[0]):
                     first = cost_of(tail[0], row[0], numbers, np.inf)
                     if first + cost_of(row[0], head[0], numbers, np.inf) <= whole:
-                        copy_row(row[0], stations[used])
+                        copy_row(row[0], out[used])
                         used += 1
-            copy_row(states[i + 1], stations[used])
+            copy_row(states[i + 1], out[used])
             used += 1
-        for i in range(used - 1):
-            leg = connect(stations[i : i + 1], stations[i + 1 : i + 2], numbers)
-            cost[i], key[i] = measure(around, leg, i == used - 2, scratch)
         return used
 
     @part
@@ -141,10 +133,10 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
                 i = int(np.argmin(total[:j]))
                 if not total[i] < limit:
                     break
-                leg = connect(stations[i : i + 1], stations[j : j + 1], numbers)
-                own, turned = measure(around, leg, last, scratch)
+                tail, head = stations[i : i + 1], stations[j : j + 1]
+                motion, own, turned = join(around, numbers, tail, head, last, scratch)
                 own += best[i] + charge
-                if turned == passed[j] - passed[i] and own < best[j] and admissible(around, leg, last):
+                if turned == passed[j] - passed[i] and own < best[j] and admissible(around, motion, last):
                     best[j], source[j] = own, i
                     if not last:
                         break
@@ -161,67 +153,100 @@ def _chain(cost_of: Number, connect: Any, motion: MotionKernels, shift: Any, par
 
     @part
     def move(around, numbers, path, i, trial, tuning, scratch):  # type: ignore[no-untyped-def]
-        """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper; whether it did."""
+        """Move vertex i to the trial state (1, n) if its legs become admissible and cheaper."""
         states, cost, key = path
         last, tail = i == len(states) - 1, states[i - 1 : i]
         limit, turned, least = cost[i - 1], key[i - 1], 0.0
         if clearance(around.field, trial[0, 0], trial[0, 1]) < LEAST_STEP:
-            return False
+            return
         if not last:
             limit, turned = limit + cost[i], turned + key[i]
             if i < len(states) - 2:
                 least = cost_of(trial[0], states[i + 1], numbers, limit)
         limit *= 1.0 - tuning.move_gain
         if not last and not least + cost_of(tail[0], trial[0], numbers, limit - least) < limit:
-            return False
-        first = connect(tail, trial, numbers)
-        own, passed = measure(around, first, last, scratch)
+            return
+        first, own, passed = join(around, numbers, tail, trial, last, scratch)
         if not last:
-            second, ends = connect(trial, states[i + 1 : i + 2], numbers), i == len(states) - 2
-            rest, after = measure(around, second, ends, scratch)
+            ends = i == len(states) - 2
+            second, rest, after = join(around, numbers, trial, states[i + 1 : i + 2], ends, scratch)
             if not own + rest < limit or passed + after != turned:
-                return False
+                return
             if not admissible(around, first, False) or not admissible(around, second, ends):
-                return False
+                return
             cost[i], key[i] = rest, after
         elif not own < limit or passed != turned or not admissible(around, first, True):
-            return False
+            return
         cost[i - 1], key[i - 1] = own, passed
         copy_row(trial[0], states[i])
-        return True
 
     @part
-    def search(around, numbers, states, moves, tuning, scratch):  # type: ignore[no-untyped-def]
-        """Move the vertices (k, n) but the first, in place; the last one stays at the goal point."""
-        k = len(states)
-        cost, key, trial = np.empty(k), np.empty(k, np.int64), states[:1].copy()
-        for i in range(k - 1):
-            leg = connect(states[i : i + 1], states[i + 1 : i + 2], numbers)
-            cost[i], key[i] = measure(around, leg, i == k - 2, scratch)
+    def search(around, numbers, path, moves, tuning, scratch):  # type: ignore[no-untyped-def]
+        """Move the vertices of a `Chain` but the first, in place; the last one stays at the goal point."""
+        states, trial = path.states, path.states[:1].copy()
         for level in range(tuning.levels):
-            for i in range(1, k):
+            for i in range(1, len(states)):
                 for m in range(moves):
                     shift(states[i], m, tuning.first_step * 0.5**level, numbers, trial[0])
-                    if i == k - 1:
+                    if i == len(states) - 1:
                         trial[0, 0], trial[0, 1] = states[i, 0], states[i, 1]
-                    move(around, numbers, Chain(states, cost, key), i, trial, tuning, scratch)
+                    move(around, numbers, path, i, trial, tuning, scratch)
+
+    @part
+    def chain_of(around, numbers, states, scratch):  # type: ignore[no-untyped-def]
+        """Make a `Chain` of states (k, n)."""
+        cost, key = np.empty(len(states)), np.empty(len(states), np.int64)
+        for i in range(len(states) - 1):
+            last = i == len(states) - 2
+            _, cost[i], key[i] = join(around, numbers, states[i : i + 1], states[i + 1 : i + 2], last, scratch)
+        return Chain(states, cost, key)
 
     @part
     def shortened(around, numbers, states, moves, tuning):  # type: ignore[no-untyped-def]
         """Chain and search in turn."""
         crossings = most(connect(states[:1], states[1:2], numbers)) * len(around.weights)
         scratch = np.empty(crossings, np.int32), np.empty(crossings, np.int16)
+        path = chain_of(around, numbers, states, scratch)
         for count in tuning.stations:
-            room = len(states) + count + 1
-            along = Chain(np.empty((room, states.shape[1])), np.empty(room), np.empty(room, np.int64))
-            used = stations_of(around, numbers, states, count, tuning, scratch, along)
-            along = Chain(along.states[:used], along.cost, along.key)
-            out = np.empty((used, states.shape[1]))
-            states = out[: cheapest(around, numbers, along, tuning, scratch, out)].copy()
-            search(around, numbers, states, moves, tuning, scratch)
-        return states
+            out = np.empty((len(path.states) + count + 1, states.shape[1]))
+            used = stations_of(around, numbers, path, count, tuning, scratch, out)
+            along, chosen = chain_of(around, numbers, out[:used], scratch), np.empty((used, states.shape[1]))
+            used = cheapest(around, numbers, along, tuning, scratch, chosen)
+            path = chain_of(around, numbers, chosen[:used], scratch)
+            search(around, numbers, path, moves, tuning, scratch)
+        return path.states
 
     found: Callable[..., Array] = shortened
+    return found
+
+
+def shortcut_with(key_of: Callable[..., int], joins: Callable[..., bool]) -> Callable[..., int]:
+    """Build the kernel that leaves out knots between others which a straight line of one class joins, in place.
+
+    Args:
+        key_of: (around, a (n,), b (n,), last) -> additive key of the line from a to b; `last`: into the goal.
+        joins: (around, numbers, a, b, last, key) -> whether the line may be taken, and has the key.
+    """
+
+    @kernel
+    def shortcut(around, numbers, knots, ahead):  # type: ignore[no-untyped-def]
+        """Number of the knots (k, n) that stay; a line is as long as it gets after so many others `ahead` in vain."""
+        count, kept, i = knots.shape[0], 1, 0
+        keys = np.zeros(count, np.int64)
+        for k in range(count - 1):
+            keys[k + 1] = keys[k] + key_of(around, knots[k], knots[k + 1], k == count - 2)
+        while i < count - 1:
+            to, j = i + 1, i + 2
+            while j < count and j <= to + ahead:
+                if joins(around, numbers, knots[i], knots[j], j == count - 1, keys[j] - keys[i]):
+                    to = j
+                j += 1
+            copy_row(knots[to], knots[kept])
+            keys[kept] = keys[to]
+            kept, i = kept + 1, to
+        return kept
+
+    found: Callable[..., int] = shortcut
     return found
 
 
@@ -230,9 +255,8 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
 
     Its class is that of x, the next corner and on, if the motion to that is free; else it may be another.
     """
-    goal, corners = checker.space.scene.goal.center, path.heads.copy()
-    corners[-1, :2] += tuning.into_goal * (goal - corners[-1, :2])
-    count = min(tuning.corners, len(corners))
+    corners, count = path.heads.copy(), min(tuning.corners, len(path.heads))
+    corners[-1, :2] += tuning.into_goal * (checker.space.scene.goal.center - corners[-1, :2])
     to = np.r_[np.arange(count), np.arange(1, count)]  # from x, and from each corner to the next
     tails = np.vstack([np.repeat(x[None], count, axis=0), corners[: count - 1]])
     motions = copied(steering.connect(tails, corners[to]))
@@ -245,10 +269,8 @@ def resumed(x: Array, path: Motions, steering: Steering, checker: EdgeChecker, t
         free &= key[:count] == key[0] + np.concatenate([[0], np.cumsum(key[count:])])
     if not free.any():
         return None
-    legs = path.cost[1:]
-    onward = legs.sum() - np.concatenate([[0.0], np.cumsum(legs[: count - 1])])
-    first = int(np.argmin(np.where(free, direct + onward, np.inf)))
-    stations = np.vstack([x, corners[first:]])
+    onward = np.cumsum(path.cost[::-1])[::-1] - path.cost  # from each corner
+    stations = np.vstack([x, corners[int(np.argmin(np.where(free, direct + onward[:count], np.inf))) :]])
     return checker.until_goal(steering.connect(stations[:-1], stations[1:]))
 
 

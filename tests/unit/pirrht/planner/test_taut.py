@@ -9,8 +9,8 @@ from discs import block, disc, scattered, scene_of
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
+from pirrht.planner.shorten import taut_polyline
 from pirrht.planner.tree import HomologyTree
-from pirrht.shortening.shorten import taut_polyline
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.straight_line import StraightLine
 

@@ -1,14 +1,14 @@
-"""The long tests of unit/pirrht/shortening/test_chain.py."""
+"""The long tests of unit/pirrht/planner/test_chain.py."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 from discs import scattered
-from unit.pirrht.shortening.test_chain import Foreign, by_class, grown
+from unit.pirrht.planner.test_chain import Foreign, by_class, grown
 
 from pirrht.freespace import FreeSpace
-from pirrht.shortening.chain import cheapest_chain
+from pirrht.planner.chain import cheapest_chain
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.straight_line import StraightLine
 

@@ -14,8 +14,8 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion
 from pirrht.jit.jit import kernel
 from pirrht.moving.exits import watch
-from pirrht.shortening.shorten import resume, shorten
-from pirrht.shortening.timed_relaxation import BAND, model
+from pirrht.planner.in_time import BAND, model
+from pirrht.planner.shorten import resume, shorten
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Legs
@@ -55,17 +55,17 @@ def test_the_slope_of_the_model_is_that_of_its_value():
     t = np.linspace(0.017, 3.3, 13)
     knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
     n = 2 * (len(knots) - 1)
-    none, matrix, border, slope = np.empty(0), np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
+    parts = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
 
     def value(change: np.ndarray) -> float:
         moved = knots.copy()
         moved[1:, :2] += change[:-1].reshape(-1, 2)
         moved[:, 2] += (t - t[0]) / (t[-1] - t[0]) * change[-1]
-        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, (np.empty((0, BAND)), none, none))
+        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, parts, False)
 
-    modelled(around, near, steering.numbers, knots, 50.0, 0.3, (matrix, border, slope))
+    modelled(around, near, steering.numbers, knots, 50.0, 0.3, parts, True)
     numeric = [(value(1e-6 * row) - value(-1e-6 * row)) / 2e-6 for row in np.eye(n + 1)]
-    assert slope == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(slope).max())
+    assert parts[2] == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(parts[2]).max())
 
 
 def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:
