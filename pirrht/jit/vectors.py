@@ -108,9 +108,9 @@ def _blended() -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             kind, places = ir.VectorType(ir.FloatType(), 4), [ir.Constant(ir.IntType(32), k) for k in range(4)]
 
-            def rows(address: Any) -> list[Any]:
+            def rows(address: Any) -> tuple[Any, Any]:
                 start = builder.inttoptr(address, kind.as_pointer())
-                return [builder.load(builder.gep(start, [place]), align=4) for place in places[:2]]
+                return builder.load(start, align=4), builder.load(builder.gep(start, places[1:2]), align=4)
 
             def fill(number: Any) -> Any:
                 empty = ir.Constant(kind, ir.Undefined)
