@@ -14,7 +14,6 @@ from pirrht.control.policy import Halt, RunState
 from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.problem import Problem
-from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch
 
 
@@ -131,7 +130,7 @@ def blocked_plan(
     """
     known: Law | None = None
     if batch is not None and not brake.stops:
-        guides = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
+        guides = [one.lead.guide for one in batch.proposals if one.lead.guide is not None]
         tapes = [guide.tape for guide in sorted(guides, key=lambda guide: guide.penalised)[:1]]
         tapes += [one.trajectory.tape(batch.times) for one in references[:1]]
         known = held(batch.times, tapes[0]) if tapes else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from pirrht.control.blocked import Brake, blocked_plan
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
-from pirrht.control.proposals import ProposalBuilder, plan_of
+from pirrht.control.proposals import ProposalBuilder, Propose, plan_of
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
@@ -24,6 +24,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch
+from pirrht.rollouts.backend import Backend
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 
@@ -33,6 +34,8 @@ class Controller(Policy):
 
     Args:
         method, shortened, consistency, between, tuning: see `ControlSettings`.
+        propose: functions of a state and the default proposal of a class that return another one, or None.
+        backend: simulates paths; None: compiled kernels on this machine.
 
     Attributes:
         path_integral: sampler of the problem in its scene.
@@ -66,25 +69,25 @@ class Controller(Policy):
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
         homology: Homology | None = None, predict: ConstantVelocity | None = None, tuning: ControlTuning = TUNING,
-        rng: np.random.Generator,
+        propose: Sequence[Propose] = (), backend: Backend | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(
             method=method, shortened=shortened, consistency=consistency, between=between, tuning=tuning
         )
         self.predict, self.rng = predict, rng
-        self._enter(problem, space, tree, sampling, homology)
+        self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
 
     def _enter(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling,
-        homology: Homology | None = None,
+        homology: Homology | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
         of_tree.validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
         self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
-        self.path_integral = path_integral(problem, space, sampling, homology=self.homology)
-        self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings)
+        self.path_integral = path_integral(problem, space, sampling, homology=self.homology, backend=backend)
+        self.proposals = ProposalBuilder(integral=self.path_integral, settings=self.settings, propose=propose)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
@@ -139,7 +142,8 @@ class Controller(Policy):
         """
         new = of_tree.renewed(self.problem, self.space, self.tree, scene, vertices)
         if new is not None:
-            self._enter(*new, self.path_integral.sampling)
+            backend = self.path_integral.backend
+            self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
             of_tree.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:

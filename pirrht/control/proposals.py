@@ -5,7 +5,7 @@ A tree must fit the problem; it gives one path per class, and grows anew in anot
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -177,6 +177,9 @@ def _same(one: Any, other: Any) -> bool:
     return one is other or all(np.array_equal(mine, its) for mine, its in pairs)
 
 
+Propose = Callable[[Array, ProposalControl], ProposalControl | None]  # state (n,), the default of a class
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProposalBuilder:
     """Builds the proposals of plans; all that it learns is in the memory of the run.
@@ -186,6 +189,7 @@ class ProposalBuilder:
 
     integral: PathIntegral
     settings: ControlSettings
+    propose: Sequence[Propose] = ()  # further proposals of each class, by its default
 
     def batch(self, x: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget) -> Batch:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
@@ -227,13 +231,15 @@ class ProposalBuilder:
         rows = zip(controls, counts, names, keys, strict=True)
         proposals = [Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows]
 
-        def second(k: int) -> ProposalControl | None:
-            """Return the other local optimum of the k-th class, or the ascent of psi of a point."""
-            other = memory.optima.get(classes[k], [])[1:]
-            return followed(other[0]) if other else integral.proposals.defensive(x, trajectories[k], run.now)
+        def others(k: int) -> list[ProposalControl]:
+            """Return the other local optimum of the k-th class, or the ascent of psi of a point, and the user's own."""
+            optima = memory.optima.get(classes[k], [])[1:]
+            second = followed(optima[0]) if optima else integral.proposals.defensive(x, trajectories[k], run.now)
+            found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
+            return [one for one in found if one is not None]
 
         if self.settings.use.mixes:
-            proposals = memory.allocation.split(proposals, second)
+            proposals = memory.allocation.split(proposals, others)
         return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=memory.others)
 
     def estimate(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget) -> Estimate | None:

@@ -211,11 +211,11 @@ class Allocation:
 
     Attributes:
         contribution: root mean square weight of samples by class.
-        shares: share of the samples of a class around its second proposal, by class.
+        shares: shares of the samples of a class around each of its proposals, by class.
     """
 
     contribution: dict[str, float] = field(default_factory=dict)
-    shares: dict[str, float] = field(default_factory=dict)
+    shares: dict[str, Array] = field(default_factory=dict)
     tuning: AllocationTuning = ALLOCATION
 
     def counts(
@@ -243,16 +243,18 @@ class Allocation:
         counts[chosen] = number
         return [int(n) for n in counts]
 
-    def split(self, proposals: Sequence[Proposal], second: Callable[[int], ProposalControl | None]) -> list[Proposal]:
-        """Give some samples of the k-th class to its `second(k)` proposal, if that is not None."""
+    def split(self, proposals: Sequence[Proposal], others: Callable[[int], list[ProposalControl]]) -> list[Proposal]:
+        """Divide the samples of the k-th class between its proposal and `others(k)`."""
         first, more = [], []
         few = min(PROPOSALS.few, max((one.count for one in proposals), default=0) - 1)
         for k, one in enumerate(proposals):
-            other = second(k) if one.count > few else None  # so few samples can hardly carry weight
-            count = 0 if other is None else min(round(self.shares.get(one.name, 0.5) * one.count), one.count - 1)
-            first.append(replace(one, count=one.count - count))
-            if other is not None and count > 0:
-                more.append(replace(one, lead=other, count=count))
+            added = others(k) if one.count > few else []  # so few samples can hardly carry weight
+            shares = self.shares.get(one.name, np.empty(0))
+            if len(shares) != len(added) + 1:
+                shares = np.full(len(added) + 1, 1.0 / (len(added) + 1))
+            counts = [round(share * one.count) for share in shares[1:]]
+            first.append(replace(one, count=one.count - sum(counts)))
+            more += [replace(one, lead=lead, count=count) for lead, count in zip(added, counts, strict=True) if count]
         return first + more
 
     def learn(self, batch: Batch, estimate: Estimate) -> None:
@@ -267,5 +269,6 @@ class Allocation:
             weights.setdefault(one.name, []).append(weight)
         least = self.tuning.least
         for name, of_class in weights.items():
-            if len(of_class) == 2 and sum(of_class) > 0.0:
-                self.shares[name] = float(np.clip(of_class[1] / sum(of_class), least, 1.0 - least))
+            if len(of_class) > 1 and sum(of_class) > 0.0:
+                shares = np.clip(np.array(of_class) / sum(of_class), least / (len(of_class) - 1), 1.0 - least)
+                self.shares[name] = shares / shares.sum()

@@ -18,7 +18,7 @@ from pirrht.geometry.world import World
 from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, LinearFeedback
+from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import (
@@ -252,7 +252,7 @@ class ProposalFactory:
 
 def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:
     """Return the guides that samples follow, each after their number."""
-    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
+    return [(one.count, one.lead.guide) for one in batch.proposals if one.lead.guide is not None]
 
 
 def _places(guide: DDPGuide, times: Array) -> Array:

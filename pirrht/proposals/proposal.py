@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,34 +23,30 @@ if TYPE_CHECKING:  # records of kernels: their homes need geometry, a proposal d
 class ProposalControl(ABC):
     """A control u(x, s), (m,), that samples follow, and the density of their noise.
 
-    To add a proposal, write one class with two methods. `__call__` tells the control at a state. `pack` writes row h
-    of the tables from which kernels draw noise, and by which they evaluate its density: a control sequence, a tube of
-    desirability, or a law with mean, feedback and covariance by step (`LawRows`). The estimator needs no more: every
-    proposal's density enters the denominator of every weight (`weights.log_weights`), so psi stays unbiased.
+    To add a proposal, write one class with two methods, or derive it from `Wrapped` to change another one. `__call__`
+    tells the control at a state. `pack` writes row h of the tables from which kernels draw noise, and by which they
+    evaluate its density: a control sequence (any system), a tube of desirability (a point among static obstacles), or
+    a law with mean, feedback and covariance by step (`LawRows`; all other systems, and a point among moving
+    obstacles). Every proposal's density enters the denominator of every weight (`weights.log_weights`), so psi stays
+    unbiased. `Controller(..., propose=[...])` adds it to the mixture of each class.
 
     Examples:
         Wider noise around a guide, for a system whose position no noise acts on:
 
-        >>> from dataclasses import dataclass
         >>> import numpy as np
-        >>> from pirrht.proposals.guide import LinearFeedback
         >>> from pirrht.rollouts.tables import LawRows
-        >>> @dataclass(frozen=True)
-        ... class Wider(ProposalControl):
-        ...     feedback: LinearFeedback
-        ...     scale: float
-        ...     def __call__(self, x, s):
-        ...         return self.feedback(x, s)
-        ...     def pack(self, leads, h):
-        ...         self.feedback.pack(leads, h)
-        ...         modes, n = self.feedback.guide.modes.shape[1], len(self.feedback.guide.metric)
-        ...         law = LawRows.of(leads, h, n, modes)
-        ...         law.deviation[:] *= self.scale
-        ...         law.inverse[:] /= self.scale
-        ...         law.log_det[:] += modes * np.log(self.scale)
+        >>> class Wider(Wrapped):
+        ...     def pack(self, tables, h):
+        ...         super().pack(tables, h)
+        ...         modes, n = self.lead.guide.modes.shape[1], len(self.lead.guide.metric)
+        ...         law = LawRows.of(tables, h, n, modes)
+        ...         law.deviation[:] *= 1.1
+        ...         law.inverse[:] /= 1.1
+        ...         law.log_det[:] += modes * np.log(1.1)
     """
 
     follows = True  # whether it depends on the state
+    guide: Any = None  # the `DDPGuide` that it follows, if there is one
 
     @property
     def sections(self) -> int:
@@ -73,6 +69,35 @@ class ProposalControl(ABC):
     @abstractmethod
     def pack(self, leads: ProposalTables, h: int) -> None:
         """Write row h of the tables (H, ...); they are zero before."""
+
+
+class Wrapped(ProposalControl):
+    """Another proposal control, to be changed in a derived class."""
+
+    def __init__(self, lead: ProposalControl) -> None:
+        self.lead, self.follows, self.guide = lead, lead.follows, lead.guide
+
+    @property
+    def sections(self) -> int:
+        """Number of cross-sections, C."""
+        return self.lead.sections
+
+    @property
+    def promise(self) -> float:
+        """Predicted log psi of the class [nats]."""
+        return self.lead.promise
+
+    def __call__(self, x: Array, s: float) -> Array:
+        """Return the control (m,) at state x (n,), s [s] after the plan."""
+        return self.lead(x, s)
+
+    def held(self, x: Array) -> Array:
+        """Return the mean control (m,) over the first step from x (n,)."""
+        return self.lead.held(x)
+
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write row h of the tables."""
+        self.lead.pack(leads, h)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.errors import OptionError
 from pirrht.jit.jit import inlined, kernel, load_float32, part
 from pirrht.jit.streams import HALF, ONE, ZERO
 from pirrht.jit.vectors import blended
@@ -165,7 +166,15 @@ class LawRows(NamedTuple):
 
     @classmethod
     def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
-        """Return the rows of proposal h for a system of n states under noise of so many modes per step."""
+        """Return the rows of proposal h for a system of n states under noise of so many modes per step.
+
+        Raises:
+            OptionError: samples of the system follow no laws.
+        """
+        if tables.law.shape[2] == 0:
+            raise OptionError(
+                "samples of a point among static obstacles follow no law; write a control sequence or a tube"
+            )
         law, at, shapes = tables.law[h], law_columns(n, modes), law_shapes(n, modes)
         rows = zip(at[:-1], at[1:], shapes, strict=True)
         return cls(*(law[:, start:end].reshape(len(law), *shape) for start, end, shape in rows))
