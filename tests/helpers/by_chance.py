@@ -59,7 +59,7 @@ def _draw(setup, x, t, q, r, low, high, seed, paths, cost):  # type: ignore[no-u
         cost[s] = total
         for k in range(3):
             ax, ay, bx, by = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
-            outcome, _ = sweep_exit(setup.world, ax, ay, bx, by)
+            outcome, _, _ = sweep_exit(setup.world, ax, ay, bx, by)
             step, begun, dt = (ax, ay, bx, by, 0.0), path[k, 2], path[k + 1, 2] - path[k, 2]
             if outcome == COLLISION or sweep(setup.world.moving, notes, step, begun, dt, 1.0) <= 1.0:
                 cost[s] = math.inf
