@@ -94,9 +94,6 @@ class Controller(Policy):
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).
 
-        Args:
-            left: time left for sampling [s]; samples are drawn until it is up.
-
         Raises:
             OptionError: x is no state of the system.
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
@@ -119,7 +116,7 @@ class Controller(Policy):
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
-        """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
+        """Return what a plan at x (n,) samples; see `ProposalBuilder.batch`."""
         return self.proposals.batch(x, references, self.run, budget or TimeBudget())
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:

@@ -38,8 +38,7 @@ from pirrht.topology.signature import integers
 def validate(tree: HomologyTree | None, problem: Problem, sampling: Sampling, settings: ControlSettings) -> None:
     """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
 
-    Raises:
-        OptionError: it is not so, or its references have no controls that samples could follow.
+    An OptionError is raised if not, or if its references have no controls that samples could follow.
     """
     if tree is None:
         if settings.use.most != 0:
@@ -76,11 +75,7 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides.
-
-    Raises:
-        NoReference: there is none.
-    """
+    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides."""
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []
@@ -125,15 +120,7 @@ def _remaining_guides(
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
-    """Return the problem, the free space and a tree in another scene; None if the scene is unchanged.
-
-    Args:
-        vertices: of the tree; None: as many as the last one has.
-
-    Raises:
-        OptionError: the goal is another, or obstacles move.
-        SceneError: all of the goal is in collision, or the workspace is too large for the robot.
-    """
+    """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")

@@ -70,7 +70,7 @@ class DDPGuidance:
         self.onward = tuning.onward if kind.homing is no_homing else 0
         self.starts = Initialisation(
             dynamics=d, setup=setup, width=self.width, optimise=self.optimise, tracking=tracking, window=window,
-            asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
+            tuning=tuning,
         )  # fmt: skip
 
     @property
@@ -116,15 +116,10 @@ class DDPGuidance:
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
-        Improved is what is left of the last plan's optima, and if the first of them leaves the class or touches
-        something, the initialisations of the class; but where noise has carried the robot into a wall's zone the first
-        leads out of it. If nothing valid is found, samples follow what the reference led to.
-
-        Args:
-            reference: path of the class.
-            last: optima of the class found `elapsed` [s] ago.
-            thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
-            short: whether time is short, so that nothing more is improved.
+        Improved are what is left of the `last` optima, found `elapsed` [s] ago, and if the first of them leaves the
+        class or touches something, the initialisations of the class, all of them or (unless `thorough`) up to the first
+        valid guide; but where noise has carried the robot into a wall's zone the first leads out of it. If nothing
+        valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
@@ -193,10 +188,9 @@ class DDPGuidance:
         return Query(setup, clock, x, times, key)
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
-        """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
+        """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide.
 
-        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
-        longer than any path of some weight.
+        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k).
         """
         penalised = [np.inf if guide is None else guide.penalised for guide in guides]
         bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)

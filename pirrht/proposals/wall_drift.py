@@ -77,12 +77,6 @@ def under_way(noise: float, off: Array, times: Array) -> int:
     return int(np.argmax(early)) if early.any() else len(times)
 
 
-def squeezed(noise: float, clearances: Array, times: Array) -> float:
-    """Return the weight of walls ahead, from 0 to 1, by clearances (k,) [m] at some times (k,) [s]."""
-    least = float(np.min(clearances / np.sqrt(noise * times)))
-    return min(max((TUNING.loose - least) / (TUNING.loose - TUNING.tight), 0.0), 1.0)
-
-
 def shortfall(c: float, s: float, variance: float, span: float) -> float:
     """Return the loss of slope of log psi at a flat wall in the mean over a time span [s], [1/m].
 
@@ -204,30 +198,28 @@ class NearWalls:
     """Wall drift at a state, and its effect on the mean control over leading steps.
 
     A proposal counts by its value at the start, and the mean is that of the rest. For a point whose optimal control is
-    a martingale (`rollouts.step`) it counts in part, and the mean is corrected by the bias of walls.
+    a martingale (`rollouts.step`) it does not, and the mean is corrected by the bias of walls.
     """
 
     push: Array  # wall drift, (m,); the mean is without it
     clipped: Array  # drift left out where a wall is very near, (m,)
-    counted: float = 1.0  # share of the proposal that counts by its value at the start, and of the drift
     flat: FlatWalls | None = None
 
     @classmethod
-    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None, counted: float = 1.0) -> NearWalls:
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> NearWalls:
         """Evaluate the wall drift at x (n,) at the moment of a plan."""
         here = drift(x)
-        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, counted=counted, flat=flat)
+        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, flat=flat)
 
     def corrected_control(self, mean: Array, proposed: Array) -> tuple[Array, Array]:
         """Return the control without wall drift, and its error, (m,) each.
 
         The error is the mean's rest on top of the proposal's mean `proposed` (m,) where the drift is large against the
-        rest of the control, nothing in the open; and a share of the bias of walls.
+        rest of the control, nothing in the open; or a share of the bias of walls.
         """
+        if self.flat is not None:
+            missing = self.flat.missing(mean)
+            return mean + missing - self.push, TUNING.unsure * np.abs(missing)
         hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
         share = hard / (hard + rest) if hard > 0.0 else 0.0
-        unresolved = self.counted * (np.abs(share * (mean - proposed)) + np.abs(self.clipped))
-        if self.flat is None:
-            return mean, unresolved
-        missing = (1.0 - self.counted) * self.flat.missing(mean)
-        return mean + missing - (1.0 - self.counted) * self.push, TUNING.unsure * np.abs(missing) + unresolved
+        return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)
