@@ -32,18 +32,13 @@ class Controller(Policy):
     """Receding-horizon path integral control with topology-guided sampling.
 
     Args:
+        tree: of the scene, grown beforehand; None only for the method "passive".
         method, shortened, consistency, between, tuning: see `ControlSettings`.
-
-    Attributes:
-        path_integral: sampler of the problem in its scene.
-        tree: of the scene, grown beforehand, or of the prediction; None only for the method "passive".
-        homology: tells classes apart; by default that of the tree, or of the problem.
+        homology: tells classes apart; None: that of the tree, or of the problem.
         predict: predicts moving obstacles; None: their motions are known.
         rng: source of one seed per plan.
-        settings: method, path shortening, feedback between plans, tuning.
-        proposals: builds what samples follow, and learns from their weights.
-        brake: chooses where to wait while there is no path.
-        run: state of the run under way; nothing else but the tree changes from plan to plan.
+
+    Nothing but its `run`, the state of the run under way, and the tree changes from plan to plan.
 
     Examples:
         >>> import numpy as np
@@ -128,7 +123,7 @@ class Controller(Policy):
 
         Args:
             scene: with the same goal; its start does not matter.
-            vertices: of the tree; None: as many as the last one has.
+            vertices: of the tree; None: as many as before.
 
         Raises:
             OptionError: the goal is another, or obstacles move.

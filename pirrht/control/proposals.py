@@ -96,15 +96,15 @@ def extract_references(
     memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
     if method.most is not None:
         return found[: method.most][: run.most]
-    rest = _remaining_guides(tree, x, run, classes)
-    return sorted([*found, *rest], key=lambda reference: reference.cost)[: run.most]
+    found += _remaining_guides(tree, x, run, classes)
+    return sorted(found, key=lambda reference: reference.cost)[: run.most]
 
 
 def _remaining_guides(
     tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
 ) -> list[Reference]:
     """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
-    references: list[Reference] = []
+    references, named = list[Reference](), run.homology.named
     for whole, (guide, *_) in run.memory.optima.items():
         if whole not in run.memory.sampled or whole in known:
             continue
@@ -112,7 +112,6 @@ def _remaining_guides(
         winding = integers(np.subtract(whole, run.path.winding()))
         signature = run.homology.signature(run.homology.at(x, run.now), winding)
         if rest is not None and np.all(np.abs(signature - 1.0) <= tree.limit):
-            named = run.homology.named
             references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
     return references
 
@@ -248,8 +247,7 @@ class ProposalBuilder:
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            hopeless = k > 0 and one.trajectory.slack is not None and one.cost > bound
-            if hopeless or (not last and late):
+            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and late):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late

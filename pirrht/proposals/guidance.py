@@ -33,13 +33,13 @@ from pirrht.systems.dynamics import no_homing
 
 
 class Query(NamedTuple):
-    """A class at one state and time."""
+    """A class, by its additive key, at one state (n,) and time."""
 
     setup: Setup  # of paths from there
     clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
-    x: Array  # (n,)
+    x: Array
     times: Array  # (T+1,) ends of the steps, from 0 [s]
-    key: int  # additive
+    key: int
 
 
 class DDPGuidance:
@@ -106,7 +106,7 @@ class DDPGuidance:
         )  # fmt: skip
 
     def warm_up(self, x: Array) -> None:
-        """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
+        """Compile the optimisation, by a guide of two steps of 1 s from x (n,)."""
         course = empty_course(2, self.problem.dynamics.n, self.width)
         self._from(self.query(x, np.arange(3.0), 0), (course, 1), self.tuning.warm)
 
@@ -205,16 +205,12 @@ class DDPGuidance:
         short: Callable[[], bool] = lambda: False,
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
-        (course, length), d, times = start, self.problem.dynamics, query.times
-        course.states[0] = query.x
-        cost, penalised, sound = np.inf, np.inf, False
+        (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
+        course.states[0], cost, penalised, sound = query.x, np.inf, np.inf, False
         for warmth, rounds in stages:
-            if length < 1:
-                return None
-            task, most = self.tasks[warmth], 0 if short() else rounds
-            length, cost, penalised, sound = self.optimise(
-                query.setup, task, query.clock, query.key, most, course, length
-            )
+            if length > 0:
+                most, task = 0 if short() else rounds, self.tasks[warmth]
+                length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
         if length < 1:
             return None
         end = min(length + self.onward, len(course.control))
@@ -242,9 +238,8 @@ class DDPGuidance:
         places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
         slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
-        slopes[:count], bends[:count] = drift_along(query.setup.world.moving.kernels)(
-            query.setup, places, times, offset
-        )
+        along = drift_along(query.setup.world.moving.kernels)
+        slopes[:count], bends[:count] = along(query.setup, places, times, offset)
         return slopes, bends
 
 
