@@ -117,7 +117,7 @@ def _trace(arena, frame, rays):  # type: ignore[no-untyped-def]
             else:
                 for k in range(nt):
                     th = 2.0 * math.pi * k / nt
-                    end, share = sweep_exit(arena, x, y, x + length * math.cos(th), y + length * math.sin(th))
+                    end, share, _ = sweep_exit(arena, x, y, x + length * math.cos(th), y + length * math.sin(th))
                     if end != INSIDE:
                         rays.ended[i, j, k] = share * rays.cost if end == GOAL else rays.ceiling
 
