@@ -55,6 +55,9 @@ class Rollouts:
         """Number S of samples."""
         return len(self.log_weight)
 
+    def __repr__(self) -> str:
+        return f"Rollouts({self.size} samples of {len(self.rise)} proposals)"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
