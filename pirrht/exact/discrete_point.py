@@ -150,8 +150,7 @@ def _integrated(clearance: Array, corner: Array, radius: float, spacing: float) 
 
 def _along_both(values: Array, p: Any, q: Any, origin: int) -> Array:
     """Correlate values (nx, ny) with weights p along x and q along y."""
-    along: Array = correlate1d(correlate1d(values, p, axis=0, origin=origin), q, axis=1, origin=origin)
-    return along
+    return np.asarray(correlate1d(correlate1d(values, p, axis=0, origin=origin), q, axis=1, origin=origin))
 
 
 @kernel
