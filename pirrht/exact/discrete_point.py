@@ -87,7 +87,7 @@ def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
     for i in range(n):
         least = math.inf
         for e in range(m):
-            least = min(least, log_psi[i, e] if log_psi[i, e] > -math.inf else math.inf)
+            least = min(least, log_psi[i, e] if log_psi[i, e] > -1e299 else math.inf)  # less is nothing
         span = m if log_psi[i].max() + math.log(TUNING.underflow) < least else tile  # so many share one exponent
         for q in range(0, m, span):
             low, high = max(q - reach, 0), min(q + span + reach, m)
