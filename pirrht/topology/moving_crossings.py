@@ -25,9 +25,9 @@ from pirrht.topology.tracks import (
     crossing,
     crossings_of_step,
     crossings_of_waiting,
-    place_at,
     places_at,
     rows_of,
+    seen_from,
 )
 from pirrht.topology.tuning import TUNING
 
@@ -78,13 +78,6 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     else:
         head = crossings_of_base(tracks, j, goal, speed, b, last)
     return crossings_of_step(tracks, j, a, b, first, last) + head - base
-
-
-@inlined
-def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
-    """Relative position of (x, y) [m], seen from marker j at t [s], (x, y) [m]."""
-    mx, my = place_at(tracks, j, t)
-    return x - mx, y - my
 
 
 @kernel
