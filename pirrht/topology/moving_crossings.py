@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.spans import BOX, span_at
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
+    BOX,
     MarkerTrajectories,
     crossing,
     crossings_of_step,
@@ -104,10 +105,16 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
     box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
     now, one, two, three = s, True, True, True
     while one or two or three:
-        i, left = span_at(now - load_float64(tracks.time, begin), period, last - box, TUNING.box_span)
+        own, left = now - load_float64(tracks.time, begin), math.inf
+        if period > 0.0:
+            own -= max(math.floor(own / period), 0.0) * period
+            left = period - own
+        i = min(max(int(own / TUNING.box_span), 0), last - box - 1)
+        if period > 0.0 or i < last - box - 1:
+            left = min(left, (i + 1) * TUNING.box_span - own)
         at = tracks.boxes + 8 * BOX * (box + i)
         one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
-        now += left
+        now += max(left, GEOMETRY.moment)
         if now > t:
             return one or two or three
     return False

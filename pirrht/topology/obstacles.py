@@ -119,7 +119,7 @@ class _Planar:
         return sorted(pairs)
 
     def common(self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE) -> Array | None:
-        """Find a point (2,) of P_i and P_j between two corners (2,) [m], by the centre-of-gravity method; None: no such.
+        """Find a point (2,) of P_i and P_j between two corners (2,) [m], by centres of gravity; None: no such.
 
         It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
         all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.

@@ -18,11 +18,12 @@ from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
-from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.topology.obstacles import components
 from pirrht.topology.tuning import TUNING
+
+BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 
 
 class TrajectoryTable(NamedTuple):
@@ -54,9 +55,7 @@ class MarkerTrajectories(TrajectoryTable):
         every = np.vstack([np.zeros((0, 3)), *paths])
         columns = (np.ascontiguousarray(column) for column in every.T)
         begun = [path - [path[0, 0], 0.0, 0.0] for path in paths]
-        boxes = [
-            boxes_of(path, repeat=again > 0.0, span=TUNING.box_span) for path, again in zip(begun, periods, strict=True)
-        ]
+        boxes = [_boxes_of(path, repeat=again > 0.0) for path, again in zip(begun, periods, strict=True)]
         firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (paths, boxes))
         first, first_box = firsts
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
@@ -67,6 +66,20 @@ class MarkerTrajectories(TrajectoryTable):
         tracks = cls(len(paths), *(array.ctypes.data for array in arrays))
         tracks.arrays = arrays
         return tracks
+
+
+def _boxes_of(path: Array, *, repeat: bool) -> Array:
+    """Return boxes (k, BOX) [m] of a path (n, 3) of t, x, y, span by span from 0 on.
+
+    The first is right for earlier times as well. If the path does not start over, the last is where it stays.
+    """
+    edges = TUNING.box_span * np.arange(max(1, math.ceil(path[-1, 0] / TUNING.box_span)) + 1)
+    times = np.union1d(edges, path[:, 0])
+    places = np.column_stack([np.interp(times, path[:, 0], path[:, k]) for k in (1, 2)])
+    at = np.searchsorted(times, edges)
+    low, high = (extreme(extreme.reduceat(places, at[:-1]), places[at[1:]]) for extreme in (np.minimum, np.maximum))
+    boxes = np.hstack([low, high])
+    return boxes if repeat else np.vstack([boxes, np.tile(path[-1, 1:3], 2)])
 
 
 def _crossed(seen: Array) -> IntArray:
