@@ -41,7 +41,8 @@ class Draft:
         try:
             mode = stat.S_IMODE(os.stat(self.target).st_mode)
         except FileNotFoundError:
-            mode = 0o666 & ~_umask()
+            mode = 0o666 & ~(mask := os.umask(0))
+            os.umask(mask)
         os.chmod(self.file, mode)
         os.replace(self.file, self.target)
 
@@ -143,12 +144,6 @@ def _output(found: os.stat_result) -> int | None:
             if os.path.samestat(found, os.fstat(known)):
                 return known
     return None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 MISSING = "does not exist"

@@ -48,11 +48,7 @@ class FreeSpace:
         Raises:
             SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
-        scene = replace(scene, waivers=())
-        collision = Collision(scene.world, scene.footprint)
-        scene = fitted(scene, collision)
-        if scene.waivers:
-            collision = Collision(scene.world, scene.footprint)
+        scene, collision = _checked(replace(scene, waivers=()))
         parts = components(collision)
         return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
 
@@ -65,10 +61,7 @@ class FreeSpace:
         Raises:
             SceneError: all of the goal is in collision, or the workspace is too large for the robot.
         """
-        collision = Collision(scene.world, scene.footprint)
-        scene = fitted(scene, collision, start_counts=False)
-        if scene.waivers:
-            collision = Collision(scene.world, scene.footprint)
+        scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
         parts = components(collision)
         return self._of(scene, collision, parts, continued(parts, self.obstacles, collision, named), named)
@@ -80,14 +73,13 @@ class FreeSpace:
     ) -> FreeSpace:  # fmt: skip
         markers = np.array([part.marker for part in encircled if part.marker is not None]).reshape(-1, 2)
         homology = Homology(markers=markers, goal=scene.goal.center.astype(float), named=named)
-        return cls(
-            scene=scene,
-            collision=collision,
-            field=_field(scene, collision, sorted(i for part in parts for i in part.members)),
-            obstacles=encircled,
-            homology=homology.with_moving(scene.movers, scene.footprint),
-            moving=moving_of(scene),
-        )
+        try:
+            field = build_field(collision, sorted(i for part in parts for i in part.members))
+        except SceneError as error:
+            raise SceneError(f"{scene.name}: {error}") from None
+        homology = homology.with_moving(scene.movers, scene.footprint)
+        moving = moving_of(scene)
+        return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
@@ -148,8 +140,8 @@ def moving_of(scene: Scene) -> Moving:
     return found
 
 
-def _field(scene: Scene, collision: Collision, members: list[int]) -> Field:
-    try:
-        return build_field(collision, members)
-    except SceneError as error:
-        raise SceneError(f"{scene.name}: {error}") from None
+def _checked(scene: Scene, *, start_counts: bool = True) -> tuple[Scene, Collision]:
+    """Return a scene with waivers of the safety margin where it needs them, and its collision checker."""
+    collision = Collision(scene.world, scene.footprint)
+    scene = fitted(scene, collision, start_counts=start_counts)
+    return scene, Collision(scene.world, scene.footprint) if scene.waivers else collision

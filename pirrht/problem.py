@@ -108,45 +108,32 @@ class Problem:
         Raises:
             NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
         """
-        value: float | None = None
+        value, name = np.nan, type(self.dynamics).__name__
         for x in self._probes():
             R, s = self.control_cost(x), self.dynamics.input_noise
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
             if s is not None:
-                value = self._input_temperature(x, R, s, value)
-                continue
-            G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
-            for what, matrix in (("control_block", G), ("diffusion_block", B)):
-                if not abs(np.linalg.det(matrix)) > 0.0:
-                    raise OptionError(
-                        f"{type(self.dynamics).__name__}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
-                        "it must have an inverse, so that noise and control act on every actuated state"
-                    )
-            shape = G @ np.linalg.inv(R) @ G.T
-            noise = B @ B.T
-            here = float(np.trace(noise) / np.trace(shape))
-            value = here if value is None else value
-            if not (np.allclose(value * shape, noise, rtol=1e-8, atol=0) and value > 0):
+                shape, noise = np.linalg.inv(R), s @ s.T
+                who, left, right, remedy = f"{name}: ", "R^-1", "s s'", "(s s')^-1"
+            else:
+                G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
+                for what, matrix in (("control_block", G), ("diffusion_block", B)):
+                    if not abs(np.linalg.det(matrix)) > 0.0:
+                        raise OptionError(
+                            f"{name}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
+                            "it must have an inverse, so that noise and control act on every actuated state"
+                        )
+                shape, noise = G @ np.linalg.inv(R) @ G.T, B @ B.T
+                who, left, right, remedy = "", "G R^-1 G'", "B B'", "G' (B B')^-1 G"
+            value = float(np.trace(noise) / np.trace(shape)) if np.isnan(value) else value
+            close = 0.0 if s is None else 1e-12 * np.trace(noise)
+            if not (np.allclose(value * shape, noise, rtol=1e-8, atol=close) and value > 0):
                 raise NotLinearlySolvable(
-                    f"no lambda solves lambda G R^-1 G' = B B' at x = {formatting.vector(x)}: "
-                    f"G R^-1 G' = {formatting.matrix(shape)}, B B' = {formatting.matrix(noise)}; "
-                    "choose R proportional to G' (B B')^-1 G"
+                    f"{who}no lambda solves lambda {left} = {right} at x = {formatting.vector(x)}: "
+                    f"{left} = {formatting.matrix(shape)}, {right} = {formatting.matrix(noise)}; "
+                    f"choose R proportional to {remedy}"
                 )
-        assert value is not None
-        return value
-
-    def _input_temperature(self, x: Array, R: Array, s: Array, value: float | None) -> float:
-        """The scalar of R and s at x (n,), which is `value` if there is one already."""
-        shape, noise = np.linalg.inv(R), s @ s.T
-        here = float(np.trace(noise) / np.trace(shape))
-        value = here if value is None else value
-        if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
-            raise NotLinearlySolvable(
-                f"{type(self.dynamics).__name__}: no lambda solves lambda R^-1 = s s' at x = {formatting.vector(x)}: "
-                f"R^-1 = {formatting.matrix(shape)}, s s' = {formatting.matrix(noise)}; "
-                "choose R proportional to (s s')^-1"
-            )
         return value
 
     def _probes(self) -> list[Array]:

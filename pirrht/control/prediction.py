@@ -19,7 +19,6 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime
-from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 
@@ -107,8 +106,5 @@ def favourite_path(plan: Plan) -> Array | None:
     chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
     if chosen is None:
         return None
-    path, durations = chosen.trajectory.path, chosen.trajectory.durations
-    if isinstance(path, Legs):
-        return np.asarray(path.knots + np.array([0.0, 0.0, plan.time - path.knots[0, 2]]))
-    times = plan.time + np.concatenate([[0.0], np.cumsum(durations)])
+    path, times = chosen.trajectory.path, plan.time + np.append(0.0, np.cumsum(chosen.trajectory.durations))
     return np.column_stack([np.vstack([path.tails[:, :2], path.heads[-1:, :2]]), times])

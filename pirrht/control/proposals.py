@@ -84,13 +84,12 @@ def extract_references(
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []
-    driven, most = run.path.winding(), budget.most_classes(run.recent)
+    driven = run.path.winding()
     before = {integers(np.subtract(whole, driven)): path for whole, path in memory.paths.items()}
-    memory.others = {}
     try:
         found = tree.references(
             tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
-            threads=threads, most=most,
+            threads=threads, most=run.most,
         )  # fmt: skip
     except NoReference:
         if rest := _remaining_guides(tree, x, run):
@@ -98,13 +97,12 @@ def extract_references(
         if not run.planned and tree.too_fast(x):
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
-    left_out = {} if most is None else memory.paths
-    memory.others = dict(zip(map(run.homology.key, before), map(run.homology.name, left_out), strict=False))
-    classes = from_start(run, found)
+    classes, left_out = from_start(run, found), {} if run.most is None else memory.paths
     memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
     if method.most is not None:
-        return found[: method.most][:most]
-    return sorted([*found, *_remaining_guides(tree, x, run, classes)], key=lambda reference: reference.cost)[:most]
+        return found[: method.most][: run.most]
+    rest = _remaining_guides(tree, x, run, classes)
+    return sorted([*found, *rest], key=lambda reference: reference.cost)[: run.most]
 
 
 def _remaining_guides(
@@ -191,16 +189,14 @@ class ProposalBuilder:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
         trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        times = integral.grid(least_cost(integral.problem, x, trajectories))
+        times, classes = integral.grid(least_cost(integral.problem, x, trajectories)), from_start(run, references)
+        driven, homology = run.path.winding(), run.homology
+        others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in memory.paths}
         if not references:
-            still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
-            return Batch(
-                state=x, times=times, proposals=(Proposal(lead=still, count=samples),), time=run.now,
-                others=memory.others,
-            )  # fmt: skip
+            still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m))), count=samples)
+            return Batch(state=x, times=times, proposals=(still,), time=run.now, others=others)
         allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
-        classes = from_start(run, references)
-        names = [run.homology.name(one) for one in classes]
+        names, keys = [*map(homology.name, classes)], [homology.key(one.winding) for one in references]
         controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [samples] * len(classes)
@@ -223,7 +219,6 @@ class ProposalBuilder:
             memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
         if allocates:  # by contributions in earlier plans
             counts = memory.allocation.counts(names, predicted, worth, samples)
-        keys = [run.homology.key(one.winding) for one in references]
         rows = zip(controls, counts, names, keys, strict=True)
         proposals = [Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows]
 
@@ -234,13 +229,13 @@ class ProposalBuilder:
 
         if self.settings.use.mixes:
             proposals = memory.allocation.split(proposals, second)
-        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=memory.others)
+        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=others)
 
     def estimate(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
         integral, first = self.integral, budget.left is None and run.time == run.begun
         integral.proposals.tables(batch)
-        run.recent = budget.noted(len(batch.classes), run.recent)
+        run.most = budget.most_classes(len(batch.classes))
         try:
             least = integral.sampling.least if first else 0.0
             estimate = integral.sample(batch, seed, left=budget.left, least=least)

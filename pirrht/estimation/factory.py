@@ -141,7 +141,7 @@ class ProposalFactory:
         push = self.push(tables, x, time)
         if not (self.is_martingale and tables.wall_offset > 0.0):
             return NearWalls.of(push, x)
-        return NearWalls.of(push, x, FlatWalls.of(push, x, float(tables.times[tables.window])), tables.counted)
+        return NearWalls.of(push, x, FlatWalls(push, x, float(tables.times[tables.window])), tables.counted)
 
     def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(

@@ -1,13 +1,11 @@
 """Kernels: numeric functions as machine code; nothing here knows the method.
 
 jit           kernel, inlined, part, borrowing, jitable; calls and elements by address; threads
-vectors       copies, small linear systems, sums of short rows in vector instructions
+vectors       copies, sums and small linear systems of short rows
 streams       normal and uniform numbers and crossings of bridges by (seed, sample, draw); single precision
-names         a name for all that a kernel computes
-cache         kernels on disk by their names
+cache         kernels on disk, each under a name of all that it computes
 linking       parts stay LLVM IR, entries link them; uses numba's private interface
-libraries     the two kinds of code that linking makes; signals wait meanwhile
-plain         numba's public interface, for a numba whose private one has changed
+patches       signals wait for LLVM; names of code, types of operations, no collection of garbage
 
 With NUMBA_DISABLE_JIT=1 kernels are plain Python. It may import nothing of the package.
 """

@@ -1,28 +1,42 @@
-"""Compiled kernels on disk, each under the name of all that it computes (`names`).
+"""Compiled kernels on disk, each under a name of all that it computes.
 
-Loading a kernel runs code of its file. So nothing is read but from folders and files that belong to this user or to
+A name is a digest of the bytecode of a function, of the numbers, records and functions that it refers to, of the types
+of its arguments, compiler and processor. So an edit costs the kernels that it touches and those that call them. A
+function that refers to a value that could change unseen has no name, and its code is not kept.
+
+Loading a kernel runs code of its file. So nothing is read but from a folder and files that belong to this user or to
 root and that nobody else may write to, and nothing is unpickled unless it has the digest with which its file begins.
 One process compiles a kernel; others that need it wait, and then find it.
 """
 
 from __future__ import annotations
 
+import builtins
+import dis
+import enum
 import hashlib
 import logging
+import math
 import os
 import pickle
 import stat
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
 from typing import Any
-from uuid import uuid4
 
+import llvmlite
 import numba
+import numpy as np
+from numba import types
+from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
+from numba.extending import intrinsic
 
 try:
     import fcntl
@@ -31,47 +45,188 @@ except ImportError:  # a system without such locks: everyone compiles
 
 UNUSED = 30 * 86400.0  # a kernel that was not loaded for so long is removed [s]
 DAY = 86400.0  # precision of the time at which a kernel was loaded last [s]
-KERNELS, LOCKS, NOTES = "kernels", "locks", "notes"  # folders
-_LENGTH = hashlib.sha256().digest_size
+_PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
+_Intrinsic = type(intrinsic(lambda context: None))
 _PACKAGE = Path(__file__).resolve().parent.parent
-_FLAGS = os.O_RDONLY | sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY"))
 _log = logging.getLogger("pirrht")
 _warned: set[str] = set()  # kinds of lines that this process has written
+_identities: dict[FunctionType, str] = {}
+
+
+class Unknown(Exception):
+    """A function refers to a value that could change unseen."""
 
 
 class Foreign(OSError):
-    """Somebody else owns a folder or a file of the cache, or may write to it."""
+    """Somebody else owns the folder or a file of the cache, or may write to it."""
 
 
-def load(
-    key: str | None, made: Callable[[Any], Any], during: Callable[[str], AbstractContextManager[Any]] = nullcontext
-) -> Any:
-    """Return `made` of the content that is kept under a name, in a context; None if there is none that is whole."""
-    try:
-        content = None if key is None else _read(key)
-    except Foreign as error:
-        _warn_once(str(error))
+def key_of(function: Callable[..., Any], kind: str, args: tuple[Any, ...], options: Any, context: Any) -> str | None:
+    """Return the name on disk of compiled code for argument types; None if there is none."""
+    code = identity(function)
+    if code is None:
         return None
+    makers = [_code_of_module(f"pirrht.jit.{name}") for name in ("cache", "linking", "patches")]
+    made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple(), makers)
+    whole = repr((code, kind, [_of_type(one) for one in args], sorted(options.items()), made))
+    name = "".join(c if c.isalnum() or c in "._" else "" for c in f"{function.__module__}.{function.__name__}")
+    return f"{name[-80:]}-{hashlib.sha256(whole.encode()).hexdigest()[:32]}"
+
+
+def identity(function: Callable[..., Any]) -> str | None:
+    """Return a name of all that a function computes, equal in all processes; None if there is none."""
+    try:
+        return _of_function(getattr(function, "py_func", function), ())
+    except Unknown:
+        return None
+
+
+def _of_function(function: Any, above: tuple[Any, ...]) -> str:
+    if not isinstance(function, FunctionType) or function in above:
+        raise Unknown
+    if function not in _identities:
+        code, above = function.__code__, (*above, function)
+        values = [*_closed(function), *(function.__defaults__ or ()), *_globals(code, function.__globals__)]
+        parts = [_text(code, function.__doc__), *(_of(value, above) for value in values)]
+        _identities[function] = hashlib.sha256("\n".join(parts).encode()).hexdigest()
+    return _identities[function]
+
+
+def _closed(function: Any) -> list[Any]:
+    return [cell.cell_contents for cell in function.__closure__ or ()]
+
+
+def _text(code: CodeType, documentation: str | None) -> str:
+    """Return all that code does, without its place and its docstring."""
+    constants = [_text(c, None) if isinstance(c, CodeType) else c for c in code.co_consts]
+    constants = [None if c == documentation else repr(c) for c in constants]
+    names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars, code.co_argcount)
+    return repr((code.co_code.hex(), *names, code.co_kwonlyargcount, code.co_exceptiontable.hex(), constants))
+
+
+def _globals(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
+    """Yield values of the global names that code reads; of a module, the attributes that it takes.
+
+    Functions of math and NumPy do what they did.
+    """
+    steps = [step for step in dis.get_instructions(code) if step.opname != "PRECALL"]
+    for i, step in enumerate(steps):
+        if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+            value = scope.get(step.argval, getattr(builtins, step.argval, Unknown))
+            while isinstance(value, ModuleType) and value not in (math, np):
+                i += 1
+                value = getattr(value, str(steps[i].argval), Unknown)
+            yield value
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _globals(constant, scope)
+
+
+def _of(value: Any, above: tuple[Any, ...]) -> str:
+    """Return a text that changes with all that kernels can read of a value."""
+    if isinstance(value, _PLAIN):
+        return f"{type(value).__name__} {value!r}"
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
+    if isinstance(value, tuple):
+        record = "" if type(value) is tuple else _of_class(type(value))
+        return f"{record}({','.join(_of(v, above) for v in value)})"
+    if isinstance(value, slice):
+        return f"slice{_of((value.start, value.stop, value.step), above)}"
+    if isinstance(value, Dispatcher):
+        return f"{_of_function(value.py_func, above)} {sorted(value.targetoptions.items())}"
+    if isinstance(value, _Intrinsic):  # it writes LLVM IR: all code of its module counts, and its closure
+        define = value._defn
+        return f"{_code_of_module(define.__module__)} {define.__qualname__} {_of(tuple(_closed(define)), above)}"
+    if isinstance(value, FunctionType):
+        return _of_function(value, above)
+    if isinstance(value, type):
+        return _of_class(value)
+    if isinstance(value, types.Type):
+        return _of_type(value)
+    owner = (getattr(value, "__module__", None) or "").split(".")[0]
+    if isinstance(value, np.ufunc) or owner in ("math", "builtins", "numpy") or value is math or value is np:
+        return f"{owner} {value.__name__}"
+    raise Unknown
+
+
+def _of_class(value: type) -> str:
+    fields = getattr(value, "_fields", None)
+    if fields is not None:
+        return f"{value.__module__}.{value.__qualname__}{fields}"
+    if issubclass(value, enum.Enum):
+        return f"{value.__qualname__}{[(one.name, one.value) for one in value]}"
+    if value.__module__ in ("builtins", "numpy"):
+        return value.__qualname__
+    raise Unknown
+
+
+def _of_type(kind: Any) -> str:
+    """Return the text of a type of numba's with the names of fields, which its own text leaves out."""
+    if isinstance(kind, types.BaseTuple):
+        record = _of_class(kind.instance_class) if isinstance(kind, types.BaseNamedTuple) else ""
+        return f"{record}({','.join(map(_of_type, kind.types))})"
+    return str(kind)
+
+
+@cache
+def _code_of_module(name: str) -> str:
+    """Return a digest of a module's source; of numba's, whose version is in every key, its name."""
+    path = getattr(sys.modules[name], "__file__", None)
+    if name.split(".")[0] == "numba":
+        return name
+    if path is None or not os.path.exists(path):
+        raise Unknown
+    return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+
+
+def load(key: str | None, made: Callable[[Any], Any]) -> Any:
+    """Return `made` of the content that is kept under a name; None if there is none that is whole."""
+    content = None if key is None else _read(key)
     if content is None:
         return None
     try:
-        if not content.startswith(_digest(content[_LENGTH:])):
+        if content[:32] != hashlib.sha256(content[32:]).digest():
             raise ValueError
-        with during("loading"):
-            return made(pickle.loads(content[_LENGTH:]))
+        return made(pickle.loads(content[32:]))
     except Exception:  # whatever rebuilding meets
-        path = folder() / KERNELS / str(key)
-        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled again")
+        _warn_once(f"a compiled kernel on disk is damaged, {folder() / str(key)}; it is compiled again")
         return None
 
 
-def save(key: str | None, content: Callable[[], Any]) -> None:
-    """Keep something under a name; where that is not possible every process compiles it."""
-    if key is None:
-        return
-    data = dumps(content())
+def _read(key: str) -> bytes | None:
+    """Return the file of a kernel, None where there is none that nobody else may have written."""
     try:
-        _write(key, _digest(data) + data)
+        path = _own_folder() / key
+        found = os.lstat(path)
+        if not stat.S_ISREG(found.st_mode):
+            return None
+        if _is_foreign(found):
+            raise Foreign(f"a compiled kernel is not used, since another user may have written it: {path}")
+        if time.time() - found.st_mtime > DAY:
+            with suppress(OSError):
+                os.utime(path)
+        return path.read_bytes()
+    except Foreign as error:
+        _warn_once(str(error))
+    except OSError:
+        pass
+    return None
+
+
+def save(key: str, content: Any) -> None:
+    """Keep something under a name; where that is not possible every process compiles it."""
+    data = dumps(content)
+    try:
+        handle, part = tempfile.mkstemp(dir=_own_folder())  # nobody finds half of a file
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(hashlib.sha256(data).digest() + data)
+            os.chmod(part, 0o644)
+            os.replace(part, folder() / key)
+        except BaseException:
+            os.unlink(part)
+            raise
         _tidy()
     except Foreign as error:
         _warn_once(str(error))
@@ -91,37 +246,19 @@ def locked(key: str | None) -> Iterator[None]:
     stream = None
     if key is not None and fcntl is not None:
         with suppress(OSError):
-            stream = (_own(LOCKS) / key).open("ab")
-    if stream is None:
-        yield
-        return
-    with stream:
-        with suppress(OSError):
-            os.utime(stream.name)
+            stream = (_own_folder() / f"{key}.lock").open("ab")
             fcntl.flock(stream, fcntl.LOCK_EX)
+    with stream or nullcontext():
         yield
 
 
 def kept() -> bool:
     """Return whether compiled code can be kept on disk for the next process."""
-    if numba.config.DISABLE_JIT:
-        return False
     try:
-        tempfile.TemporaryFile(dir=_own(KERNELS)).close()
+        tempfile.TemporaryFile(dir=_own_folder()).close()
     except OSError:
         return False
-    return True
-
-
-def noted(name: str) -> bool:
-    """Return whether a process has noted that all kernels of a name are there."""
-    return (folder() / NOTES / name).exists()
-
-
-def note(name: str) -> None:
-    """Note that all kernels of a name are there; nothing where it cannot be written."""
-    with suppress(OSError):
-        (_own(NOTES) / name).touch()
+    return not numba.config.DISABLE_JIT
 
 
 @cache
@@ -130,87 +267,46 @@ def folder() -> Path:
 
     The variable is read from the environment, since a file of the current folder may change numba's own.
     """
-    named = os.environ.get("NUMBA_CACHE_DIR")
-    if named:
-        return Path(named) / "pirrht"
-    home = _PACKAGE / "__pycache__"
-    with suppress(OSError):
-        home.mkdir(exist_ok=True)
-        if os.access(home, os.W_OK):
-            return home / "pirrht"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "pirrht"
+    home = Path(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__")
+    if not os.environ.get("NUMBA_CACHE_DIR"):
+        with suppress(OSError):
+            home.mkdir(exist_ok=True)
+        if not os.access(home, os.W_OK):
+            home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return home / "pirrht" / "kernels"
 
 
-def _own(part: str) -> Path:
-    """Make a folder of the cache, if need be; Foreign where somebody else may write there."""
-    for path in (folder(), folder() / part):
-        path.mkdir(mode=0o755, parents=True, exist_ok=True)
-        if _is_foreign(path.stat()) or not _is_owned(os.lstat(path)):
-            raise Foreign(
-                f"compiled kernels in {path} are not used, since another user may write there, so every command "
-                "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
-            )
+def _own_folder() -> Path:
+    """Make the folder of kernels, if need be; Foreign where somebody else may write there."""
+    path = folder()
+    path.mkdir(mode=0o755, parents=True, exist_ok=True)
+    if _is_foreign(os.lstat(path)):
+        raise Foreign(
+            f"compiled kernels in {path} are not used, since another user may write there, so every command "
+            "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
+        )
     return path
 
 
-def _read(key: str) -> bytes | None:
-    """Return the file of a kernel, None where there is none; Foreign where somebody else may have written it."""
-    try:
-        path = _own(KERNELS) / key
-        with os.fdopen(os.open(path, _FLAGS), "rb") as stream:
-            found = os.fstat(stream.fileno())
-            if _is_foreign(found):
-                raise Foreign(f"a compiled kernel is not used, since another user may have written it: {path}")
-            content = stream.read()
-        if time.time() - found.st_mtime > DAY:
-            os.utime(path)
-        return content
-    except Foreign:
-        raise
-    except OSError:
-        return None
-
-
-def _write(key: str, content: bytes) -> None:
-    """Write the file of a kernel so that nobody finds half of it."""
-    path = _own(KERNELS) / key
-    part = path.with_name(f"{path.name}.{uuid4().hex[:16]}.tmp")
-    try:
-        with open(part, "xb", opener=lambda name, flags: os.open(name, flags, 0o644)) as stream:
-            stream.write(content)
-        os.replace(part, path)
-    except BaseException:
-        part.unlink(missing_ok=True)
-        raise
+def _is_foreign(found: os.stat_result) -> bool:
+    """Return whether somebody else may have written something, or, of a link, what it leads to."""
+    if not hasattr(os, "geteuid"):  # there are no owners
+        return False
+    return found.st_uid not in (0, os.geteuid()) or bool(found.st_mode & 0o022) or stat.S_ISLNK(found.st_mode)
 
 
 @cache
 def _tidy() -> None:
     """Remove, once per process, files that were not loaded for a month."""
-    now = time.time()
-    for path in [path for part in (KERNELS, LOCKS, NOTES) for path in (folder() / part).glob("*")]:
+    for path in folder().iterdir():
         with suppress(OSError):
-            if now - path.stat().st_mtime > UNUSED:
+            if time.time() - path.stat().st_mtime > UNUSED:
                 path.unlink()
-
-
-def _is_owned(found: os.stat_result) -> bool:
-    """Return whether something belongs to this user or to root; where there are no owners it does."""
-    return not hasattr(os, "geteuid") or found.st_uid in (0, os.geteuid())
-
-
-def _is_foreign(found: os.stat_result) -> bool:
-    """Return whether somebody else may have written something."""
-    return hasattr(os, "geteuid") and (not _is_owned(found) or bool(found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)))
-
-
-def _digest(data: bytes) -> bytes:
-    return hashlib.sha256(data).digest()
 
 
 def _warn_once(line: str) -> None:
     """Once per process and kind; without a handler of the caller's own it goes to standard error as it is."""
-    kind = line.split(",")[0].split("(")[0]
+    kind = line.split(",")[0]
     if kind not in _warned:
         _warned.add(kind)
         _log.warning("pirrht: %s", line)

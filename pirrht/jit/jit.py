@@ -28,20 +28,20 @@ import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.core.dispatcher import Dispatcher
-from numba.extending import intrinsic
+from numba.extending import intrinsic, register_jitable
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 try:
     from pirrht.jit import linking
-except ImportError as _change:  # of numba's private interface
-    from pirrht.jit import plain as linking  # type: ignore[no-redef]
-
+except ImportError as _change:  # of numba's private interface: its public one is slower, and keeps nothing on disk
+    linking = None  # type: ignore[assignment]
     logging.getLogger("pirrht").warning("pirrht: kernels are compiled anew by every command: %s", _change)
 
+A = TypeVar("A")
+B = TypeVar("B")
 F = TypeVar("F", bound=Callable[..., Any])
 
 DISABLED = bool(numba.config.DISABLE_JIT)  # NUMBA_DISABLE_JIT=1: kernels are plain Python, for debuggers and coverage
-
 if DISABLED:
     np.seterr(over="ignore", divide="ignore", invalid="ignore")  # as compiled: keys wrap, division is IEEE's
 
@@ -50,20 +50,17 @@ OPTIONS = {
     "nopython": True, "nogil": True, "error_model": "numpy", "fastmath": False, "forceinline": False, "_nrt": True,
     "no_cfunc_wrapper": True,
 }  # fmt: skip
-linking.keep_functions_of_numba(OPTIONS)
+if linking:
+    linking.keep_functions_of_numba(OPTIONS)
 as_tuple = (lambda values, count: tuple(values[:count])) if DISABLED else to_fixed_tuple  # the first of an array
-_C: dict[str, Any] = {
-    "f32": ctypes.c_float, "f64": ctypes.c_double,
-    "i8": ctypes.c_int8, "i16": ctypes.c_int16, "i32": ctypes.c_int32, "i64": ctypes.c_int64,
-}  # fmt: skip
-A = TypeVar("A")
-B = TypeVar("B")
 RETRY = 1e-3  # time between checks of the work that other threads have begun [s]
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a numeric function: without the interpreter lock, cached on disk, IEEE division."""
-    return function if DISABLED else linking.compiled(function, OPTIONS | options)
+    if DISABLED:
+        return function
+    return linking.Entry(function, OPTIONS | options) if linking else numba.jit(**OPTIONS | options)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
@@ -88,30 +85,40 @@ def part(function: Callable[..., Any]) -> Any:
     return borrowing(function, forceinline=True)
 
 
-def jitable(function: F) -> F:
-    """Mark a module-level function as one that kernels may call; it stays an ordinary Python function."""
-    as_jitable(function)
-    return function
-
-
 @cache  # kernels are built once per function
 def as_jitable(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Make any numeric Python function one that kernels may call; it stays an ordinary Python function."""
+    """Let kernels call any numeric Python function, which stays an ordinary one."""
     if isinstance(function, Dispatcher):
         function.targetoptions.setdefault("_nrt", True)  # else numba takes over that of its first caller
     elif not DISABLED:
-        linking.register(function, OPTIONS)
+        linking.register(function, OPTIONS) if linking else register_jitable(function)
+    return function
+
+
+def jitable(function: F) -> F:
+    """Let kernels call a function of a module, which stays an ordinary one with its types."""
+    as_jitable(function)
     return function
 
 
 def address_of(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
     """Compile a function for arguments like these and return its address; uncompiled, the function itself."""
-    return function if DISABLED else _by_address(function)(tuple(map(typeof, arguments)))
+    if DISABLED:
+        return function
+    kinds = tuple(map(typeof, arguments))
+    return _by_address(function).address(kinds) if linking else _callback(function, kinds).address
 
 
 @cache
-def _by_address(function: Callable[..., Any]) -> Callable[[tuple[Any, ...]], int]:
-    return linking.addressed(function, OPTIONS)
+def _by_address(function: Callable[..., Any]) -> Any:
+    return linking.Entry(function, OPTIONS, by_address=True)
+
+
+@cache  # it lives as long as its address
+def _callback(function: Callable[..., Any], kinds: tuple[Any, ...]) -> Any:
+    dispatcher = numba.jit(**OPTIONS)(function)
+    dispatcher.compile(kinds)
+    return numba.cfunc(dispatcher.overloads[kinds].signature)(function)
 
 
 def caller(result: Any) -> Any:
@@ -136,58 +143,46 @@ def caller(result: Any) -> Any:
     return call
 
 
-def _pointer(builder: Any, name: str, address: Any, index: Any) -> Any:
-    # The type is made anew for every use: llvmlite's types note down how they are used, and a kernel whose closure
-    # holds one that has changed is not found on disk.
-    kind = {"f32": ir.FloatType, "f64": ir.DoubleType}.get(name) or (lambda: ir.IntType(int(name[1:])))
-    return builder.gep(builder.inttoptr(address, kind().as_pointer()), [index])
+def _accessors(name: str) -> tuple[Any, Any]:
+    """Make the functions (address, index) and (address, index, value) that load and store an element in kernels."""
+    kind, plain = getattr(types, name), np.ctypeslib.as_ctypes_type(name)
+    number, exact = (getattr(np, name), float) if name.startswith("float") else (np.int64, int)  # as in kernels
 
+    def element(address: int, index: int) -> Any:
+        return plain.from_address(int(address) + ctypes.sizeof(plain) * int(index))
 
-def _element(name: str, address: int, index: int) -> Any:
-    """Return the element that uncompiled code reads or writes."""
-    return _C[name].from_address(int(address) + ctypes.sizeof(_C[name]) * int(index))
+    def put(address: int, index: int, value: Any) -> None:
+        element(address, index).value = exact(value)
 
-
-def _loader(element: Any, name: str) -> Any:
     if DISABLED:
-        number: Any = {"f32": np.float32, "f64": np.float64}.get(name, np.int64)  # whole numbers widen, as in kernels
-        return lambda address, index: number(_element(name, address, index).value)
+        return (lambda address, index: number(element(address, index).value)), put
 
     @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, address: Any, index: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.load(_pointer(builder, name, *arguments))
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            pointer = builder.inttoptr(given[0], context.get_value_type(kind).as_pointer())
+            return builder.load(builder.gep(pointer, [given[1]]))
 
-        return element(types.intp, types.intp), generate
-
-    return load
-
-
-def _storer(element: Any, name: str) -> Any:
-    if DISABLED:
-
-        def put(address: int, index: int, value: Any) -> None:
-            _element(name, address, index).value = float(value) if name[0] == "f" else int(value)
-
-        return put
+        return kind(types.intp, types.intp), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
     def store(typing_context: Any, address: Any, index: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            builder.store(arguments[2], _pointer(builder, name, *arguments[:2]))
+        def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
+            pointer = builder.inttoptr(given[0], context.get_value_type(kind).as_pointer())
+            builder.store(given[2], builder.gep(pointer, [given[1]]))
             return context.get_dummy_value()
 
-        return types.none(types.intp, types.intp, element), generate
+        return types.none(types.intp, types.intp, kind), generate
 
-    return store
+    return load, store
 
 
-load_int8, store_int8 = _loader(types.int8, "i8"), _storer(types.int8, "i8")
-load_int16, store_int16 = _loader(types.int16, "i16"), _storer(types.int16, "i16")
-load_int32, store_int32 = _loader(types.int32, "i32"), _storer(types.int32, "i32")
-load_int64, store_int64 = _loader(types.int64, "i64"), _storer(types.int64, "i64")
-load_float64, store_float64 = _loader(types.float64, "f64"), _storer(types.float64, "f64")
-load_float32 = _loader(types.float32, "f32")
+load_int8, store_int8 = _accessors("int8")
+load_int16, store_int16 = _accessors("int16")
+load_int32, store_int32 = _accessors("int32")
+load_int64, store_int64 = _accessors("int64")
+load_float64, store_float64 = _accessors("float64")
+load_float32, _ = _accessors("float32")
 
 
 def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:

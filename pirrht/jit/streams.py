@@ -16,14 +16,10 @@ kernel a literal is double and makes all that meets it double, so constants of l
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 
-from pirrht.jit.jit import DISABLED, inlined, kernel
+from pirrht.jit.jit import inlined, kernel
 
 ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
 INFINITE = np.float32(np.inf)
@@ -45,23 +41,6 @@ SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall nex
 MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
 
 
-def _cast(source: Any, target: Any, whole: bool) -> Any:
-    if DISABLED:
-        return lambda value: np.float32(value).view(np.uint32) if whole else np.uint32(value).view(np.float32)
-
-    @intrinsic  # type: ignore[untyped-decorator]
-    def cast(typing_context: Any, value: Any) -> Any:
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            return builder.bitcast(arguments[0], ir.IntType(32) if whole else ir.FloatType())
-
-        return target(source), generate
-
-    return cast
-
-
-as_bits = _cast(types.float32, types.uint32, True)
-as_number = _cast(types.uint32, types.float32, False)
-
 LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
 LN_2_HIGH, LN_2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)  # their sum is log 2 beyond single precision
 E2, E3, E4, E5, E6 = (np.float32(1.0 / math.factorial(k)) for k in range(2, 7))
@@ -75,7 +54,7 @@ def exponential(x):  # type: ignore[no-untyped-def]
     n = np.int32(x * PER_LN_2 - HALF)  # towards zero: the nearest whole number
     r = (x - np.float32(n) * LN_2_HIGH) - np.float32(n) * LN_2_LOW
     series = ONE + r * (ONE + r * (E2 + r * (E3 + r * (E4 + r * (E5 + r * E6)))))
-    return series * as_number(np.uint32(np.uint32(n + BIAS) << SHIFT))
+    return series * np.uint32(np.uint32(n + BIAS) << SHIFT).view(np.float32)
 
 
 @inlined
@@ -109,9 +88,9 @@ def halves(state):  # type: ignore[no-untyped-def]
 @inlined
 def logarithm(u):  # type: ignore[no-untyped-def]
     """Natural logarithm of a positive normal float32, float32 [nats]."""
-    bits = np.uint32(as_bits(u) - ROOT_HALF)
+    bits = np.uint32(np.float32(u).view(np.uint32) - ROOT_HALF)
     exponent = np.float32(np.int32(bits) >> PLACES)
-    m = as_number(np.uint32((bits & MANTISSA) + ROOT_HALF))  # within a factor sqrt(2) of 1
+    m = np.uint32((bits & MANTISSA) + ROOT_HALF).view(np.float32)  # within a factor sqrt(2) of 1
     s = (m - ONE) / (m + ONE)
     w = s * s
     return exponent * LN_2 + TWO * s * (ONE + w * (A1 + w * (A2 + w * (A3 + w * A4))))
@@ -126,7 +105,7 @@ def normals_of(high, low):  # type: ignore[no-untyped-def]
     w = angle * angle
     across = angle * (ONE + w * (S1 + w * (S2 + w * (S3 + w * S4))))
     along = ONE + w * (C1 + w * (C2 + w * (C3 + w * C4)))
-    along = as_number(np.uint32(as_bits(along) | (low & SIGN)))
+    along = np.uint32(np.float32(along).view(np.uint32) | (low & SIGN)).view(np.float32)
     upright = (low & (SIGN >> BIT)) != 0
     return radius * (across if upright else along), radius * (along if upright else across)
 

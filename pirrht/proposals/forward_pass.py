@@ -19,8 +19,7 @@ from pirrht.jit.vectors import copy_row, copy_rows
 from pirrht.proposals.tuning import TUNING
 from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.step import SWAY, KernelSpec, diffusion_of
-from pirrht.systems.dynamics import no_homing
-from pirrht.systems.heading import wrapped
+from pirrht.systems.dynamics import no_homing, wrapped
 
 
 class ForwardPass(NamedTuple):

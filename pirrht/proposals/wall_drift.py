@@ -108,15 +108,11 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
 def speed_of(mean: float, c: float, variance: float, span: float) -> float:
     """Solve for the speed s of `shortfall` by the slope's mean [1/m], as seen from the wall; 0 at least."""
     low, high = 0.0, max(mean, 0.0) * variance  # the mean is no less than s / variance
-    for k in range(TUNING.bisections):
-        s = 0.5 * (low + high) if k > 0 else 0.0
-        g = s / variance
-        now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
-        enough = now - shortfall(c, s, variance, span) >= mean
-        if k == 0 and enough:
-            return 0.0
-        low, high = (low, s) if enough else (s, high)
-    return 0.5 * (low + high)
+    for _ in range(TUNING.bisections):
+        s = 0.5 * (low + high)
+        now = 1.0 / c if s * c < TUNING.along * variance else s / variance / math.tanh(s * c / variance)
+        low, high = (low, s) if now - shortfall(c, s, variance, span) >= mean else (s, high)
+    return low
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,36 +177,26 @@ def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-d
 
 
 class FlatWalls(NamedTuple):
-    """Walls that bias the mean of the whole control of a point, and the system there."""
+    """The two walls nearest to a point at the moment of a plan, which bias the mean of its control over a time."""
 
-    walls: tuple[tuple[float, Array, float], ...]  # distance [m], direction (2,) away and receding speed [m/s] of each
-    gain: Array  # lambda R^-1 G', (m, 2)
-    moved: Array  # G, (2, m)
-    noise: Array  # BB', (2, 2) [m^2/s]
+    drift: WallDrift
+    x: Array  # (2,) [m]
     span: float  # over which the mean is taken [s]
-
-    @classmethod
-    def of(cls, drift: WallDrift, x: Array, span: float) -> FlatWalls:
-        """Evaluate the two walls that are nearest to x (2,) at the moment of a plan."""
-        d, now, then = drift.problem.dynamics, drift.walls(x), drift.walls(x, TUNING.wall_step)
-        B, walls = d.B_c(x), []
-        for k in (0, 3):
-            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
-            if math.isfinite(c) and c > 0.0 and away.any():
-                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
-                speeds = ((float(then[j]) - c) / TUNING.wall_step for j in alike)
-                walls.append((c, away, min(speeds, key=abs, default=0.0)))
-        return cls(tuple(walls), drift.gain(x), d.G_c(x), B @ B.T, span)
 
     def missing(self, mean: Array) -> Array:
         """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
-        slope, velocity = np.zeros(2), self.moved @ mean
-        for c, away, receding in self.walls:
-            variance = float(away @ self.noise @ away)
-            if shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
+        d, now, then = self.drift.problem.dynamics, self.drift.walls(self.x), self.drift.walls(self.x, TUNING.wall_step)
+        slope, velocity, B = np.zeros(2), d.G_c(self.x) @ mean, d.B_c(self.x)
+        for k in (0, 3):
+            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
+            variance = float(away @ B @ B.T @ away)
+            near = variance > 0.0 and 0.0 < c < math.inf
+            if near and shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
+                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
+                receding = min(((float(then[j]) - c) / TUNING.wall_step for j in alike), key=abs, default=0.0)
                 speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
                 slope += away * shortfall(c, speed, variance, self.span)
-        return np.asarray(self.gain @ slope)
+        return np.asarray(self.drift.gain(self.x) @ slope)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

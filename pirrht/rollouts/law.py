@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.jit import vectors
 from pirrht.jit.jit import jitable, load_float64, part
 from pirrht.rollouts.step import KernelSpec
 from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
-from pirrht.systems.heading import wrapped
+from pirrht.systems.dynamics import wrapped
 
 
 @jitable
@@ -37,7 +36,7 @@ def aims(kind: KernelSpec) -> Any:
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
     takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
     moving = kind.moving is not None
-    fixed, homing_of, affine, clip = n - rows, kind.homing, vectors.affine(n, modes), vectors.clip(modes)
+    fixed, homing_of = n - rows, kind.homing
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 
     @part
@@ -84,11 +83,15 @@ def aims(kind: KernelSpec) -> Any:
     def along_row(tables, scratch, g, s):  # type: ignore[no-untyped-def]
         """Write `a` of a law's row s."""
         law, x, a, apart = tables.law, scratch.x, scratch.a, scratch.apart
-        row, out = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s), a.ctypes.data + 8 * a.shape[1] * g
+        row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + s)
+        steep = load_float64(row, end + 1)
         for k in range(n):
             apart[k] = off(x, row, k)
-        affine(out, row, row + 8 * modes, apart.ctypes.data)
-        clip(out, load_float64(row, end + 1))
+        for j in range(modes):
+            total = load_float64(row, j)
+            for k in range(n):
+                total += load_float64(row, modes + k * modes + j) * apart[k]
+            a[g, j] = max(-steep, min(steep, total))
 
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]

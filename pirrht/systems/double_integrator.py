@@ -13,8 +13,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, jitable, kernel
-from pirrht.systems.dynamics import IsotropicNoise
-from pirrht.systems.heading import HOMING
+from pirrht.systems.dynamics import HOMING, IsotropicNoise
 
 PRECISE = 1e-13  # relative change of T that ends iterations
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive, no_drift
-from pirrht.systems.heading import HOMING, ahead, beyond_disc
+from pirrht.systems.dynamics import HOMING, Dynamics, _check_noise, ahead, beyond_disc, check_positive, no_drift
 
 
 @jitable

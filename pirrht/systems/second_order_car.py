@@ -9,8 +9,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import IsotropicNoise
-from pirrht.systems.heading import HOMING, ahead, beyond_disc
+from pirrht.systems.dynamics import HOMING, IsotropicNoise, ahead, beyond_disc
 
 CRUISE = 1.0  # speed at which a meter costs least [m/s]
 

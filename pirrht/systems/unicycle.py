@@ -10,8 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import Dynamics, _check_noise, check_positive
-from pirrht.systems.heading import HOMING, beyond_disc
+from pirrht.systems.dynamics import HOMING, Dynamics, _check_noise, beyond_disc, check_positive
 
 
 @jitable

@@ -189,7 +189,7 @@ def _any_name_prints() -> None:
 
 def _waits(number: int) -> bool:
     """Return whether kernels are just being made or loaded, so that a signal comes again a little later."""
-    compiled = sys.modules.get("pirrht.jit.libraries")
+    compiled = sys.modules.get("pirrht.jit.patches")
     return compiled is not None and bool(compiled.waits(number))
 
 

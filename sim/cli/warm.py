@@ -22,7 +22,7 @@ from numba.core import event
 from tqdm import tqdm
 
 import pirrht
-from pirrht.jit import cache, names
+from pirrht.jit import cache
 from pirrht.problem import Problem
 from sim.systems import BUILT_IN, System, named
 
@@ -54,13 +54,13 @@ class Notice(event.Listener):  # type: ignore[misc]
 
     def noted(self, what: str) -> bool:
         """Return whether kernels for "plan" or "sample" of what moves are noted to be there."""
-        return self.key is not None and cache.noted(f"{what}-{self.key}")
+        return self.key is not None and bool(cache.load(f"{what}-{self.key}", bool))
 
     def done(self, *what: str) -> None:
         """Note that kernels for "plan" or "sample" of what moves have been compiled."""
         self.close()
         for one in what if self.key is not None else ():
-            cache.note(f"{one}-{self.key}")
+            cache.save(f"{one}-{self.key}", True)
 
     def close(self) -> None:
         """Remove the count from the terminal."""
@@ -96,7 +96,7 @@ def key_of(system: System, problem: Problem) -> str | None:
     d = problem.dynamics
     parts = [system.name, str((d.n, d.m, d.stratonovich, bool(problem.scene.movers))), _sources()]
     for function in _functions(problem):
-        name = names.identity(function)
+        name = cache.identity(function)
         if name is None:
             return None
         parts.append(name)

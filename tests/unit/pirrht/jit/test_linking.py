@@ -93,7 +93,7 @@ def test_a_function_is_called_alike_from_python_and_from_kernels():
 @pytest.fixture
 def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     """Kernels are compiled, whatever lies on disk."""
-    monkeypatch.setattr(linking.names, "key_of", lambda *_: None)
+    monkeypatch.setattr(linking.cache, "key_of", lambda *_: None)
 
 
 @pytest.mark.usefixtures("nothing_kept")

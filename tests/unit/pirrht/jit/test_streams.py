@@ -8,7 +8,7 @@ from scipy.stats import chi2, kstest, norm
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
-from pirrht.jit.streams import fill_normals, logarithm, stream, uniform
+from pirrht.jit.streams import exponential, fill_normals, logarithm, stream, uniform
 from pirrht.jit.streams import normals as two_normals
 
 
@@ -160,3 +160,37 @@ def test_a_number_depends_on_seed_sample_and_draw_alone():
 def test_no_two_sequences_start_alike():
     starts = np.array([stream(np.uint64(seed), s) for seed in (0, 1, 2**63 - 1) for s in range(20000)], dtype=np.uint64)
     assert len(np.unique(starts)) == len(starts)
+
+
+@kernel
+def _exponentials(x, out):
+    for i in range(len(x)):
+        out[i] = exponential(x[i])
+
+
+def exponential_of(x):
+    x = np.asarray(x, np.float32)
+    out = np.empty_like(x)
+    _exponentials(x, out)
+    return out.astype(float), np.exp(x.astype(float))
+
+
+@pytest.mark.slow
+def test_the_exponential_is_exact_to_three_in_ten_million():
+    edges = -np.log(2.0) * (np.arange(120) + 0.5)  # where the power of two changes
+    drawn = np.random.default_rng(0).uniform(-86.9, 0.0, 200_000)
+    for x in (drawn, edges, np.nextafter(edges.astype(np.float32), np.float32(0.0)), -np.logspace(-30.0, 1.9, 1000)):
+        out, exact = exponential_of(x)
+        np.testing.assert_allclose(out, exact, rtol=3e-7)
+
+
+def test_the_exponential_of_nothing_is_one_and_falls():
+    assert exponential_of([0.0, -0.0])[0].tolist() == [1.0, 1.0]
+    out, _ = exponential_of(-np.linspace(0.0, 86.0, 100_000))
+    assert np.all(np.diff(out) <= 4e-7 * out[1:])
+
+
+@pytest.mark.parametrize("x", [-87.5, -1e3, -1e30, -np.inf])
+def test_below_its_least_argument_the_exponential_stays_what_it_is_there(x):
+    out, _ = exponential_of([x, -87.0])
+    assert out[0] == out[1] == pytest.approx(np.exp(-87.0), rel=1e-5)

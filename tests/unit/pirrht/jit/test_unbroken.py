@@ -11,7 +11,7 @@ import pytest
 from numba import njit
 from numba.core import event
 
-from pirrht.jit import libraries
+from pirrht.jit import patches
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def heard() -> Iterator[list[str]]:
     happened: list[str] = []
 
     def handler(number: int, _: FrameType | None) -> None:
-        happened.append("waits" if libraries.waits(number) else "heeded")
+        happened.append("waits" if patches.waits(number) else "heeded")
 
     before = signal.signal(signal.SIGINT, handler)
     yield happened
@@ -28,8 +28,8 @@ def heard() -> Iterator[list[str]]:
 
 
 def test_a_signal_waits_until_the_outermost_work_is_done_and_comes_once(heard: list[str]):
-    with libraries.unbroken("one"):
-        with libraries.unbroken("another"):
+    with patches.unbroken():
+        with patches.unbroken():
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
         assert heard == ["waits", "waits"]
@@ -42,14 +42,14 @@ def test_a_signal_that_another_thread_makes_wait_again_is_not_forgotten(monkeypa
 
     def main_thread(number: int) -> None:
         if not heeded:
-            libraries._begin("of another thread")
-        heeded.append("waits" if libraries.waits(number) else "heeded")
+            patches._begin()
+        heeded.append("waits" if patches.waits(number) else "heeded")
 
-    monkeypatch.setattr(libraries, "interrupt_main", main_thread)
-    with libraries.unbroken("one"):
-        assert libraries.waits(signal.SIGINT)
+    monkeypatch.setattr(patches, "interrupt_main", main_thread)
+    with patches.unbroken():
+        assert patches.waits(signal.SIGINT)
     assert heeded == ["waits"]
-    libraries._end()
+    patches._end()
     assert heeded == ["waits", "heeded"]
 
 
@@ -60,7 +60,7 @@ def test_a_signal_without_any_work_is_heeded_at_once(heard: list[str]):
 
 def test_work_that_fails_lets_signals_through_again(heard: list[str]):
     def failing() -> float:
-        with libraries.unbroken("one"):
+        with patches.unbroken():
             signal.raise_signal(signal.SIGINT)
             return 1.0 / 0.0
 
@@ -83,7 +83,7 @@ class During(event.Listener):  # type: ignore[misc]
         pass
 
 
-@pytest.mark.parametrize(("name", "first"), [(libraries.LOWERING, "waits"), ("nopython_type_inference", "heeded")])
+@pytest.mark.parametrize(("name", "first"), [(patches.LOWERING, "waits"), ("nopython_type_inference", "heeded")])
 def test_compiling_is_interrupted_before_and_after_llvm_but_not_within(heard: list[str], name: str, first: str):
     listener = During(name)
     event.register("numba:run_pass", listener)

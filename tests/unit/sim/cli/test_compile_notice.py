@@ -95,11 +95,12 @@ def test_a_robot_whose_kernels_cannot_be_kept_has_no_note(folder):
     notice.known(system, problem)
     notice.done("plan", "sample")
     assert not notice.noted("sample")
-    assert not (folder / cache.NOTES).exists()
+    assert not list(folder.iterdir())
 
 
-def test_where_nothing_can_be_written_notes_are_left_out(folder):
-    (folder / cache.NOTES).touch()  # a file where the folder should be
+def test_where_nothing_can_be_written_notes_are_left_out(folder, monkeypatch):
+    (folder / "file").touch()
+    monkeypatch.setattr(cache, "folder", lambda: folder / "file" / "kernels")
     notice = warm.Notice()
     notice.known(named("rover"), named("rover").problem(ROOM, named("rover").settings))
     notice.done("plan")
