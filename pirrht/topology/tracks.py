@@ -7,7 +7,7 @@ often they cross one ray.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -170,7 +170,7 @@ def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
     return x - mx, y - my
 
 
-def _summed(measure: Callable[..., float]) -> Any:
+def _summed(measure: Any) -> Any:
     """Build the kernel that sums a measure of what marker j sees over the pieces of a straight step.
 
     It goes from a to a later b, (3) each [m, m, s], which the marker sees at `first` and `last`, (2) each [m].
