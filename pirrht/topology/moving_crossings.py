@@ -22,6 +22,7 @@ from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
     BOX,
+    BOX_SPAN,
     MarkerTrajectories,
     crossing,
     crossings_of_step,
@@ -30,7 +31,9 @@ from pirrht.topology.tracks import (
     rows_of,
     seen_from,
 )
-from pirrht.topology.tuning import TUNING
+
+OUTSIDE_MARGIN = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
+BASE_PIECE = 0.02  # the base of sampled paths is evaluated so often [s]: rays hardly turn in between
 
 
 class MarkerTable(NamedTuple):
@@ -109,9 +112,9 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
         if period > 0.0:
             own -= max(math.floor(own / period), 0.0) * period
             left = period - own
-        i = min(max(int(own / TUNING.box_span), 0), last - box - 1)
+        i = min(max(int(own / BOX_SPAN), 0), last - box - 1)
         if period > 0.0 or i < last - box - 1:
-            left = min(left, (i + 1) * TUNING.box_span - own)
+            left = min(left, (i + 1) * BOX_SPAN - own)
         at = tracks.boxes + 8 * BOX * (box + i)
         one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
         now += max(left, GEOMETRY.moment)
@@ -135,7 +138,7 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
-    return a * x + b * y - c > TUNING.outside_margin
+    return a * x + b * y - c > OUTSIDE_MARGIN
 
 
 class RayTable(NamedTuple):
@@ -153,7 +156,7 @@ class RayTable(NamedTuple):
 
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
         """
-        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / BASE_PIECE))
         base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
         # At its end, the goal point itself, it is on no ray.

@@ -15,9 +15,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
-from pirrht.topology.tuning import TUNING
 
 NOWHERE = np.full(2, np.inf)
+CUT_ROUNDS = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,10 +118,12 @@ class _Planar:
             pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
         return sorted(pairs)
 
-    def common(self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE) -> Array | None:
-        """Find a point (2,) of P_i and P_j between two corners (2,) [m], by centres of gravity; None: no such.
+    def common(
+        self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE, shrunk: float = 0.0
+    ) -> Array | None:
+        """Find a point (2,) of P_i and P_j, shrunk [m], between two corners (2,) [m]; None: no such.
 
-        It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
+        It asks the centroid c (centre of gravity) of what is left of the rectangle; if d(c) exceeds the radius, convexity excludes
         all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
         """
         low = np.maximum.reduce([self.low[i], self.low[j], lower])
@@ -129,9 +131,9 @@ class _Planar:
         if np.any(low > high):
             return None
         polygon = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-        for _ in range(TUNING.cut_rounds):
+        for _ in range(CUT_ROUNDS):
             center, area = _centroid(polygon)
-            excess = {k: self.distance(k, *center) - self.radius for k in {i, j}}
+            excess = {k: self.distance(k, *center) - self.radius + shrunk for k in {i, j}}
             if max(excess.values()) <= 0:
                 return center
             size = float(np.abs(polygon - center).sum(axis=1).max())
@@ -158,13 +160,12 @@ class _Planar:
         return any(self.common(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:
-        """The solid's centre seen from above, (2,) [m]; if that is outside P_i, where d_i is least."""
+        """The solid's centre seen from above, (2,) [m]; if that is outside P_i, a point of it, of the solid if any is."""
         center = np.array(self.obstacles[i].position[:2], dtype=float)
         if self.distance(i, *center) <= self.radius:
             return center
-        from scipy.optimize import minimize  # SciPy takes long to import, and few solids need it
-
-        return np.asarray(minimize(lambda p: self.distance(i, *p), self.common(i, i), method="Nelder-Mead").x)
+        inside = self.common(i, i, shrunk=self.radius)
+        return np.asarray(self.common(i, i) if inside is None else inside)
 
 
 def _centroid(polygon: Array) -> tuple[Array, float]:
