@@ -123,8 +123,8 @@ class _Planar:
     ) -> Array | None:
         """Find a point (2,) of P_i and P_j, shrunk [m], between two corners (2,) [m]; None: no such.
 
-        It asks the centroid c (centre of gravity) of what is left of the rectangle; if d(c) exceeds the radius, convexity excludes
-        all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
+        The centre-of-gravity method asks the centroid c of what is left of the common rectangle; if d(c) exceeds the
+        radius, convexity excludes all q with d(c) + slope (q - c) > radius: at least 37 % of the area each time.
         """
         low = np.maximum.reduce([self.low[i], self.low[j], lower])
         high = np.minimum.reduce([self.high[i], self.high[j], upper])
@@ -160,7 +160,7 @@ class _Planar:
         return any(self.common(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:
-        """The solid's centre seen from above, (2,) [m]; if that is outside P_i, a point of it, of the solid if any is."""
+        """The solid's centre seen from above, (2,) [m]; else a point of P_i, of the solid if there is one."""
         center = np.array(self.obstacles[i].position[:2], dtype=float)
         if self.distance(i, *center) <= self.radius:
             return center
