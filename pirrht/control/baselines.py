@@ -94,9 +94,7 @@ class Mppi(Policy):
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
         terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
-        homology: tells classes of runs apart where obstacles move; None: that of the problem.
-        predict: predicts moving obstacles; None: their motions are known.
-        rng: source of one seed per plan.
+        homology, predict, rng: see `Controller`.
 
     Raises:
         OptionError: the horizon is not positive, or the samples follow guides.

@@ -43,8 +43,8 @@ class Brake:
     @property
     def stops(self) -> bool:
         """Check whether the robot can stop."""
-        start = self.problem.dynamics.state_of(self.problem.scene.start)
-        return self.problem.dynamics.brake(start, start[:2], self.settings.within) is not None
+        x = self.problem.dynamics.state_of(self.problem.scene.start)
+        return self.problem.dynamics.brake(x, x[:2], self.settings.within) is not None
 
     def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None) -> Halt:
         """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].

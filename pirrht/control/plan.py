@@ -204,7 +204,7 @@ class ClassMixture:
         return dict(zip(self.classes, normalised(self._at(x, s)[0])[0].tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
-        """Return log psi of every class at state x (n,), s [s] after the plan [nats], up to a common constant."""
+        """Return log psi of every class there [nats], up to a common constant."""
         return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
 
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
@@ -253,9 +253,9 @@ def pooled(
 
 def controls_followed(batch: Batch, estimate: Estimate) -> dict[str, ProposalControl | None]:
     """Return what samples around each class followed, by name: of several feedback laws that of most weight."""
-    rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
-    followed: dict[str, ProposalControl | None] = {one.name: None for one, _ in rows if one.key is not None}
-    return followed | {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
+    pairs = sorted(zip(estimate.proposal_weights, batch.proposals, strict=True), key=lambda pair: pair[0])
+    rows = [one for _, one in pairs if one.key is not None]
+    return {one.name: None for one in rows} | {one.name: one.lead for one in rows if one.lead.follows}
 
 
 def _carried(

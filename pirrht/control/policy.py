@@ -62,7 +62,7 @@ def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Halt:
-    """A law that brakes or, of a robot that cannot, follows the longest free path; with its outcome."""
+    """A law that brakes, or follows the longest free path, and its outcome."""
 
     law: Law
     times: Array  # ends of steps, (T+1,) [s]
@@ -152,13 +152,10 @@ class Policy(ABC):
 
     @abstractmethod
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); `left` returns the time left for sampling [s], where that is limited."""
+        """Decide at state x (n,); samples are drawn until `left`, the time left for it [s], is up."""
 
     def step(self, x: Array, dt: float) -> Array:
-        """Observe the last step, plan at x (n,) and return the control (m,) for the next dt [s].
-
-        Args:
-            dt: how long the control will be held, until the next step [s].
+        """Observe the last step, plan at x (n,) and return the control (m,) that will be held for the next dt [s].
 
         Raises:
             OptionError: dt is not positive.
@@ -203,11 +200,7 @@ class Policy(ABC):
         return self.run.path.winding()
 
     def _state(self, x: Array) -> Array:
-        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed.
-
-        Raises:
-            OptionError: it has another shape, or entries that are no finite numbers.
-        """
+        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed."""
         x, d, last = np.asarray(x, dtype=float), self.problem.dynamics, self.run.queried
         if x.shape != (d.n,):
             moves = f"{type(d).__name__} ({', '.join(d.states)})"

@@ -38,8 +38,7 @@ from pirrht.topology.signature import integers
 def validate(tree: HomologyTree | None, problem: Problem, sampling: Sampling, settings: ControlSettings) -> None:
     """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
 
-    Raises:
-        OptionError: it is not so, or its references have no controls that samples could follow.
+    An OptionError is raised if not, or if its references have no controls that samples could follow.
     """
     if tree is None:
         if settings.use.most != 0:
@@ -76,11 +75,7 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides.
-
-    Raises:
-        NoReference: there is none.
-    """
+    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides."""
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []
@@ -101,15 +96,15 @@ def extract_references(
     memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
     if method.most is not None:
         return found[: method.most][: run.most]
-    rest = _remaining_guides(tree, x, run, classes)
-    return sorted([*found, *rest], key=lambda reference: reference.cost)[: run.most]
+    found += _remaining_guides(tree, x, run, classes)
+    return sorted(found, key=lambda reference: reference.cost)[: run.most]
 
 
 def _remaining_guides(
     tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
 ) -> list[Reference]:
     """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
-    references: list[Reference] = []
+    references, named = list[Reference](), run.homology.named
     for whole, (guide, *_) in run.memory.optima.items():
         if whole not in run.memory.sampled or whole in known:
             continue
@@ -117,7 +112,6 @@ def _remaining_guides(
         winding = integers(np.subtract(whole, run.path.winding()))
         signature = run.homology.signature(run.homology.at(x, run.now), winding)
         if rest is not None and np.all(np.abs(signature - 1.0) <= tree.limit):
-            named = run.homology.named
             references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
     return references
 
@@ -125,15 +119,7 @@ def _remaining_guides(
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
-    """Return the problem, the free space and a tree in another scene; None if the scene is unchanged.
-
-    Args:
-        vertices: of the tree; None: as many as the last one has.
-
-    Raises:
-        OptionError: the goal is another, or obstacles move.
-        SceneError: all of the goal is in collision, or the workspace is too large for the robot.
-    """
+    """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
@@ -261,8 +247,7 @@ class ProposalBuilder:
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            hopeless = k > 0 and one.trajectory.slack is not None and one.cost > bound
-            if hopeless or (not last and late):
+            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and late):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late

@@ -27,7 +27,6 @@ from pirrht.proposals.wall_drift import (
     Scales,
     WallDrift,
     linear_law_weight,
-    squeezed,
     under_way,
     window,
 )
@@ -141,7 +140,7 @@ class ProposalFactory:
         push = self.push(tables, x, time)
         if not (self.is_martingale and tables.wall_offset > 0.0):
             return NearWalls.of(push, x)
-        return NearWalls.of(push, x, FlatWalls(push, x, float(tables.times[tables.window])), tables.counted)
+        return NearWalls.of(push, x, FlatWalls(push, x, float(tables.times[tables.window])))
 
     def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
@@ -206,7 +205,8 @@ class ProposalFactory:
             marks=homology.rays(x, times + batch.time),
             law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
-        tables = tables._replace(counted=self._counted(batch, tables, scales))
+        # What counts of a law by its value at the start: nothing of a steady point's, but for the bias of walls.
+        tables = tables._replace(counted=0.0 if self.is_martingale else tables.law_weight)
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)
@@ -224,23 +224,9 @@ class ProposalFactory:
         if not self.is_martingale:
             return most
         times = batch.times[1 : most + 1]
-        for _, guide in _guides(batch):
+        for guide in (one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)):
             most = min(most, under_way(scales.noise, self._from_goal(_places(guide, times)), times))
         return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
-
-    def _counted(self, batch: Batch, tables: ProposalTables, scales: Scales) -> float:
-        """Return the share of a law that counts in the control now by its value at the start.
-
-        For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
-        """
-        guides = _guides(batch)
-        if not self.is_martingale or not guides:
-            return 0.0 if self.is_martingale else tables.law_weight
-        _, guide = max(guides, key=lambda one: one[0])
-        times = float(tables.times[tables.window]) * (np.arange(1, self.tuning.moments + 1) / self.tuning.moments)
-        places = zip(_places(guide, times), times, strict=True)
-        clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
-        return tables.law_weight * squeezed(scales.noise, clear, times)
 
     def _least_step(self, scales: Scales) -> float:
         """Return the length of the shortest steps near walls [s]."""
@@ -248,11 +234,6 @@ class ProposalFactory:
         if not self.world.moving or not self.problem.dynamics.noisy_position:
             return least
         return max(least, (self.tuning.least_move * self.problem.scene.robot_radius) ** 2 / scales.noise)
-
-
-def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:
-    """Return the guides that samples follow, each after their number."""
-    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
 
 
 def _places(guide: DDPGuide, times: Array) -> Array:

@@ -25,7 +25,6 @@ class EstimationTuning(NamedTuple):
 
     least_step: float = 1.0 / 300.0  # share of a step that is split, at least: the bias of larger steps is negligible
     least_move: float = 0.01  # among moving obstacles, share of the robot's radius by which the shortest step moves
-    moments: int = 8  # equal shares of the averaging window at which the clearance of a guide is evaluated
     rim: float = 0.2  # share of the goal's radius that is left where its rim is set back for exits at ends of steps
     bend: float = 1e-3  # bends of a path below this are dropped; a path that cuts corners by more leads into them [m]
 

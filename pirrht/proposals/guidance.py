@@ -33,13 +33,13 @@ from pirrht.systems.dynamics import no_homing
 
 
 class Query(NamedTuple):
-    """A class at one state and time."""
+    """A class, by its additive key, at one state (n,) and time."""
 
     setup: Setup  # of paths from there
     clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
-    x: Array  # (n,)
+    x: Array
     times: Array  # (T+1,) ends of the steps, from 0 [s]
-    key: int  # additive
+    key: int
 
 
 class DDPGuidance:
@@ -70,7 +70,7 @@ class DDPGuidance:
         self.onward = tuning.onward if kind.homing is no_homing else 0
         self.starts = Initialisation(
             dynamics=d, setup=setup, width=self.width, optimise=self.optimise, tracking=tracking, window=window,
-            asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
+            tuning=tuning,
         )  # fmt: skip
 
     @property
@@ -106,7 +106,7 @@ class DDPGuidance:
         )  # fmt: skip
 
     def warm_up(self, x: Array) -> None:
-        """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
+        """Compile the optimisation, by a guide of two steps of 1 s from x (n,)."""
         course = empty_course(2, self.problem.dynamics.n, self.width)
         self._from(self.query(x, np.arange(3.0), 0), (course, 1), self.tuning.warm)
 
@@ -116,15 +116,10 @@ class DDPGuidance:
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
-        Improved is what is left of the last plan's optima, and if the first of them leaves the class or touches
-        something, the initialisations of the class; but where noise has carried the robot into a wall's zone the first
-        leads out of it. If nothing valid is found, samples follow what the reference led to.
-
-        Args:
-            reference: path of the class.
-            last: optima of the class found `elapsed` [s] ago.
-            thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
-            short: whether time is short, so that nothing more is improved.
+        Improved are what is left of the `last` optima, found `elapsed` [s] ago, and if the first of them leaves the
+        class or touches something, the initialisations of the class, all of them or (unless `thorough`) up to the first
+        valid guide; but where noise has carried the robot into a wall's zone the first leads out of it. If nothing
+        valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
@@ -193,10 +188,9 @@ class DDPGuidance:
         return Query(setup, clock, x, times, key)
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
-        """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
+        """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide.
 
-        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
-        longer than any path of some weight.
+        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k).
         """
         penalised = [np.inf if guide is None else guide.penalised for guide in guides]
         bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
@@ -211,16 +205,12 @@ class DDPGuidance:
         short: Callable[[], bool] = lambda: False,
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
-        (course, length), d, times = start, self.problem.dynamics, query.times
-        course.states[0] = query.x
-        cost, penalised, sound = np.inf, np.inf, False
+        (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
+        course.states[0], cost, penalised, sound = query.x, np.inf, np.inf, False
         for warmth, rounds in stages:
-            if length < 1:
-                return None
-            task, most = self.tasks[warmth], 0 if short() else rounds
-            length, cost, penalised, sound = self.optimise(
-                query.setup, task, query.clock, query.key, most, course, length
-            )
+            if length > 0:
+                most, task = 0 if short() else rounds, self.tasks[warmth]
+                length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
         if length < 1:
             return None
         end = min(length + self.onward, len(course.control))
@@ -248,9 +238,8 @@ class DDPGuidance:
         places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
         slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
-        slopes[:count], bends[:count] = drift_along(query.setup.world.moving.kernels)(
-            query.setup, places, times, offset
-        )
+        along = drift_along(query.setup.world.moving.kernels)
+        slopes[:count], bends[:count] = along(query.setup, places, times, offset)
         return slopes, bends
 
 

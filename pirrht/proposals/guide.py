@@ -182,7 +182,6 @@ class Initialisation:
     optimise: Any  # kernel (`ddp`)
     tracking: Task  # under which aims are held to
     window: int | None  # last steps that are improved when more of a reference is tracked; None: all
-    asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
     tuning: ProposalTuning
 
     def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
@@ -206,7 +205,7 @@ class Initialisation:
             if np.any(direction):
                 course = empty_course(len(control), self.dynamics.n, self.width)
                 course.control[:] = control
-                course.control[:steps, :m] += strength * self.asked * direction
+                course.control[:steps, :m] += strength * self.tracking.steep / self.tuning.steepest * direction
                 yield course, max(length, min(steps, len(control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:

@@ -56,18 +56,15 @@ class Scales(NamedTuple):
 def window(noise: float, near: float, times: Array, longest: float, least: float = TUNING.averaged) -> int:
     """Return the number of leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one.
 
-    Less the proposal, the optimal control changes about as fast as `noise` (`Scales`) carries a path to the nearest
-    wall or goal, `near` [m]. The average is over `least` to `longest` [s].
+    The rest of the control changes about as fast as `noise` (`Scales`) carries a path to the nearest wall or goal,
+    `near` [m]. The average is over `least` to `longest` [s].
     """
     span = min(max(TUNING.averaged_share * near**2 / noise, least), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
 def linear_law_weight(noise: float, near: float) -> float:
-    """Return the valid share of a linear law among moving obstacles, `near` [m] to walls and goal.
-
-    It is 1 where the shortest `window` suffices, and 0 where noise (`Scales`) carries paths to a wall within that.
-    """
+    """Return the valid share of a linear law among moving obstacles, `near` [m] to walls and goal: 1 far from them."""
     return min(1.0, TUNING.averaged_share * near**2 / (noise * TUNING.averaged_moving))
 
 
@@ -77,19 +74,10 @@ def under_way(noise: float, off: Array, times: Array) -> int:
     return int(np.argmax(early)) if early.any() else len(times)
 
 
-def squeezed(noise: float, clearances: Array, times: Array) -> float:
-    """Return the weight of walls ahead, from 0 to 1, by clearances (k,) [m] at some times (k,) [s]."""
-    least = float(np.min(clearances / np.sqrt(noise * times)))
-    return min(max((TUNING.loose - least) / (TUNING.loose - TUNING.tight), 0.0), 1.0)
-
-
 def shortfall(c: float, s: float, variance: float, span: float) -> float:
-    """Return the loss of slope of log psi at a flat wall in the mean over a time span [s], [1/m].
+    """Return the loss of slope of log psi in the mean over a time span [s] at a flat wall c [m] away, [1/m].
 
-    Args:
-        c: distance from the wall [m].
-        s: speed away from it, as seen from it [m/s]; towards it counts as along it.
-        variance: of the noise, b^2 [m^2/s].
+    The point goes away from it at a speed s [m/s], 0 at least, under noise of the variance b^2 [m^2/s].
     """
     g, total = max(s, 0.0) / variance, 0.0
     if g * c > TUNING.out_of_reach:
@@ -131,12 +119,11 @@ class WallDrift:
     behind: float = 0.0  # `ProposalTables.set_back` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]
-    known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
+    known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False, default=None)  # `_at`, if constant
 
     def __post_init__(self) -> None:
-        d = self.problem.dynamics
-        object.__setattr__(self, "known", None)
-        object.__setattr__(self, "known", self._at(np.zeros(d.n)) if d.constant else None)
+        if self.problem.dynamics.constant:
+            object.__setattr__(self, "known", self._at(np.zeros(self.problem.dynamics.n)))
 
     def __call__(self, x: Array, s: float = 0.0, closest: float | None = None) -> Array:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
@@ -204,30 +191,28 @@ class NearWalls:
     """Wall drift at a state, and its effect on the mean control over leading steps.
 
     A proposal counts by its value at the start, and the mean is that of the rest. For a point whose optimal control is
-    a martingale (`rollouts.step`) it counts in part, and the mean is corrected by the bias of walls.
+    a martingale (`rollouts.step`) it does not, and the mean is corrected by the bias of walls.
     """
 
     push: Array  # wall drift, (m,); the mean is without it
     clipped: Array  # drift left out where a wall is very near, (m,)
-    counted: float = 1.0  # share of the proposal that counts by its value at the start, and of the drift
     flat: FlatWalls | None = None
 
     @classmethod
-    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None, counted: float = 1.0) -> NearWalls:
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> NearWalls:
         """Evaluate the wall drift at x (n,) at the moment of a plan."""
         here = drift(x)
-        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, counted=counted, flat=flat)
+        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, flat=flat)
 
     def corrected_control(self, mean: Array, proposed: Array) -> tuple[Array, Array]:
         """Return the control without wall drift, and its error, (m,) each.
 
-        The error is the mean's rest on top of the proposal's mean `proposed` (m,) where the drift is large against the
-        rest of the control, nothing in the open; and a share of the bias of walls.
+        The error is a share of the bias of walls, or the mean's rest on top of the proposal's mean `proposed` (m,)
+        where the drift is large against the rest of the control, nothing in the open.
         """
+        if self.flat is not None:
+            missing = self.flat.missing(mean)
+            return mean + missing - self.push, TUNING.unsure * np.abs(missing)
         hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
         share = hard / (hard + rest) if hard > 0.0 else 0.0
-        unresolved = self.counted * (np.abs(share * (mean - proposed)) + np.abs(self.clipped))
-        if self.flat is None:
-            return mean, unresolved
-        missing = (1.0 - self.counted) * self.flat.missing(mean)
-        return mean + missing - (1.0 - self.counted) * self.push, TUNING.unsure * np.abs(missing) + unresolved
+        return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)
