@@ -307,7 +307,7 @@ def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bo
                     mx, my = markers[k, 0], markers[k, 1]
                     turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
                 for k in range(M, turns.shape[1]):
-                    turns[s, k] += turns_of_step(tracks, k - M, ax, ay, at, x[0], x[1], x[-1])
+                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 
