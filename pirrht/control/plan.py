@@ -98,10 +98,7 @@ class Plan:
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
-            axes: of matplotlib; None: those of a new figure.
-
-        Returns:
-            the axes.
+            axes: of matplotlib, which are returned; None: those of a new figure.
 
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.
@@ -233,7 +230,7 @@ def pooled(
 
     `leads` are what samples around each class followed, by name; None where that does not depend on the state.
     """
-    x, law_weight = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
+    x, law_weight = estimate.rollouts.origin.x, estimate.rollouts.tables.law_weight
     laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, law_weight, tuning)
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:

@@ -98,9 +98,8 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
     """Weights of a Gaussian on the headings' grid, (2 R + 1,)."""
     width = 2.0 * math.pi / headings
     reach = min(math.ceil((TUNING.car_cutoff * deviation + TUNING.fastest_turn * tau) / width), headings // 2 - 1)
-    weights: Array = np.exp(-0.5 * (np.arange(-reach, reach + 1) * width / deviation) ** 2)
-    weights /= weights.sum()
-    return weights
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * width / deviation) ** 2)
+    return np.asarray(weights / weights.sum())
 
 
 @kernel

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -27,7 +27,6 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.boundaries import clearance_at, poses_at
 from pirrht.exact.grid import TUNING, Frame, Progress, frame_at, ignore_progress, in_goal
@@ -208,29 +207,15 @@ class Optimal(Policy):
     """
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
-        self.desirability, self._sampling = desirability, sampling
-        self.homology = homology_of(self.problem, self.space)
+        self.desirability = desirability
+        self.path_integral = path_integral(desirability.problem, desirability.space, sampling)
+        self.homology = self.path_integral.homology
         start = self.problem.dynamics.state_of(self.problem.scene.start)
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
         self.begin(start)
 
     def __repr__(self) -> str:
         return f"Optimal({self.desirability!r})"
-
-    @property
-    def problem(self) -> Problem:
-        """Problem that the grid solves."""
-        return self.desirability.problem
-
-    @property
-    def space(self) -> FreeSpace:
-        """Free space of its scene."""
-        return self.desirability.space
-
-    @cached_property
-    def path_integral(self) -> PathIntegral:  # type: ignore[override]
-        """Sampler that a recording reads problem and temperature from."""
-        return path_integral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
@@ -322,7 +307,7 @@ def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bo
                     mx, my = markers[k, 0], markers[k, 1]
                     turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
                 for k in range(M, turns.shape[1]):
-                    turns[s, k] += turns_of_step(tracks, k - M, ax, ay, at, x[0], x[1], x[-1])
+                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 

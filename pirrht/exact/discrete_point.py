@@ -78,10 +78,19 @@ def smooth(log_psi: Array, weight: Array, taps_x: Array, taps_y: Array, loss: fl
 def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
     """Convolve rows of psi = weight exp(log_psi), (n, m), with taps (2 R + 1, m); the result as two such factors."""
     (n, m), width, tile, reach = log_psi.shape, taps.shape[0], TUNING.tile, taps.shape[0] // 2
-    out, sign, window, row = np.full((n, m), -math.inf), np.zeros((n, m)), np.empty(tile + width - 1), np.empty(tile)
+    out, sign, window, row = (
+        np.full((n, m), -math.inf),
+        np.zeros((n, m)),
+        np.empty(m + tile + width),
+        np.empty(m + tile),
+    )
     for i in range(n):
-        for q in range(0, m, tile):
-            low, high = max(q - reach, 0), min(q + tile + reach, m)
+        least = math.inf
+        for e in range(m):
+            least = min(least, log_psi[i, e] if log_psi[i, e] > -1e299 else math.inf)  # less is nothing
+        span = m if log_psi[i].max() + math.log(TUNING.underflow) < least else tile  # so many share one exponent
+        for q in range(0, m, span):
+            low, high = max(q - reach, 0), min(q + span + reach, m)
             top = log_psi[i, low:high].max()
             if top == -math.inf:
                 continue
@@ -89,9 +98,9 @@ def _along_rows(log_psi, weight, taps):  # type: ignore[no-untyped-def]
             for e in range(low, high):
                 window[e - q + reach] = weight[i, e] * math.exp(log_psi[i, e] - top)
             for t in range(width):
-                for e in range(tile):
+                for e in range(span):
                     row[e] += taps[t, q + e] * window[t + e]
-            for e in range(min(tile, m - q)):
+            for e in range(min(span, m - q)):
                 if row[e] != 0.0:
                     out[i, q + e], sign[i, q + e] = top + math.log(abs(row[e])), math.copysign(1.0, row[e])
     return out, sign
@@ -150,8 +159,7 @@ def _integrated(clearance: Array, corner: Array, radius: float, spacing: float) 
 
 def _along_both(values: Array, p: Any, q: Any, origin: int) -> Array:
     """Correlate values (nx, ny) with weights p along x and q along y."""
-    along: Array = correlate1d(correlate1d(values, p, axis=0, origin=origin), q, axis=1, origin=origin)
-    return along
+    return np.asarray(correlate1d(correlate1d(values, p, axis=0, origin=origin), q, axis=1, origin=origin))
 
 
 @kernel

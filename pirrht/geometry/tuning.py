@@ -44,8 +44,7 @@ class GeometryTuning(NamedTuple):
     wide: float = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
     # Moving obstacles
     shapes: int = 1024  # of obstacles of which is remembered what does not depend on how they move: memory
-    span: float = 0.5  # boxes bound an obstacle for so long [s]: shorter ones are tighter and more
-    moment: float = 1e-9  # least time by which a walk from span to span advances [s]: rounding
+    moment: float = 1e-9  # least time by which a walk along a motion advances [s]: rounding
     # Start and goal
     turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
     exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin
