@@ -59,9 +59,6 @@ _HOME = {
     "path_integral": "estimation.assembly",
 }
 
-# Parts that the method takes through an interface and does not import, by the name that it asks for.
-_IMPLEMENTATIONS = {"moving": ("moving.obstacles", "MovingObstacleArrays")}
-
 __all__ = [*_HOME]
 __version__ = "0.31.1"
 
@@ -70,12 +67,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'pirrht' has no attribute {name!r}")
     return getattr(import_module(f"pirrht.{_HOME[name]}"), name)
-
-
-def implementation(interface: str) -> Any:
-    """Return the class that implements an interface of the method: it is chosen here alone."""
-    module, name = _IMPLEMENTATIONS[interface]
-    return getattr(import_module(f"pirrht.{module}"), name)
 
 
 def __dir__() -> list[str]:

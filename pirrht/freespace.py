@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 
-from pirrht import formatting, implementation
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
@@ -77,8 +78,7 @@ class FreeSpace:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology = homology.with_moving(scene.movers, scene.footprint)
-        moving = moving_of(scene)
+        homology, moving = homology.with_moving(scene.movers, scene.footprint), moving_of(scene)
         return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -93,8 +93,7 @@ class FreeSpace:
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         if self.scene.waivers or (scene := fitted(scene, self.collision)).waivers:
             return FreeSpace.of(scene)
-        center = scene.goal.center.astype(float)
-        return replace(self, scene=scene, homology=replace(self.homology, goal=center))
+        return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
 
     def with_movers(self, movers: Sequence[Mover]) -> FreeSpace:
         """Return the static world and task among other moving obstacles."""
@@ -135,8 +134,10 @@ class FreeSpace:
 
 
 def moving_of(scene: Scene) -> Moving:
-    """Gather the moving obstacles of a scene, by the implementation that the package names; in a static one, none."""
-    found: Moving = implementation("moving").of(scene) if scene.movers else NoMoving()
+    """Gather the moving obstacles of a scene, by the one implementation of their interface; in a static one, none."""
+    if not scene.movers:
+        return NoMoving()
+    found: Moving = import_module("pirrht.moving.obstacles").MovingObstacleArrays.of(scene)
     return found
 
 
