@@ -28,8 +28,7 @@ from pirrht.topology.obstacles import Component, components, continued
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; the rest follows from workspace and footprint. `FreeSpace.of(scene)`
-    takes a second or so; `with_task` is quick.
+    Only `scene` and `homology` depend on its task. `FreeSpace.of(scene)` takes a second or so; `with_task` is quick.
     """
 
     scene: Scene
@@ -95,20 +94,15 @@ class FreeSpace:
             return FreeSpace.of(scene)
         return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
 
-    def with_movers(self, movers: Sequence[Mover]) -> FreeSpace:
-        """Return the static world and task among other moving obstacles."""
+    def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
+        """Return the static world and task among other moving obstacles, whose arrays may be given."""
         scene = replace(self.scene, movers=tuple(movers))
         homology = self.homology.with_moving(scene.movers, scene.footprint)
-        return replace(self, scene=scene, homology=homology, moving=moving_of(scene))
+        return replace(self, scene=scene, homology=homology, moving=moving_of(scene) if moving is None else moving)
 
     def with_prediction(self, movers: Sequence[Mover]) -> FreeSpace:
-        """Return the space with predicted motions of its movers; shapes, FCL's included, are shared.
-
-        One thread at a time may query both.
-        """
-        scene = replace(self.scene, movers=tuple(movers))
-        homology = self.homology.with_moving(movers, scene.footprint)
-        return replace(self, scene=scene, homology=homology, moving=self.moving.with_motions(movers))
+        """Return the space with predicted motions of its movers; one thread at a time may query both of them."""
+        return self.with_movers(movers, self.moving.with_motions(movers))
 
     @property
     def world(self) -> World:

@@ -25,18 +25,13 @@ from pirrht.jit.jit import inlined, jitable
 class HomingTuning(NamedTuple):
     """Numbers of the controls by which samples home that outlive their proposal."""
 
-    # Share of the goal's radius that is aimed at: the rim itself is missed under noise.
-    aim: float = 0.9
+    aim: float = 0.9  # share of the goal's radius that is aimed at: the rim itself is missed under noise
     # Turn rate per heading error, and acceleration per error of the speed [1/s]: faster than noise turns robots.
     gain: float = 3.0
-    # A rover drives where the disc lies less than pi / 2 over this to the side: faster it would circle around it.
-    narrow: float = 3.0
-    # A rover's turn rate at most, in those that the rate of cost asks for.
-    rover_turn: float = 1.5
-    # A car's turn rate at most, in turn rates whose noise costs as much as time.
-    steepest: float = 6.0
-    # Share of the cruising speed at which a car with inertia turns.
-    slowest: float = 0.2
+    narrow: float = 3.0  # a rover drives where the disc lies less than pi / 2 over this aside, or it would circle it
+    rover_turn: float = 1.5  # a rover's turn rate at most, in those that the rate of cost asks for
+    steepest: float = 6.0  # a car's turn rate at most, in turn rates whose noise costs as much as time
+    slowest: float = 0.2  # share of the cruising speed at which a car with inertia turns
 
 
 HOMING = HomingTuning()
@@ -215,10 +210,6 @@ class Dynamics(ABC):
         if self.constant or self.input_form:
             return a @ self.control_gain(np.zeros(self.n)).T
         return np.array([self.input_of(*pair) for pair in zip(states, a, strict=True)]).reshape(a.shape)
-
-    def climbing_gain(self, x: Array) -> Array:
-        """lambda R^-1 G' at x (n,), (m, rows): the control that a slope of log psi asks for, per slope."""
-        return self.control_gain(x) @ self.B_c(x).T
 
     def idle(self, x: Array) -> Array:
         """`rate` at x (n,) without control and noise, (m,) [state/s]: f_c, or in input form nothing."""
