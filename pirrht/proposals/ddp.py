@@ -48,7 +48,7 @@ def optimiser(kind: KernelSpec) -> Any:
                 velocity(setup, states[i], f[0])
                 velocity(setup, states[i + 1], f[1])
                 turn = turn_of(f[0, 0], f[0, 1], f[1, 0], f[1, 1], to_x - x, to_y - y, dt)
-            outcome, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
+            outcome, _, _ = sweep_exit(setup.world, x, y, to_x, to_y, turn)
             if outcome == COLLISION or (
                 moving and sweep(setup.world.moving, notes, (x, y, to_x, to_y, turn), times[i], dt, 1.0) <= 1.0
             ):

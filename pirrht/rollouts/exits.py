@@ -12,23 +12,9 @@ from pirrht.jit.streams import normals
 from pirrht.rollouts.step import KernelSpec
 
 from pirrht.rollouts.first_exit import (  # isort: skip
-    COLLISION, GOAL, INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, line_of, rim_along, sweep_onward,
+    COLLISION, GOAL, INSIDE, at_crossing, bridge_exit, distances, endpoint_exit, line_of, rim_along, sweep_exit,
+    towards_exit,
 )  # fmt: skip
-
-
-@part
-def at_moving_wall(wall, moved, drift, dt, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displace an isotropic bridge to where it first meets a moving wall, at its distance then; along it is drawn.
-
-    Args: wall (WALL,), displacement at the end of the step (2) [m], drift (2) [m/s], step [s], share of it until then,
-        standard deviation of the whole step [m], and state of the random sequence; returns the next one, and
-        displacement [m].
-    """
-    (dx, dy), (fx, fy), nx, ny = moved, drift, -wall[1], -wall[2]
-    gap = max(wall[0], 0.0) + share * dt * ((wall[3] - fx) * nx + (wall[4] - fy) * ny)
-    state, z, _ = normals(state)
-    along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
-    return state, gap * nx - along * ny, gap * ny + along * nx
 
 
 @cache
@@ -43,12 +29,15 @@ def ended_for(kind: KernelSpec) -> Any:
     @part
     def in_plane(scratch, arena, dt, exit, share, variance, moving_wall, state):  # type: ignore[no-untyped-def]
         """End a step whose noise is its displacement; `moving_wall`: row 0 of moving walls is met."""
-        x, moved, f, y, B, deviation = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B, math.sqrt(variance)
+        x, moved, f, y, B = scratch.x, scratch.moved, scratch.f, scratch.y, scratch.B
         dx, dy = moved[0] - x[0] - f[0] * dt, moved[1] - x[1] - f[1] * dt
-        if moving and moving_wall:
-            state, dx, dy = at_moving_wall(scratch.walls[0], (dx, dy), (f[0], f[1]), dt, share, deviation, state)
+        if moving and moving_wall:  # at its distance then
+            gap, ux, uy, vx, vy = scratch.walls[0]
+            met = max(gap, 0.0) - share * dt * ((vx - f[0]) * ux + (vy - f[1]) * uy), -ux, -uy
         else:
-            state, dx, dy = at_crossing(arena, (x[0], x[1]), (dx, dy), exit, share, deviation, state)
+            met = towards_exit(arena, x[0], x[1], exit)
+        radius = arena.radius if exit == GOAL else 0.0
+        state, dx, dy = at_crossing(met, radius, (dx, dy), share, math.sqrt(variance), state)
         y[0] = (B[0, 0] * dx + B[1, 0] * dy) * dt / variance
         y[1] = (B[0, 1] * dx + B[1, 1] * dy) * dt / variance
         moved[0], moved[1] = x[0] + f[0] * dt * share + dx, x[1] + f[1] * dt * share + dy
@@ -130,7 +119,7 @@ def exits(kind: KernelSpec) -> Any:
         x, y, mx, my = scratch.x[0], scratch.x[1], scratch.moved[0], scratch.moved[1]
         exit, share = GOAL, ahead
         if not arrived:
-            exit, share, room = sweep_onward(setup.world, x, y, mx, my, turn, room)
+            exit, share, room = sweep_exit(setup.world, x, y, mx, my, turn, room)
         if moving:
             hit = sweep_among(setup.world.moving, scratch.watch, (x, y, mx, my, turn), now, dt, share)
             if hit <= share:
@@ -142,10 +131,10 @@ def exits(kind: KernelSpec) -> Any:
         (dt, now), until = step, 0.0 if move[0] else step[0]
         if not setup.bridge:
             mx, my = scratch.moved[0], scratch.moved[1]
-            exit, share = endpoint_exit(setup.world, mx, my)
+            exit = endpoint_exit(setup.world, mx, my)
             if moving and clearance_among(setup.world.moving, mx, my, now + dt) <= 0.0:
                 exit = COLLISION
-            return state, exit, share, until, 0.0, (distances(setup.world, mx, my), clear[1])
+            return state, exit, 1.0, until, 0.0, (distances(setup.world, mx, my), clear[1])
         if noisy_position:
             return on_bridge(setup, tables, scratch, step, move[3], clear, state)
         exit, share, clear = on_path(setup, scratch, step, move, clear)

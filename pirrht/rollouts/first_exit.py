@@ -110,7 +110,7 @@ def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
     square = (nx - x) * (nx - x) + (ny - y) * (ny - y)
     past_wall, past_rim = c1 > 0.0 and (c0 + c1) * (c0 + c1) < square, g1 > 0.0 and (g0 + g1) * (g0 + g1) < square
     if past_wall or past_rim:
-        exit, share = sweep_exit(arena, x, y, nx, ny)
+        exit, share, _ = sweep_exit(arena, x, y, nx, ny)
         c1 = c0 * (1.0 - 1.0 / share) if past_wall and exit == COLLISION else c1
         g1 = g0 * (1.0 - 1.0 / share) if past_rim and exit == GOAL else g1
     return c1, e1, g1
@@ -215,41 +215,41 @@ def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def at_crossing(arena, start, end, outcome, share, deviation, state):  # type: ignore[no-untyped-def]
-    """Displace an isotropic bridge to its first crossing, the distance to wall or rim; along it the bridge is drawn.
-
-    Args, in order: arena, start (x, y) [m], displacement (x, y) at the end of the step [m], GOAL or else COLLISION,
-        share of the step until the crossing, standard deviation of the whole step [m], and state of the random
-        sequence.
-    Returns: next state of the sequence, displacement in x and y [m].
-    """
-    field, (x, y), (dx, dy) = arena.field, start, end
+def towards_exit(arena, x, y, outcome):  # type: ignore[no-untyped-def]
+    """Return the distance of (x, y) [m] from rim (GOAL) or wall, and the unit vector (x, y) towards it."""
     if outcome == GOAL:
         nx, ny = arena.goal[0] - x, arena.goal[1] - y
         size = math.sqrt(nx * nx + ny * ny)
-        nx, ny, normal_part = nx / size, ny / size, size - arena.radius
-    else:
-        gx, gy = slope_of(field, x, y)
-        nx, ny, normal_part = -gx, -gy, max(clearance(field, x, y), 0.0)
+        return size - arena.radius, nx / size, ny / size
+    gx, gy = slope_of(arena.field, x, y)
+    return max(clearance(arena.field, x, y), 0.0), -gx, -gy
+
+
+@kernel
+def at_crossing(exit, radius, end, share, deviation, state):  # type: ignore[no-untyped-def]
+    """Displace an isotropic bridge to its first crossing, the distance to wall or rim; along it the bridge is drawn.
+
+    Args, in order: `towards_exit`, radius of a rim or 0 [m], displacement (x, y) at the end of the step [m], share of
+        the step until the crossing, standard deviation of the whole step [m], and state of the random sequence.
+    Returns: next state of the sequence, displacement in x and y [m].
+    """
+    (gap, nx, ny), (dx, dy) = exit, end
     state, z, _ = normals(state)
     along = share * (dy * nx - dx * ny) + deviation * math.sqrt(share * (1.0 - share)) * z
-    if outcome == GOAL and abs(along) < arena.radius:  # the rim is round
-        normal_part = size - math.sqrt(arena.radius * arena.radius - along * along)
-    return state, normal_part * nx - along * ny, normal_part * ny + along * nx
+    if abs(along) < radius:  # the rim is round
+        gap += radius - math.sqrt(radius * radius - along * along)
+    return state, gap * nx - along * ny, gap * ny + along * nx
 
 
 @kernel
 def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
     """Apply the paper's rule (III-A, steps 3, 4): exit if the step's end (nx, ny) [m] is not free, or in the goal.
 
-    Returns: INSIDE or the Outcome, share of the step until the exit, which is 1.
+    Returns: INSIDE or the Outcome.
     """
-    goal, radius = arena.goal, arena.radius
     if clearance(arena.field, nx, ny) <= 0.0:
-        return COLLISION, 1.0
-    if (nx - goal[0]) ** 2 + (ny - goal[1]) ** 2 <= radius * radius:
-        return GOAL, 1.0
-    return INSIDE, 1.0
+        return COLLISION
+    return GOAL if (nx - arena.goal[0]) ** 2 + (ny - arena.goal[1]) ** 2 <= arena.radius * arena.radius else INSIDE
 
 
 @inlined
@@ -261,26 +261,16 @@ def turn_of(vx, vy, wx, wy, dx, dy, dt):  # type: ignore[no-untyped-def]
     return max(-TUNING.arc, min(TUNING.arc, dt * ((wy - vy) * dx - (wx - vx) * dy) / square))
 
 
-@kernel
-def sweep_exit(arena, x, y, nx, ny, turn=0.0):  # type: ignore[no-untyped-def]
+@inlined
+def sweep_exit(arena, x, y, nx, ny, turn=0.0, clear=0.0):  # type: ignore[no-untyped-def]
     """Judge how a step from (x, y) to (nx, ny) [m] without position noise ends, by certified clearances.
 
-    A step that turns [rad] is an arc next to its chord; into the goal it counts as straight.
-    Returns: INSIDE or the Outcome, share of the step until the exit.
-    """
-    exit, share, _ = _march(arena, x, y, nx, ny, turn, 0.0, 0.0)
-    return exit, share
-
-
-@inlined
-def sweep_onward(arena, x, y, nx, ny, turn, clear):  # type: ignore[no-untyped-def]
-    """Judge a step as `sweep_exit` does, from where no wall is nearer than `clear` [m], as far as is known.
-
-    The clearances at both ends may cover the step. Returns: INSIDE or the Outcome, share until then, clear at its end.
+    A step that turns [rad] is an arc next to its chord; into the goal it counts as straight. No wall is nearer to its
+    start than `clear` [m]; the clearances at both ends may cover the step.
+    Returns: INSIDE or the Outcome, share of the step until the exit, and what is clear at its end, as far as is known.
     """
     arc = math.sqrt(((nx - x) * (nx - x) + (ny - y) * (ny - y)) * (1.0 + 0.25 * turn * turn))
-    (gx, gy), reach = arena.goal, arc + arena.radius
-    ahead = 0.0
+    (gx, gy), reach, ahead = arena.goal, arc + arena.radius, 0.0
     if (gx - x) * (gx - x) + (gy - y) * (gy - y) > reach * reach:
         if arc < clear:
             return INSIDE, 1.0, clear - arc
@@ -295,8 +285,7 @@ def _march(arena, x, y, nx, ny, turn, clear, ahead):  # type: ignore[no-untyped-
     """March what `clear` [m] around the start and `ahead` [m] around the end leave open; 0 where nothing is known."""
     length = math.sqrt((nx - x) ** 2 + (ny - y) ** 2)
     if length == 0.0:
-        exit, share = endpoint_exit(arena, nx, ny)
-        return exit, share, 0.0
+        return endpoint_exit(arena, nx, ny), 1.0, 0.0
     field, (gx, gy) = arena.field, arena.goal
     ux, uy = (nx - x) / length, (ny - y) / length
     until, reach = np.inf, length + arena.radius

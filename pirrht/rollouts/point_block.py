@@ -7,15 +7,14 @@ Exits and close walls, which are rare, are done lane by lane; paths that have en
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array, IntArray
 from pirrht.jit.jit import inlined, kernel
 from pirrht.jit.streams import antithetic, stream
-from pirrht.rollouts.first_exit import INSIDE, at_crossing, bridge_exit
+from pirrht.rollouts.first_exit import GOAL, INSIDE, at_crossing, bridge_exit, towards_exit
 
 from pirrht.rollouts.point_stages import (  # isort: skip
     C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT, SAMPLE, SIGN, SLOW,
@@ -24,19 +23,6 @@ from pirrht.rollouts.point_stages import (  # isort: skip
 )  # fmt: skip
 from pirrht.rollouts.tables import Origin, empty_paths, tube_of
 from pirrht.rollouts.tuning import TUNING
-
-
-class Run(NamedTuple):
-    """Samples of one block, all around one reference."""
-
-    h: int  # the reference
-    start: int  # numbers of the samples, or places in `chosen`
-    stop: int
-    chosen: NDArray[np.int64]  # numbers of samples; empty: all of them are meant
-    base: tuple[float, float] = (0.0, 0.0)  # the proposal control at the start without the nearest wall
-
-
-RUN: Any = Run
 
 
 @kernel
@@ -55,8 +41,8 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
     random[k] = state
     if outcome != INSIDE:
         # Without this the rest of the step would enter dQ/dP as noise with a variance of a'a dt.
-        deviation = math.sqrt(step)
-        _, dx, dy = at_crossing(arena, (x, y), (nx - x, ny - y), outcome, share, deviation, state)
+        met, radius = towards_exit(arena, x, y, outcome), arena.radius if outcome == GOAL else 0.0
+        _, dx, dy = at_crossing(met, radius, (nx - x, ny - y), share, math.sqrt(step), state)
         f[Z0 + k] = (B[0, 0] * dx + B[1, 0] * dy) / variance
         f[Z1 + k] = (B[0, 1] * dx + B[1, 1] * dy) / variance
         f[NX + k], f[NY + k] = x + dx, y + dy
@@ -76,9 +62,9 @@ def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def
 
 
 @inlined
-def retire(setup, tables, run, outcome, share, k, scratch, paths):  # type: ignore[no-untyped-def]
+def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore[no-untyped-def]
     """Write to `paths` that the path of lane k ends, after a share of the lane's own step."""
-    times, window, inverse, base, h = tables.times, tables.window, setup.inverse, run.base, run.h
+    times, window, inverse = tables.times, tables.window, setup.inverse
     f, a, ratio, short, long, _, _ = scratch
     k = lane(k)
     i, s, until = np.int64(short[STEP + k]), long[SAMPLE + k], np.float64(f[DT + k]) * share  # no dQ/dP after crossings
@@ -91,8 +77,7 @@ def retire(setup, tables, run, outcome, share, k, scratch, paths):  # type: igno
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
     paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
     for j in range(2):
-        paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * base[j]
-        paths.start_control[s, j] = base[j]
+        paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * paths.start_control[s, j]
 
 
 @inlined
@@ -111,17 +96,17 @@ def compact(k, last, H, scratch):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def record(into, k, first, scratch):  # type: ignore[no-untyped-def]
+def record(into, k, scratch):  # type: ignore[no-untyped-def]
     """Write where a step leads, and add its noise y = a dt + dw, to the row of `into` for its step of the grid."""
     f, _, _, short, long, _, _ = scratch
-    out = into[long[SAMPLE + k] - first, short[STEP + k]]
+    out = into[long[SAMPLE + k], short[STEP + k]]
     out[0], out[1] = f[NX + k], f[NY + k]
     out[2] += f[Z0 + k]
     out[3] += f[Z1 + k]
 
 
 @inlined
-def end_flagged(setup, tables, run, n, into, scratch, paths):  # type: ignore[no-untyped-def]
+def end_flagged(setup, tables, h, n, into, scratch, paths):  # type: ignore[no-untyped-def]
     """End the paths of flagged lanes that leave within this step; return how many of n lanes go on."""
     f, _, _, short, _, random, _ = scratch
     for group in range((n - 1) // WIDE * WIDE, -1, -WIDE):
@@ -134,15 +119,15 @@ def end_flagged(setup, tables, run, n, into, scratch, paths):  # type: ignore[no
                 outcome, share = resolve(setup, tables.weighed, k, random, f)
             if outcome != INSIDE:
                 if into.shape[0] > 0:
-                    record(into, k, run.start, scratch)
-                retire(setup, tables, run, outcome, share, k, scratch, paths)
+                    record(into, k, scratch)
+                retire(setup, tables, h, outcome, share, k, scratch, paths)
                 n -= 1
                 compact(k, n, tables.drift.shape[0], scratch)
     return n
 
 
 @inlined
-def end_late(setup, tables, run, n, scratch, paths):  # type: ignore[no-untyped-def]
+def end_late(setup, tables, h, n, scratch, paths):  # type: ignore[no-untyped-def]
     """End the paths that are under way after the last step; return how many of n lanes go on."""
     f, _, _, short, _, _, _ = scratch
     times, T = tables.times, tables.times.shape[0] - 1
@@ -150,22 +135,21 @@ def end_late(setup, tables, run, n, scratch, paths):  # type: ignore[no-untyped-
         if short[STEP + k] >= T:
             f[Z0 + k], f[Z1 + k], f[DT + k], f[SPENT + k] = 0.0, 0.0, 0.0, times[T] - times[T - 1]
             short[STEP + k] = T - 1
-            retire(setup, tables, run, INSIDE, 1.0, k, scratch, paths)
+            retire(setup, tables, h, INSIDE, 1.0, k, scratch, paths)
             n -= 1
             compact(k, n, tables.drift.shape[0], scratch)
     return n
 
 
 @inlined
-def begin(tables, origin, run, scratch):  # type: ignore[no-untyped-def]
+def begin(tables, origin, h, start, number, scratch):  # type: ignore[no-untyped-def]
     """Set all lanes to the start of their paths."""
     f, _, ratio, short, long, random, _ = scratch
-    h, start, chosen, x = run.h, run.start, run.chosen, origin.x
+    x = origin.x
     f[:], short[:], long[:], ratio[:] = 0.0, 0, 0, 0.0
     f[X:Y], f[Y:Z0], f[NX:NY], f[NY:C0], f[DT:ROOT] = x[0], x[1], x[0], x[1], 1.0
-    for k in range(run.stop - start):
-        number = chosen[start + k] if chosen.shape[0] > 0 else start + k
-        first, f[SIGN + k] = antithetic(number, tables.first[h], tables.mirrored)
+    for k in range(number.shape[0]):
+        first, f[SIGN + k] = antithetic(number[k], tables.first[h], tables.mirrored)
         random[k], long[SAMPLE + k] = stream(origin.seed, first), start + k
 
 
@@ -185,15 +169,24 @@ def write_controls(setup, tables, around, B, h, scratch, n):  # type: ignore[no-
             tape_control(drift, g, T, active[g], f, short, a, n)
 
 
+@inlined
+def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
+    """Write the proposal control at the start, without wall drift, of samples in some rows of `paths`."""
+    mine, inverse = 2 * h * L, setup.inverse
+    a0, a1 = a[mine] - f[PUSH0], a[mine + L] - f[PUSH1]
+    for s in range(*rows):
+        for j in range(2):
+            paths.start_control[s, j] = inverse[j, 0] * a0 + inverse[j, 1] * a1
+
+
 @kernel
-def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-untyped-def]
-    """Simulate the samples of one run, at most LANES; write steps to `into` (stop - start, T, 4) if any."""
+def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
+    """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
     f, a, ratio, short, long, random, bits = scratch
-    h, start, stop, chosen, _ = run
-    (H, T, _), n, B, inverse = tables.drift.shape, stop - start, single_matrix(setup.diffusion), setup.inverse
+    (H, T, _), n, B = tables.drift.shape, number.shape[0], single_matrix(setup.diffusion)
     around, follows, wide = single(setup.world), tables.wall_offset > 0.0, setup.diffusion
     variance, rim = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1], TUNING.rim * setup.world.radius
-    begin(tables, origin, run, scratch)
+    begin(tables, origin, h, rows[0], number, scratch)
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
         f[C0 + k] = f[C1 + k]
@@ -203,9 +196,8 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         fit_steps(tables.times, tables.least, 1.0 / (9.0 * variance), rim, f, short, full)
         write_controls(setup, tables, around, B, h, scratch, full)
         if not begun:
-            bare0, bare1 = a[2 * h * L] - f[PUSH0], a[2 * h * L + L] - f[PUSH1]
-            base = inverse[0, 0] * bare0 + inverse[0, 1] * bare1, inverse[1, 0] * bare0 + inverse[1, 1] * bare1
-            run, begun = RUN(h, start, stop, chosen, base), True
+            lead(setup, h, paths, f, a, rows)
+            begun = True
         relax(h, f, a, full)
         draw(random, bits, f, full)
         move(h, B, f, a, full)
@@ -216,47 +208,40 @@ def block(setup, tables, origin, run, paths, into, scratch):  # type: ignore[no-
         else:
             flagged = judge(around, f, short, full)
         if flagged > 0:
-            n = end_flagged(setup, tables, run, n, into, scratch, paths)
+            n = end_flagged(setup, tables, h, n, into, scratch, paths)
         for k in range(n if into.shape[0] > 0 else 0):
-            record(into, k, start, scratch)
+            record(into, k, scratch)
         add_log_ratios(h, H, f, a, ratio, full)
         if advance(h, tables.window, follows, f, short, a, full) >= T:
-            n = end_late(setup, tables, run, n, scratch, paths)
+            n = end_late(setup, tables, h, n, scratch, paths)
 
 
 @kernel
-def blocks(setup, tables, origin, start, stop, paths, scratch):  # type: ignore[no-untyped-def]
-    """Fill `paths` for a range of samples, block by block."""
-    everything, nowhere = np.empty(0, np.int64), np.empty((0, 0, 4), np.float32)
+def blocks(setup, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+    """Simulate samples of the numbers from `start` to `stop`, which ascend, block by block."""
     h, s = 0, start
     while s < stop:
-        while s >= tables.first[h + 1]:
+        while number[s] >= tables.first[h + 1]:
             h += 1
-        end = min(min(stop, tables.first[h + 1]), s + LANES)
-        block(setup, tables, origin, RUN(h, s, end, everything, (0.0, 0.0)), paths, nowhere, scratch)
+        end = s
+        while end < min(stop, s + LANES) and number[end] < tables.first[h + 1]:
+            end += 1
+        block(setup, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
         s = end
 
 
 def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
-    blocks(setup, tables, origin, start, stop, paths, scratch_of(len(tables.control)))
+    nowhere, scratch = np.empty((0, 0, 4), np.float32), scratch_of(len(tables.control))
+    blocks(setup, tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
 
 
 def replay(
     setup: Any, tables: Any, origin: Origin, number: IntArray, states: Array, applied: Array, steps: IntArray
 ) -> None:
     """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
-    H, T, m = tables.control.shape
-    order, states[:, 0], inverse = np.argsort(number, kind="stable"), origin.x, setup.inverse
-    listed = np.ascontiguousarray(number[order])
-    edges = np.searchsorted(listed, tables.first)
-    scratch, taken, paths = scratch_of(H), np.zeros((LANES, T, 4), np.float32), empty_paths(len(listed), H, m)
-    for h, (first, end) in enumerate(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)):
-        for start in range(first, end, LANES):
-            stop, taken[:] = min(start + LANES, end), 0.0
-            block(setup, tables, origin, Run(h, start, stop, listed), paths, taken, scratch)
-            places = order[start:stop]
-            steps[places] = paths.steps[start:stop]
-            own = np.where((np.arange(T) < steps[places, None])[:, :, None], taken[: stop - start], 0.0)
-            controls = own[:, :, 2:3] * inverse[:, 0] + own[:, :, 3:] * inverse[:, 1]
-            states[places, 1:], applied[places] = own[:, :, :2], controls / np.diff(tables.times)[:, None]
+    (H, T, m), c, order = tables.control.shape, len(number), np.argsort(number, kind="stable")
+    into, paths = np.zeros((c, T, 4), np.float32), empty_paths(c, H, m)
+    blocks(setup, tables, origin, number[order], 0, c, paths, into, scratch_of(H))
+    states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
+    applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]

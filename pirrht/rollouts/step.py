@@ -303,7 +303,7 @@ def motion(kind: KernelSpec) -> Any:
         within = arena.radius + math.sqrt(f[0] * f[0] + f[1] * f[1]) * dt
         if (x[0] - arena.goal[0]) ** 2 + (x[1] - arena.goal[1]) ** 2 >= within * within:
             return False, 1.0
-        exit, ahead = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
+        exit, ahead, _ = sweep_exit(arena, x[0], x[1], x[0] + f[0] * dt, x[1] + f[1] * dt)
         for j in range(m if exit == GOAL else 0):
             scratch.y[j] = 0.0
         return exit == GOAL, ahead

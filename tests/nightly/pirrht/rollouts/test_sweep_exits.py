@@ -17,7 +17,7 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
             continue
-        exit, share = sweep_exit(arena, *tail, *head)
+        exit, share, _ = sweep_exit(arena, *tail, *head)
         exits.append(exit)
         line = tail + np.linspace(0, share if exit == GOAL else 1.0, 200)[:, None] * (head - tail)
         gap = space.collision.clearance(line).min()
@@ -47,7 +47,7 @@ def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
         gap, straight = (space.collision.clearance(line).min() for line in (arc, chord))
         if abs(gap) < 0.005:
             continue
-        exit, _ = sweep_exit(space.world, *tail, *arc[-1], turn)
+        exit, _, _ = sweep_exit(space.world, *tail, *arc[-1], turn)
         assert exit == (INSIDE if gap > 0.0 else COLLISION)
         told_apart += (gap > 0.0) != (straight > 0.0)
     assert told_apart > 10

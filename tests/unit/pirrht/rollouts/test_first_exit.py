@@ -21,6 +21,7 @@ from pirrht.rollouts.first_exit import (
     endpoint_exit,
     facing,
     first_crossing,
+    towards_exit,
 )
 
 DRAWS = 20000
@@ -192,9 +193,10 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     for i in range(500):
         state, u = uniform(np.uint64(state))
         share = 0.05 + 0.9 * u
-        state, dx, dy = at_crossing(arena, (1.9, 2.0), (0.2, 0.1), COLLISION, share, 0.1, np.uint64(state))
+        wall, rim = towards_exit(arena, 1.9, 2.0, COLLISION), towards_exit(arena, 0.9, 3.1, GOAL)
+        state, dx, dy = at_crossing(wall, 0.0, (0.2, 0.1), share, 0.1, np.uint64(state))
         assert clearance(space.field, 1.9 + dx, 2.0 + dy) == pytest.approx(0.0, abs=0.01)
-        state, dx, dy = at_crossing(arena, (0.9, 3.1), (-0.2, 0.1), GOAL, share, 0.0, np.uint64(state))
+        state, dx, dy = at_crossing(rim, arena.radius, (-0.2, 0.1), share, 0.0, np.uint64(state))
         # On the rim, which is round; along it by its share of the step.
         unit = np.array([0.6 - 0.9, 3.2 - 3.1]) / np.hypot(0.3, 0.1)
         assert np.hypot(0.9 + dx - 0.6, 3.1 + dy - 3.2) == pytest.approx(arena.radius)
@@ -205,10 +207,10 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
 def test_the_endpoint_rule_reads_the_end_only():
     space = room()
     arena = space.world
-    assert endpoint_exit(arena, 3.0, 2.0) == (INSIDE, 1.0)
-    assert endpoint_exit(arena, 2.0, 2.0) == (COLLISION, 1.0)
-    assert endpoint_exit(arena, -0.1, 2.0) == (COLLISION, 1.0)
-    assert endpoint_exit(arena, 0.6, 3.1) == (GOAL, 1.0)
+    assert endpoint_exit(arena, 3.0, 2.0) == INSIDE
+    assert endpoint_exit(arena, 2.0, 2.0) == COLLISION
+    assert endpoint_exit(arena, -0.1, 2.0) == COLLISION
+    assert endpoint_exit(arena, 0.6, 3.1) == GOAL
 
 
 def test_noise_along_a_wall_carries_nothing_towards_it():

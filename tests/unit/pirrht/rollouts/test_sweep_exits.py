@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walled_room import room
 
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit, sweep_onward, turn_of
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit, turn_of
 
 
 def test_a_sweep_never_passes_through_a_thin_wall():
@@ -20,7 +20,7 @@ def test_a_sweep_never_passes_through_a_thin_wall():
             tail, head = head, tail
         if space.scene.goal.contains(tail):
             continue
-        exit, share = sweep_exit(arena, *tail, *head)
+        exit, share, _ = sweep_exit(arena, *tail, *head)
         assert exit != INSIDE
         where = tail + share * (head - tail)
         if exit == COLLISION:
@@ -38,8 +38,8 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
         for _ in range(60):
             turn, length = rng.uniform(-0.5, 0.5), rng.uniform(0.02, 0.3)
             head = at + length * np.array([np.cos(theta + turn / 2), np.sin(theta + turn / 2)])
-            found, share, known = sweep_onward(arena, *at, *head, turn, known)
-            exit, wanted = sweep_exit(arena, *at, *head, turn)
+            found, share, known = sweep_exit(arena, *at, *head, turn, known)
+            exit, wanted, _ = sweep_exit(arena, *at, *head, turn)
             assert known <= space.collision.clearance(head[None])[0] + 1e-9 or found != INSIDE
             if found != exit:
                 way = at + np.linspace(0.0, 1.0, 200)[:, None] * (head - at)
@@ -59,7 +59,7 @@ def test_the_sweep_judges_with_the_clearance_of_fcl():
     """The wall as FCL has it is where the sweep meets it."""
     space = room()
     arena = space.world
-    exit, share = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
+    exit, share, _ = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
     assert exit == COLLISION
     assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
     assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0
