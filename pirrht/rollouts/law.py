@@ -34,8 +34,7 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, of all modes."""
     n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
-    takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
-    moving = kind.moving is not None
+    takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
     fixed, homing_of = n - rows, kind.homing
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 
@@ -119,21 +118,12 @@ def aims(kind: KernelSpec) -> Any:
         return True
 
     @part
-    def add_sequence(tables, scratch, g, i):  # type: ignore[no-untyped-def]
-        """Add the control sequence."""
-        for j in range(m):
-            if state_dependent_gain:
-                for k in range(m):
-                    scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
-            else:
-                scratch.a[g, j] += tables.drift[g, i, j]
-
-    @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
         """Add the control sequence, and wall drift where noise moves the position and neither tube nor law has it."""
         pushed = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated) and tables.wall_offset > 0.0
-        if i < tables.active[g]:
-            add_sequence(tables, scratch, g, i)
+        for j in range(m if i < tables.active[g] else 0):
+            for k in range(m):
+                scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
         for j in range(m if noisy_position and pushed else 0):
             scratch.a[g, j] += scratch.wall_drift[j]
 

@@ -36,6 +36,7 @@ from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
 from pirrht.rollouts.tuning import TUNING
+from pirrht.systems.dynamics import no_drift
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
@@ -88,21 +89,15 @@ def recorder(kind: KernelSpec) -> Any:
     With wall drift, the proposal control over a step is the mean of both ends, to second order: the next step adds the
     second half (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of drift.
     """
-    m, noisy_position, state_dependent_gain = kind.m, kind.noisy_position, kind.state_dependent_gain
-    gated, steady = kind.gated, kind.is_martingale
+    m, noisy_position, gated, steady = kind.m, kind.noisy_position, kind.gated, kind.is_martingale
 
     @part
-    def add_control(scratch, inverse, out, row, factor):  # type: ignore[no-untyped-def]
+    def add_control(scratch, out, row, factor):  # type: ignore[no-untyped-def]
         """Add a multiple of the control that belongs to `column`, of a, to a row of out (.., m)."""
-        column, carried = scratch.column, scratch.carried
-        if state_dependent_gain:
-            solve(scratch.D, column, carried)
         for j in range(m):
-            total = carried[j, 0]
-            if not state_dependent_gain:
-                total = 0.0
-                for k in range(m):
-                    total += inverse[j, k] * column[k, 0]
+            total = 0.0
+            for k in range(m):
+                total += scratch.inverse[j, k] * scratch.column[k]
             out[row, j] += factor * total
 
     @part
@@ -111,36 +106,36 @@ def recorder(kind: KernelSpec) -> Any:
         pushed, a = scratch.wall_drift, scratch.a
         for j in range(m):
             pushing = counted * pushed[j] if steady else pushed[j]
-            scratch.column[j, 0] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
+            scratch.column[j] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
             if without:
-                scratch.column[j, 0] -= pushing
+                scratch.column[j] -= pushing
 
     @part
-    def relax(keep, inverse, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
+    def relax(keep, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
         """Take off the half that is owed."""
         if owed > 0.0:
             lead(scratch, h, counted, False)
-            add_control(scratch, inverse, keep.now, 0, -0.5 * owed)
+            add_control(scratch, keep.now, 0, -0.5 * owed)
 
     @part
-    def record(keep, inverse, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
+    def record(keep, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
         """Add a step of `until` seconds, the first also without wall drift; return the time that is owed."""
         (i, whole, first), column, y = where, scratch.column, scratch.y
         near_walls = noisy_position and tables.wall_offset > 0.0
         if i < keep.applied.shape[0]:
             for j in range(m):
-                column[j, 0] = y[j]
-            add_control(scratch, inverse, keep.applied, i, 1.0 / whole)
+                column[j] = y[j]
+            add_control(scratch, keep.applied, i, 1.0 / whole)
         if keep.now.shape[0] == 0 or i >= tables.window:
             return 0.0
         owes = near_walls and inside
         lead(scratch, h, tables.counted, False)
         for j in range(m):
-            column[j, 0] = y[j] - (0.5 if owes else 1.0) * until * column[j, 0]
-        add_control(scratch, inverse, keep.now, 0, 1.0)
+            column[j] = y[j] - (0.5 if owes else 1.0) * until * column[j]
+        add_control(scratch, keep.now, 0, 1.0)
         if first:
             lead(scratch, h, tables.counted, near_walls)
-            add_control(scratch, inverse, keep.now, 1, 1.0)
+            add_control(scratch, keep.now, 1, 1.0)
         return until if owes else 0.0
 
     return relax, record
@@ -163,14 +158,14 @@ class Scratch(NamedTuple):
     f: Array  # (n,) drift
     y: Array  # (m,) noise of the step under P
     G: Array  # (rows, m) G, or scratch where B = G s
-    D: Array  # (m, m) B^-1 G
+    D: Array  # (m, m) B^-1 G, which turns u into a
+    inverse: Array  # (m, m) its inverse
     B: Array  # (rows, m)
     a: Array  # (H, modes) a of every reference, of all modes
     wall_drift: Array  # (m,) wall drift
     stage: NDArray[np.int64]  # (H,) cross-section of a tube, or row of a law
     lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
-    column: Array  # (m, 1)
-    carried: Array  # (m, 1)
+    column: Array  # (m,)
     home: Array  # (m,) a beyond the last row of a law
     white: Array  # (modes,) independent normals
     drawn: Array  # (modes,) noise of the step
@@ -197,9 +192,9 @@ def scratch_for(kind: KernelSpec) -> Any:
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
         H = tables.control.shape[0]
         return SCRATCH(
-            np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
+            np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
             np.empty((rows, m)), np.zeros((H, modes)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
-            np.empty((m, 1)), np.empty((m, 1)), np.zeros(m), np.zeros(modes), np.zeros(modes),
+            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes),
             np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
             np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
             np.empty(NUMBERS, np.float32),
@@ -212,8 +207,12 @@ def scratch_for(kind: KernelSpec) -> Any:
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
-    varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
-    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving is not None
+    varying, varying_rate, state_dependent_gain = (
+        kind.diffusion_block is not None,
+        kind.varying_rate,
+        kind.control_block is not None,
+    )
+    drifting, curved_step, moving = drift is not no_drift, kind.curved_step, kind.moving is not None
     begin_watch = (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
@@ -227,6 +226,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         """Set the scratch to the start of a path."""
         x = scratch.x
         copy_rows(setup.gain, scratch.D)
+        copy_rows(setup.inverse, scratch.inverse)
         copy_rows(setup.diffusion, scratch.B)
         scratch.f[:], scratch.wall_drift[:], scratch.stage[:] = 0.0, 0.0, 0
         scratch.lost[:] = False
@@ -246,6 +246,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if state_dependent_gain:
             gain_at(x, p, scratch.G)
             solve(scratch.B, scratch.G, scratch.D)
+            solve(scratch.G, scratch.B, scratch.inverse)
         if drifting and not drifted:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
@@ -290,7 +291,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
-                relax(keep, setup.inverse, scratch, h, tables.counted, owed)
+                relax(keep, scratch, h, tables.counted, owed)
                 state = draw(tables, scratch, state, sign, h, i, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
@@ -301,7 +302,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
-                owed = record(keep, setup.inverse, scratch, tables, h, where, until, exit == INSIDE)
+                owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share
                 done += until

@@ -52,24 +52,9 @@ class KernelSpec(NamedTuple):
         return self.n if self.input_form else self.m
 
     @property
-    def drifting(self) -> bool:
-        """Tell whether its state moves by itself."""
-        return self.drift is not no_drift
-
-    @property
-    def varying(self) -> bool:
-        """Tell whether B varies with the state."""
-        return self.diffusion_block is not None
-
-    @property
-    def state_dependent_gain(self) -> bool:
-        """Tell whether B^-1 G, which turns u into a, varies with the state."""
-        return self.control_block is not None
-
-    @property
     def along_line(self) -> bool:
         """Tell whether its position moves to and fro along a line alone."""
-        return self.rows > self.m and self.noisy_position and not self.drifting
+        return self.rows > self.m and self.noisy_position and self.drift is no_drift
 
     @property
     def modes(self) -> int:
@@ -87,8 +72,8 @@ class KernelSpec(NamedTuple):
 
         Then its optimal control is a martingale along its optimal paths (`proposals.wall_drift`).
         """
-        varies = self.drifting or self.varying or self.state_dependent_gain or self.varying_rate
-        return self.gated and not varies
+        constant = self.drift is no_drift and self.control_block is None and self.diffusion_block is None
+        return self.gated and constant and not self.varying_rate
 
     @property
     def takes_law(self) -> bool:
@@ -257,8 +242,13 @@ def motion(kind: KernelSpec) -> Any:
     until then, how much its path bends [rad], and the covariance of the position per second.
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
-    drift, drifting, stratonovich, noisy_position = kind.drift, kind.drifting, kind.stratonovich, kind.noisy_position
-    varying, curved_step = kind.varying, kind.curved_step
+    drift, stratonovich, noisy_position, curved_step = (
+        kind.drift,
+        kind.stratonovich,
+        kind.noisy_position,
+        kind.curved_step,
+    )
+    drifting, varying = drift is not no_drift, kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance = covariance_of(kind)
 
@@ -284,11 +274,11 @@ def motion(kind: KernelSpec) -> Any:
             return
         ahead = scratch.apart
         for k in range(m):
-            scratch.column[k, 0] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
+            scratch.column[k] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
         copy_row(moved, ahead)
         for j in range(rows):
             for k in range(m):
-                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k, 0]
+                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k]
                 moved[fixed + j] -= mean + spread
                 ahead[fixed + j] -= mean - spread
         drift(moved, p, f)

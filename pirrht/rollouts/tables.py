@@ -55,28 +55,21 @@ class Setup(NamedTuple):
     marks: RayTable  # of the steps of a guide among moving obstacles
 
 
-class Snapshot(NamedTuple):
-    """The world as a plan takes it: one value, shared by all that plan with it."""
-
-    setup: Setup
-    homology: Homology  # classes of paths, in space and time where obstacles move
-
-
 @dataclass(slots=True)
 class PredictedWorld:
     """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    snapshot: Snapshot
+    snapshot: tuple[Setup, Homology]
 
     @property
     def setup(self) -> Setup:
         """Scene and problem as rollouts need them."""
-        return self.snapshot.setup
+        return self.snapshot[0]
 
     @property
     def homology(self) -> Homology:
         """Classes of paths, in space and time where obstacles move."""
-        return self.snapshot.homology
+        return self.snapshot[1]
 
     @property
     def moving(self) -> bool:
@@ -309,8 +302,5 @@ def slope_of(f, at, each, walls):  # type: ignore[no-untyped-def]
 def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
     """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     x, y, numbers, tube = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32), tube_of(tubes, g)
-    stage, before = 0, -1
-    while stage > before:
-        before = stage
-        stage = tube_at(tube, before, tubes.decay, goal, x, y, numbers, 0, 1)
+    tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
     out[0], out[1] = slope_of(numbers, 0, 1, walls)
