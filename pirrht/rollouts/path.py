@@ -41,26 +41,26 @@ from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, covariance_of, diffusion_of, length_for, motion, noise_for, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, length_for, motion, noise_for, planar, walls_for,
 )  # fmt: skip
 
 
 @cache
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
-    m, modes, has_laws, steps = kind.m, kind.modes, kind.takes_law and not kind.noisy_position, TUNING.abreast
+    m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.noisy_position
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
-    matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
+    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
     @part
-    def of_law(tables, scratch, g, h, i, dt):  # type: ignore[no-untyped-def]
+    def of_law(tables, scratch, g, h, dt):  # type: ignore[no-untyped-def]
         """Return the term of a law's step."""
         law, drawn, a, white, off = tables.law, scratch.drawn, scratch.a, scratch.white, scratch.off
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
-        noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
+        noise, size = white.ctypes.data, dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
-            axpy(white.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
-            matvec(off.ctypes.data, row + 8 * inverse, white.ctypes.data)
+            axpy(off.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
+            matvec(off.ctypes.data, row + 8 * inverse, off.ctypes.data)
             noise, size = off.ctypes.data, 1.0
         for j in range(modes):
             one = load_float64(noise, j)
@@ -68,13 +68,13 @@ def log_ratios(kind: KernelSpec) -> Any:
         return 0.5 * gained / dt - load_float64(row, end)
 
     @part
-    def add_log_ratios(ratio, tables, scratch, h, i, dt, until):  # type: ignore[no-untyped-def]
+    def add_log_ratios(ratio, tables, scratch, h, dt, until):  # type: ignore[no-untyped-def]
         a, y = scratch.a, scratch.y
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
             if has_laws and scratch.stage[g] < tables.law_length[g]:
-                ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
+                ratio[g] += of_law(tables, scratch, g, h, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):
                     ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
@@ -103,7 +103,7 @@ def recorder(kind: KernelSpec) -> Any:
     @part
     def lead(scratch, h, counted, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
-        pushed, a = scratch.wall_drift, scratch.a
+        pushed, a = scratch.wall_drift[0], scratch.a
         for j in range(m):
             pushing = counted * pushed[j] if steady else pushed[j]
             scratch.column[j] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
@@ -162,7 +162,7 @@ class Scratch(NamedTuple):
     inverse: Array  # (m, m) its inverse
     B: Array  # (rows, m)
     a: Array  # (H, modes) a of every reference, of all modes
-    wall_drift: Array  # (m,) wall drift
+    wall_drift: Array  # (1, m)
     stage: NDArray[np.int64]  # (H,) cross-section of a tube, or row of a law
     lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
     column: Array  # (m,)
@@ -171,7 +171,6 @@ class Scratch(NamedTuple):
     drawn: Array  # (modes,) noise of the step
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
-    fresh: Array  # normals of the next steps
     watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
     walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
@@ -185,7 +184,7 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes, steps = kind.n, kind.m, kind.rows, kind.modes, TUNING.abreast
+    n, m, rows, modes = kind.n, kind.m, kind.rows, kind.modes
     watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
@@ -193,11 +192,10 @@ def scratch_for(kind: KernelSpec) -> Any:
         H = tables.control.shape[0]
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
-            np.empty((rows, m)), np.zeros((H, modes)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
-            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes),
-            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
-            np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
-            np.zeros(H * NUMBERS, np.float32),
+            np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(modes), np.zeros(n),
+            watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
+            np.empty(SPOT), np.zeros(H * NUMBERS, np.float32),
         )  # fmt: skip
 
     return scratch_of
@@ -207,16 +205,12 @@ def scratch_for(kind: KernelSpec) -> Any:
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
-    varying, varying_rate, state_dependent_gain = (
-        kind.diffusion_block is not None,
-        kind.varying_rate,
-        kind.control_block is not None,
-    )
-    drifting, curved_step, moving = drift is not no_drift, kind.curved_step, kind.moving is not None
-    begin_watch = (kind.moving or NOTHING_MOVES).begin
+    varying, state_dependent_gain = kind.diffusion_block is not None, kind.control_block is not None
+    varying_rate, drifting, curved_step = kind.varying_rate, drift is not no_drift, kind.curved_step
+    moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance, move = covariance_of(kind), motion(kind)
+    covariance, move = planar(kind)[0], motion(kind)
     length_of, push_of, draw = length_for(kind), walls_for(kind), noise_for(kind)
     aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
     relax, record = recorder(kind)
@@ -293,7 +287,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 reads = done == 0.0 or dt >= TUNING.reuse * whole
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole, reads))
                 relax(keep, scratch, h, tables.counted, owed)
-                state = draw(tables, scratch, state, sign, h, i, dt)
+                state = draw(tables, scratch, state, sign, h, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
@@ -302,7 +296,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
-                add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
+                add_log_ratios(keep.ratio, tables, scratch, h, dt, until)
                 owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share

@@ -50,18 +50,6 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def]
-    """Write log dQ_g/dP of a path whose last step took a time `until` to out (H,)."""
-    y0, y1 = np.float64(f[Z0 + k]), np.float64(f[Z1 + k])
-    own = np.float64(ratio[row_of(h, 1) + k]) + np.float64(f[LOST + k])
-    for g in range(H):  # the others are kept as what they are more
-        row = row_of(g, 2)
-        a0, a1 = np.float64(a[row + k]), np.float64(a[row + L + k])
-        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
-        out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
-
-
-@inlined
 def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore[no-untyped-def]
     """Write to `paths` that the path of lane k ends, after a share of the lane's own step."""
     times, window, inverse = tables.times, tables.window, setup.inverse
@@ -73,7 +61,11 @@ def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore
         own = row_of(h, 2) + k
         n0, n1 = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until
         span += np.float64(f[SPENT + k]) + until
-    likelihood(h, tables.drift.shape[0], until, k, f, a, ratio, paths.log_ratio[s])
+    y0, y1, total = np.float64(f[Z0 + k]), np.float64(f[Z1 + k]), np.float64(ratio[row_of(h, 1) + k]) + f[LOST + k]
+    for g in range(tables.drift.shape[0]):  # the others are kept as what they are more
+        a0, a1 = np.float64(a[row_of(g, 2) + k]), np.float64(a[row_of(g, 2) + L + k])
+        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
+        paths.log_ratio[s, g] = total + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
     paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
     for j in range(2):
@@ -203,11 +195,7 @@ def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type
         move(h, B, f, a, full)
         cross(setup.cuts, f, long, full)
         survey(around, f, short, full)
-        if setup.bridge:
-            flagged = bridge(variance, tables.weighed, random, f, short, full)
-        else:
-            flagged = judge(around, f, short, full)
-        if flagged > 0:
+        if (bridge(variance, tables.weighed, f, short, full) if setup.bridge else judge(around, f, short, full)) > 0:
             n = end_flagged(setup, tables, h, n, into, scratch, paths)
         for k in range(n if into.shape[0] > 0 else 0):
             record(into, k, scratch)

@@ -16,7 +16,7 @@ from pirrht.geometry.field import two_walls
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, with_walls
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals, normals
+from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, normals
 from pirrht.jit.vectors import copy_row
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.tables import law_columns
@@ -152,24 +152,46 @@ def length_for(kind: KernelSpec) -> Any:
 
 
 @cache
+def planar(kind: KernelSpec) -> tuple[Any, Any]:
+    """Build kernels of B's rows of the position: (B) for the covariance (xx, xy, yy) per second, and B' s for a row."""
+    m, fixed = kind.m, kind.n - kind.rows
+
+    @part
+    def row(B, j):  # type: ignore[no-untyped-def]
+        return B[0 - fixed, j] if fixed <= 0 else 0.0, B[1 - fixed, j] if fixed <= 1 else 0.0
+
+    @part
+    def covariance(B):  # type: ignore[no-untyped-def]
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for j in range(m):
+            bx, by = row(B, j)
+            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+        return xx, xy, yy
+
+    @part
+    def along_noise(B, sx, sy, out, g):  # type: ignore[no-untyped-def]
+        """Write B' s of a slope (x, y) [1/m] to row g of out (.., m or more)."""
+        for j in range(m):
+            bx, by = row(B, j)
+            out[g, j] = bx * sx + by * sy
+
+    return covariance, along_noise
+
+
+@cache
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
-    m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving is not None
+    moving, (_, along_noise) = kind.moving is not None, planar(kind)
 
     @part
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
-        x, B = scratch.x, scratch.B
-        c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
+        c, wx, wy, d, vx, vy = two_walls(arena.field, scratch.x[0], scratch.x[1])
         widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
             walls = with_walls(walls, scratch.walls, close, np.float64(widest))
-            _, wx, wy, _, vx, vy = walls
-        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.wall_offset)
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            scratch.wall_drift[j] = bx * sx + by * sy
+        sx, sy = wall_slope(*walls, tables.wall_offset)
+        along_noise(scratch.B, sx, sy, scratch.wall_drift, 0)
         return walls
 
     return push_of
@@ -178,33 +200,19 @@ def walls_for(kind: KernelSpec) -> Any:
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    m, modes, noisy_position, steps = kind.m, kind.modes, kind.noisy_position, TUNING.abreast
+    m, modes, noisy_position = kind.m, kind.modes, kind.noisy_position
     shape = law_columns(kind.n, modes)[3]
-    matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
+    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
     @part
-    def one_by_one(scratch, state):  # type: ignore[no-untyped-def]
-        """Draw independent normals for a step; return the stream and their address."""
-        white = scratch.white
+    def under_law(tables, scratch, state, sign, h, dt):  # type: ignore[no-untyped-def]
+        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
+        law, drawn, stage, a, white = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.white
         for j in range(0, modes, 2):
             state, white[j], other = normals(state)
             if j + 1 < modes:
                 white[j + 1] = other
-        return state, white.ctypes.data
-
-    @part
-    def abreast(scratch, state, i):  # type: ignore[no-untyped-def]
-        """Draw those of several steps at once, since no other draws come between theirs."""
-        fresh = scratch.fresh
-        if i % steps == 0:
-            state = fill_normals(state, steps * even // 2, fresh)
-        return state, fresh.ctypes.data + 8 * even * (i % steps)
-
-    @part
-    def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
-        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
-        law, drawn, stage, a = tables.law, scratch.drawn, scratch.stage, scratch.a
-        state, source = one_by_one(scratch, state) if noisy_position else abreast(scratch, state, i)
+        source = white.ctypes.data
         if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
@@ -215,23 +223,6 @@ def noise_for(kind: KernelSpec) -> Any:
         return state
 
     return under_law
-
-
-@cache
-def covariance_of(kind: KernelSpec) -> Any:
-    """Build the kernel (B) of the covariance (xx, xy, yy) of the position per second."""
-    m, fixed = kind.m, kind.n - kind.rows
-
-    @part
-    def covariance(B):  # type: ignore[no-untyped-def]
-        xx, xy, yy = 0.0, 0.0, 0.0
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
-        return xx, xy, yy
-
-    return covariance
 
 
 @cache
@@ -250,7 +241,7 @@ def motion(kind: KernelSpec) -> Any:
     )
     drifting, varying = drift is not no_drift, kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance = covariance_of(kind)
+    covariance = planar(kind)[0]
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
