@@ -14,7 +14,7 @@ import numpy as np
 
 from pirrht.jit.jit import jitable, load_float64, part
 from pirrht.rollouts.step import KernelSpec, planar
-from pirrht.rollouts.tables import FINER, NUMBERS, law_columns, slope_of, tube_at, tube_of
+from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import wrapped
 
@@ -68,7 +68,7 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def row_of(tables, scratch, g, at):  # type: ignore[no-untyped-def]
         """Find the row of a law: the one that is due among moving obstacles, else the one whose state is nearest."""
-        law, led, s, (i, share, _) = tables.law, tables.law_length, scratch.stage[g], at
+        law, led, s, (i, share) = tables.law, tables.law_length, scratch.stage[g], at
         if moving:
             s = min(i * FINER + int(FINER * share + 0.5), law.shape[1] - 1)
         elif s < led[g]:
@@ -93,13 +93,11 @@ def aims(kind: KernelSpec) -> Any:
             a[g, j] = max(-steep, min(steep, total))
 
     @part
-    def along_tube(tables, scratch, g, goal, walls, reads):  # type: ignore[no-untyped-def]
-        """Write `a` of a tube, whose desirability is climbed; it is not read anew in short steps (`reuse`)."""
-        ways, x, stage = tables.ways, scratch.x, scratch.stage
-        if reads:
-            px, py = np.float32(x[0]), np.float32(x[1])
-            stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, NUMBERS * g, 1)
-        sx, sy = slope_of(scratch.tube, NUMBERS * g, 1, walls)
+    def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
+        """Write `a` of a tube, whose desirability is climbed."""
+        ways, stage, px, py = tables.ways, scratch.stage, np.float32(scratch.x[0]), np.float32(scratch.x[1])
+        stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
+        sx, sy = slope_of(scratch.tube, 0, 1, walls)
         along_noise(scratch.B, sx, sy, scratch.a, g)
 
     @part
@@ -127,7 +125,7 @@ def aims(kind: KernelSpec) -> Any:
 
     @part
     def aim(setup, tables, scratch, ratio, walls, h, at):  # type: ignore[no-untyped-def]
-        """Write them at (step i of the grid, share of it, whether tubes are read); if nothing is weighed, only h's."""
+        """Write them at (step i of the grid, share of it); if nothing is weighed, only that of the one followed, h."""
         lost, weigh, headed = scratch.lost, ratio.shape[0] > 0, False
         for g in range(0 if weigh else h, scratch.a.shape[0] if weigh else h + 1):
             if takes_law and weigh:
@@ -136,7 +134,7 @@ def aims(kind: KernelSpec) -> Any:
             if lost[g]:
                 continue
             if noisy_position and tables.ways.count[g] > 0:
-                along_tube(tables, scratch, g, setup.world.goal, walls, at[2])
+                along_tube(tables, scratch, g, setup.world.goal, walls)
             elif takes_law and tables.law_length[g] > 0:
                 headed = along_law(setup, tables, scratch, g, at, headed)
             else:

@@ -175,7 +175,7 @@ class Scratch(NamedTuple):
     walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
     spot: Array  # (SPOT,) where that was evaluated
-    tube: NDArray[np.float32]  # (H NUMBERS,) of the tubes
+    tube: NDArray[np.float32]  # (NUMBERS,) of a tube at the state
 
 
 SCRATCH: Any = Scratch
@@ -195,7 +195,7 @@ def scratch_for(kind: KernelSpec) -> Any:
             np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
             np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(modes), np.zeros(n),
             watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
-            np.empty(SPOT), np.zeros(H * NUMBERS, np.float32),
+            np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
     return scratch_of
@@ -284,8 +284,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
                 rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
-                reads = done == 0.0 or dt >= TUNING.reuse * whole
-                aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole, reads))
+                aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.counted, owed)
                 state = draw(tables, scratch, state, sign, h, dt)
                 motion_of = move(setup, scratch, dt, rates)

@@ -18,7 +18,7 @@ from pirrht.rollouts.first_exit import GOAL, INSIDE, at_crossing, bridge_exit, t
 
 from pirrht.rollouts.point_stages import (  # isort: skip
     C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT, SAMPLE, SIGN, SLOW,
-    SPENT, STEP, SUM0, SUM1, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge, cross, draw, fit_steps,
+    SPENT, STEP, SUM0, SUM1, TUBE, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge, cross, draw, fit_steps,
     judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey, tape_control, tube_control, wall_push,
 )  # fmt: skip
 from pirrht.rollouts.tables import Origin, empty_paths, tube_of
@@ -77,7 +77,7 @@ def compact(k, last, H, scratch):  # type: ignore[no-untyped-def]
     """Move the last lane to where lane k has left."""
     f, a, ratio, short, long, random, _ = scratch
     k, last = lane(k), lane(last)
-    for row in range(0, f.shape[0], L):
+    for row in range(X, TUBE, L):
         f[row + k] = f[row + last]
     for row in range(0, short.shape[0], L):
         short[row + k] = short[row + last]

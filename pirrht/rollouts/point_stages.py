@@ -33,9 +33,9 @@ L = LANES + WIDE  # from row to row: not a power of two, or rows would compete f
 X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LOST = (L * i for i in range(18))
 # The step's length and its root, time left in the step of the grid, time spent in it [s], log of what is weighed; of
 # the grid cells that the steps lead to, places, one over their width [1/m], and corners, nearest and second; the two
-# nearest walls; time of the last step for which half of the guide has not been taken off the sum [s]; of every tube.
+# nearest walls; time of the last step for which half of the guide has not been taken off the sum [s]; of a tube.
 DT, ROOT, LEFT, SPENT, LOG_SURVIVAL, U, V, PER, CORNER = (L * i for i in range(18, 27))
-WALL, OWED, TUBE = 34 * L, 40 * L, 41 * L
+WALL, OWED, TUBE, ROWS = 34 * L, 40 * L, 41 * L, 41 + NUMBERS
 KEY, SAMPLE, HIGH, LOW = 0, L, 0, L  # rows of its long integers, and of its bits
 FLAG, CELL, STEP, LISTED, STAGE = (L * i for i in range(5))  # of its short integers; cross-sections passed come last
 
@@ -50,7 +50,7 @@ def aligned(count: int, kind: type) -> Any:
 
 def scratch_of(H: int) -> tuple[Any, ...]:
     """Allocate a block for H references: f, a, log dQ/dP, short and long integers, sequences, bits."""
-    numbers = (aligned(rows * L, np.float32) for rows in (41 + NUMBERS * H, 2 * H, H))
+    numbers = (aligned(rows * L, np.float32) for rows in (ROWS, 2 * H, H))
     short, long = aligned((4 + H) * L, np.int32), aligned(2 * L, np.int64)
     return *numbers, short, long, aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
@@ -141,22 +141,19 @@ def tape_control(drift, g, T, active, f, short, a, n):  # type: ignore[no-untype
 def tube_control(tube, decay, goal, g, h, B, scratch, n):  # type: ignore[no-untyped-def]
     """Write a_g = B' grad log psi of one reference with a tube at the lanes' states, or a_h if `negligible`."""
     f, a, ratio, short, _, _, _ = scratch
-    (b00, b01, b10, b11), negligible, reuse = B, np.float32(-TUNING.negligible), np.float32(TUNING.reuse)
+    (b00, b01, b10, b11), negligible, count = B, np.float32(-TUNING.negligible), 0
     row, stage, own, mine = row_of(g, 2), STAGE + row_of(g, 1), row_of(g, 1), row_of(h, 2)
-    numbers, count, some = TUBE + row_of(g, NUMBERS), 0, False
-    for k in range(n):  # those that count are listed, and looked up lane by lane, but not in short steps
-        counts, dt, spent = (g == h) | (ratio[own + k] >= negligible), f[DT + k], f[SPENT + k]
+    for k in range(n):  # those that count are listed, and looked up lane by lane
         short[LISTED + count] = np.int32(k)
-        count += 1 if counts & ((spent <= ZERO) | (dt >= reuse * (spent + dt + f[LEFT + k]))) else 0
-        some |= counts
+        count += 1 if (g == h) | (ratio[own + k] >= negligible) else 0
     for i in range(count):
         k = lane(short[LISTED + i])
-        s = tube_at(tube, np.int64(short[stage + k]), decay, goal, f[X + k], f[Y + k], f, numbers + k, L)
+        s = tube_at(tube, np.int64(short[stage + k]), decay, goal, f[X + k], f[Y + k], f, TUBE + k, L)
         short[stage + k] = np.int32(s)
-    for k in range(n if some else 0):
+    for k in range(n if count > 0 else 0):
         at = WALL + k
         walls = (f[at], f[at + L], f[at + 2 * L], f[at + 3 * L], f[at + 4 * L], f[at + 5 * L])
-        gx, gy = slope_of(f, numbers + k, L, walls)
+        gx, gy = slope_of(f, TUBE + k, L, walls)
         a[row + k], a[row + L + k] = b00 * gx + b10 * gy, b01 * gx + b11 * gy
     for k in range(n if g != h else 0):
         over = ratio[own + k] < negligible

@@ -17,7 +17,6 @@ class RolloutTuning(NamedTuple):
     # Below log dQ_g/dQ_h = -16 a path of h follows a_h under g as well. The density of the mixture loses exp(-16) of
     # itself on average, since dQ_g/dQ_h is a martingale under Q_h; rounding to single precision takes as much.
     negligible: float = 16.0
-    reuse: float = 0.05  # shorter steps, as a share of that of the grid, reuse what was read of a tube: a tenth faster
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
     lanes: int = 512  # paths of a block of points: fewer take more time between loops, more leave the cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
