@@ -35,7 +35,6 @@ from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
-from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
