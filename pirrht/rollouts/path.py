@@ -50,13 +50,14 @@ def log_ratios(kind: KernelSpec) -> Any:
     m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.noisy_position
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
+    even, steps = modes + modes % 2, kind.abreast
 
     @part
-    def of_law(tables, scratch, g, h, dt):  # type: ignore[no-untyped-def]
+    def of_law(tables, scratch, g, h, i, dt):  # type: ignore[no-untyped-def]
         """Return the term of a law's step."""
-        law, drawn, a, white, off = tables.law, scratch.drawn, scratch.a, scratch.white, scratch.off
+        law, drawn, a, off = tables.law, scratch.drawn, scratch.a, scratch.off
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
-        noise, size = white.ctypes.data, dt
+        noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
             axpy(off.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
             matvec(off.ctypes.data, row + 8 * inverse, off.ctypes.data)
@@ -67,13 +68,13 @@ def log_ratios(kind: KernelSpec) -> Any:
         return 0.5 * gained / dt - load_float64(row, end)
 
     @part
-    def add_log_ratios(ratio, tables, scratch, h, dt, until):  # type: ignore[no-untyped-def]
+    def add_log_ratios(ratio, tables, scratch, h, i, dt, until):  # type: ignore[no-untyped-def]
         a, y = scratch.a, scratch.y
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
             if has_laws and scratch.stage[g] < tables.law_length[g]:
-                ratio[g] += of_law(tables, scratch, g, h, dt) if until > 0.0 else 0.0
+                ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):
                     ratio[g] += a[g, j] * (y[j] - 0.5 * a[g, j] * until)
@@ -166,10 +167,10 @@ class Scratch(NamedTuple):
     lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
     column: Array  # (m,)
     home: Array  # (m,) a beyond the last row of a law
-    white: Array  # (modes,) independent normals
     drawn: Array  # (modes,) noise of the step
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
+    fresh: Array  # independent normals of the next steps
     watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
     walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
@@ -183,7 +184,7 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes = kind.n, kind.m, kind.rows, kind.modes
+    n, m, rows, modes, fresh = kind.n, kind.m, kind.rows, kind.modes, kind.abreast * (kind.modes + kind.modes % 2)
     watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
@@ -192,7 +193,7 @@ def scratch_for(kind: KernelSpec) -> Any:
         return SCRATCH(
             np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
             np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
-            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(modes), np.zeros(n),
+            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(n), np.zeros(fresh),
             watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
             np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip
@@ -285,7 +286,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.counted, owed)
-                state = draw(tables, scratch, state, sign, h, dt)
+                state = draw(tables, scratch, state, sign, h, i, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
@@ -294,7 +295,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
-                add_log_ratios(keep.ratio, tables, scratch, h, dt, until)
+                add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
                 owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share

@@ -172,11 +172,11 @@ def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
+def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
     f, a, ratio, short, long, random, bits = scratch
     (H, T, _), n, B = tables.drift.shape, number.shape[0], single_matrix(setup.diffusion)
-    around, follows, wide = single(setup.world), tables.wall_offset > 0.0, setup.diffusion
+    follows, wide = tables.wall_offset > 0.0, setup.diffusion
     variance, rim = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1], TUNING.rim * setup.world.radius
     begin(tables, origin, h, rows[0], number, scratch)
     survey(around, f, short, LANES)
@@ -205,7 +205,7 @@ def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type
 
 
 @kernel
-def blocks(setup, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+def blocks(setup, around, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of the numbers from `start` to `stop`, which ascend, block by block."""
     h, s = 0, start
     while s < stop:
@@ -214,14 +214,14 @@ def blocks(setup, tables, origin, number, start, stop, paths, into, scratch):  #
         end = s
         while end < min(stop, s + LANES) and number[end] < tables.first[h + 1]:
             end += 1
-        block(setup, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
+        block(setup, around, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
         s = end
 
 
 def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
     nowhere, scratch = np.empty((0, 0, 4), np.float32), scratch_of(len(tables.control))
-    blocks(setup, tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
+    blocks(setup, single(setup.world), tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
 
 
 def replay(
@@ -230,6 +230,6 @@ def replay(
     """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
     (H, T, m), c, order = tables.control.shape, len(number), np.argsort(number, kind="stable")
     into, paths = np.zeros((c, T, 4), np.float32), empty_paths(c, H, m)
-    blocks(setup, tables, origin, number[order], 0, c, paths, into, scratch_of(H))
+    blocks(setup, single(setup.world), tables, origin, number[order], 0, c, paths, into, scratch_of(H))
     states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
     applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
+from pirrht.geometry.field import bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, load_float32, load_float64, load_int64
 from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, halves, logarithm, normals_of
@@ -24,8 +24,6 @@ from pirrht.topology.crossings import key_of_step, turn_at_cut
 from pirrht.topology.tuning import TUNING as TOPOLOGY
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
-FRAME: Any = Grid
-PLACE: Any = World
 FAR_PER, MIN_MISSED = np.float32(FAR), np.float32(1e-7)
 LANES, WIDE = TUNING.lanes, TUNING.vector
 L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
@@ -55,6 +53,14 @@ def scratch_of(H: int) -> tuple[Any, ...]:
     return *numbers, short, long, aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
 
+def single(world: World) -> World:
+    """Return a world with its numbers in single precision, as stages take it."""
+    names = ("x0", "y0", "spacing", "per", "left", "low", "right", "high")
+    field = world.field._replace(**{name: np.float32(getattr(world.field, name)) for name in names})
+    goal: Any = tuple(map(np.float32, world.goal))
+    return world._replace(field=field, goal=goal, radius=np.float32(world.radius))
+
+
 @inlined
 def row_of(g, each):  # type: ignore[no-untyped-def]
     """Return the first place of a reference's rows, in bounds the compiler sees: else it loads lane by lane."""
@@ -65,19 +71,6 @@ def row_of(g, each):  # type: ignore[no-untyped-def]
 def lane(k):  # type: ignore[no-untyped-def]
     """Return a lane's number, in bounds the compiler sees."""
     return min(max(np.int64(k), 0), LANES)
-
-
-@inlined
-def single(arena):  # type: ignore[no-untyped-def]
-    """Copy an arena with its numbers in single precision."""
-    field = arena.field
-    frame = FRAME(
-        np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
-        field.nx, field.ny, field.stride, field.table, field.columns, field.shift,
-        field.nearest, field.second, field.label,
-        np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
-    )  # fmt: skip
-    return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius), arena.moving)
 
 
 @inlined

@@ -16,7 +16,7 @@ from pirrht.geometry.field import two_walls
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, with_walls
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, normals
+from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals
 from pirrht.jit.vectors import copy_row
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.tables import law_columns
@@ -62,6 +62,11 @@ class KernelSpec(NamedTuple):
         return 2 * self.m if self.curved_step else self.m
 
     @property
+    def abreast(self) -> int:
+        """Steps whose noise is drawn at once."""
+        return 1 if self.noisy_position else TUNING.abreast
+
+    @property
     def gated(self) -> bool:
         """Tell whether walls push on top of its law (`law`): of a point among moving obstacles."""
         return self.moving is not None and self.n == self.m == 2 and not self.input_form
@@ -85,23 +90,18 @@ class KernelSpec(NamedTuple):
 def diffusion_of(kind: KernelSpec) -> Any:
     """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
     block: Any = kind.diffusion_block
-    rows, m = kind.rows, kind.m
+    rows, m, input_form = kind.rows, kind.m, kind.input_form
 
     @borrowing
-    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, G)
-        for i in range(rows):
+    def noise_at(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, G if input_form else B)
+        for i in range(rows if input_form else 0):
             for j in range(m):
-                total = 0.0
+                B[i, j] = 0.0
                 for k in range(m):
-                    total += G[i, k] * s[k, j]
-                B[i, j] = total
+                    B[i, j] += G[i, k] * s[k, j]
 
-    @borrowing
-    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, B)
-
-    return through_inputs if kind.input_form else as_it_is
+    return noise_at
 
 
 @cache
@@ -201,18 +201,16 @@ def walls_for(kind: KernelSpec) -> Any:
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
     m, modes, noisy_position = kind.m, kind.modes, kind.noisy_position
-    shape = law_columns(kind.n, modes)[3]
+    shape, even, steps = law_columns(kind.n, modes)[3], modes + modes % 2, kind.abreast
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
     @part
-    def under_law(tables, scratch, state, sign, h, dt):  # type: ignore[no-untyped-def]
+    def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
-        law, drawn, stage, a, white = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.white
-        for j in range(0, modes, 2):
-            state, white[j], other = normals(state)
-            if j + 1 < modes:
-                white[j + 1] = other
-        source = white.ctypes.data
+        law, drawn, stage, a, fresh = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.fresh
+        if i % steps == 0:  # those of several steps at once where no other draws come between
+            state = fill_normals(state, steps * even // 2, fresh)
+        source = fresh.ctypes.data + 8 * even * (i % steps)
         if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
