@@ -64,19 +64,11 @@ def class_values(problem: Problem, estimate: Estimate) -> Array:
     """Estimate v (H,) [cost] by the samples around each reference alone; infinite where none survived."""
     number = sum(np.diff(part.tables.first) for part in estimate.parts)
     sums = [np.logaddexp.reduceat(_own(problem, part), part.tables.first[:-1]) for part in estimate.parts]
-    values: Array = -problem.temperature * (np.logaddexp.reduce(sums) - np.log(number))
-    return values
+    return np.asarray(-problem.temperature * (np.logaddexp.reduce(sums) - np.log(number)))
 
 
 def alone(problem: Problem, estimate: Estimate, h: int, classes: Mapping[int, str] | None = None) -> Estimate:
-    """Estimate v [cost], u (m,) and their errors by the samples around reference h alone.
-
-    Args:
-        classes: additive class keys to names, as `weigh` takes them.
-
-    Raises:
-        NoSurvivingSample: none of them has any weight.
-    """
+    """Estimate v [cost], u (m,) and their errors by the samples around reference h alone; see `weigh`."""
     parts = []
     for part in estimate.parts:  # the others weigh nothing; each of these counts S / N_h times in a mean over all
         number = np.diff(part.tables.first)
@@ -90,8 +82,7 @@ def _own(problem: Problem, part: Rollouts) -> Array:
     """Return log weights (S,) as if there were no samples but those around their own reference."""
     number = np.diff(part.tables.first)
     averaged = log_weights(problem, "average", part.paths, part.tables.first)
-    own: Array = averaged - np.repeat(np.log(part.size / (len(number) * number)), number)
-    return own
+    return np.asarray(averaged - np.repeat(np.log(part.size / (len(number) * number)), number))
 
 
 class Mppi(Policy):
@@ -103,9 +94,7 @@ class Mppi(Policy):
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
         terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
-        homology: tells classes of runs apart where obstacles move; None: that of the problem.
-        predict: predicts moving obstacles; None: their motions are known.
-        rng: source of one seed per plan.
+        homology, predict, rng: see `Controller`.
 
     Raises:
         OptionError: the horizon is not positive, or the samples follow guides.
@@ -139,11 +128,7 @@ class Mppi(Policy):
         self._tape = np.zeros((len(self.times) - 1, self.problem.dynamics.m))
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); without a survivor the control sequence goes on.
-
-        Args:
-            left: time left for sampling [s]; samples are drawn until it is up.
-        """
+        """Decide at state x (n,); without a survivor the control sequence goes on."""
         run, x = self.run, self._state(x)
         self._update_prediction(x, TimeBudget())
         tape = shifted(self.times, self._tape, self.times + run.since_plan)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 import numpy as np
@@ -30,7 +30,6 @@ class BrakeSettings:
     directions: int = 12  # in which to give way
     urgent: float = 1.0  # being free for so long takes precedence over clearance [s]
     resolution: float = 0.02  # differences of clearance below this do not count [m]
-    loss: float = 0.01  # loss of clearance at a place to wait before others are tried [m]
     efforts: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)  # of steady turns without a brake, in usual controls
 
 
@@ -44,39 +43,33 @@ class Brake:
     @property
     def stops(self) -> bool:
         """Check whether the robot can stop."""
-        start = self.problem.dynamics.state_of(self.problem.scene.start)
-        return self.problem.dynamics.brake(start, start[:2], self.settings.within) is not None
+        x = self.problem.dynamics.state_of(self.problem.scene.start)
+        return self.problem.dynamics.brake(x, x[:2], self.settings.within) is not None
 
     def halt(self, x: Array, space: FreeSpace, now: float, known: Law | None = None, last: Halt | None = None) -> Halt:
         """Choose a law at x (n,) among the obstacles of a space, at a time of its clock [s].
 
-        The first with sufficient clearance is taken: to go on waiting, to brake on the spot, to give way ever farther.
-        If none has, being free for the urgent time counts first, then clearance from static obstacles, since noise
-        uses it up, then how long it is free: what comes later may go elsewhere.
-
-        Args:
-            known: law that a robot which cannot stop prefers to turning.
-            last: brake that it waits by so far.
+        The first with sufficient clearance is taken: to go on by the `last` one, for which half of that is sufficient,
+        to brake on the spot, to give way ever farther; a robot that cannot stop prefers a `known` law to turning. If
+        none has, being free for the urgent time counts first, then clearance from static obstacles, since noise uses it
+        up, then how long it is free: what comes later may go elsewhere.
         """
         s, tried = self.settings, list[Halt]()
         for law in self._laws(x, known, last):
-            enough = last.enough if last is not None and law is last.law else s.clearance
             tried.append(self._tried(law, x, space, now))
+            enough = s.clearance if last is None or law is not last.law else 0.5 * s.clearance
             if tried[-1].free == inf and tried[-1].clearance >= enough:
                 break
 
         def worth(one: Halt) -> tuple[float, ...]:
             return min(one.free, s.urgent), one.static_clearance // s.resolution, one.free, one.clearance
 
-        chosen = max(tried, key=worth)
-        if last is not None and chosen.law is last.law:
-            return replace(chosen, enough=last.enough)
-        return replace(chosen, enough=max(0.5 * s.clearance, min(s.clearance, chosen.clearance - s.loss)))
+        return max(tried, key=worth)
 
     def _laws(self, x: Array, known: Law | None, last: Halt | None) -> Iterator[Law]:
         """Yield candidate laws at x (n,), in the order of preference."""
-        yield from (law for law in (known, None if last is None else last.law) if law is not None)
         d, s = self.problem.dynamics, self.settings
+        yield from (law for law in (known, None if last is None else last.law) if law is not None)
         if not self.stops:  # steady controls: zero, and multiples of the usual effort
             usual = np.diag(np.sqrt(2.0 * self.problem.least_rate / np.diag(self.problem.control_cost(x))))
             turns = [sign * times * u for times in s.efforts for u in usual for sign in (1.0, -1.0)]
@@ -130,11 +123,10 @@ def blocked_plan(
     A robot that cannot stop prefers the cheapest guide or reference, without feedback.
     """
     known: Law | None = None
-    if batch is not None and not brake.stops:
+    if batch is not None and references and not brake.stops:
         guides = [one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
-        tapes = [guide.tape for guide in sorted(guides, key=lambda guide: guide.penalised)[:1]]
-        tapes += [one.trajectory.tape(batch.times) for one in references[:1]]
-        known = held(batch.times, tapes[0]) if tapes else None
+        best = min(guides, key=lambda guide: guide.penalised, default=None)
+        known = held(batch.times, references[0].trajectory.tape(batch.times) if best is None else best.tape)
     halt = brake.halt(x, space if run.prediction is None else run.prediction.space, run.now, known, run.halt)
     run.halt, run.since_plan = None if halt.law is known else halt, 0.0
     run.memory.forget()

@@ -32,18 +32,13 @@ class Controller(Policy):
     """Receding-horizon path integral control with topology-guided sampling.
 
     Args:
+        tree: of the scene, grown beforehand; None only for the method "passive".
         method, shortened, consistency, between, tuning: see `ControlSettings`.
-
-    Attributes:
-        path_integral: sampler of the problem in its scene.
-        tree: of the scene, grown beforehand, or of the prediction; None only for the method "passive".
-        homology: tells classes apart; by default that of the tree, or of the problem.
+        homology: tells classes apart; None: that of the tree, or of the problem.
         predict: predicts moving obstacles; None: their motions are known.
         rng: source of one seed per plan.
-        settings: method, path shortening, feedback between plans, tuning.
-        proposals: builds what samples follow, and learns from their weights.
-        brake: chooses where to wait while there is no path.
-        run: state of the run under way; nothing else but the tree changes from plan to plan.
+
+    Nothing but its `run`, the state of the run under way, and the tree changes from plan to plan.
 
     Examples:
         >>> import numpy as np
@@ -94,9 +89,6 @@ class Controller(Policy):
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).
 
-        Args:
-            left: time left for sampling [s]; samples are drawn until it is up.
-
         Raises:
             OptionError: x is no state of the system.
             NoReference: no class reaches the goal, and there is no earlier plan to go on with.
@@ -119,7 +111,7 @@ class Controller(Policy):
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
-        """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
+        """Return what a plan at x (n,) samples; see `ProposalBuilder.batch`."""
         return self.proposals.batch(x, references, self.run, budget or TimeBudget())
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
@@ -131,7 +123,7 @@ class Controller(Policy):
 
         Args:
             scene: with the same goal; its start does not matter.
-            vertices: of the tree; None: as many as the last one has.
+            vertices: of the tree; None: as many as before.
 
         Raises:
             OptionError: the goal is another, or obstacles move.

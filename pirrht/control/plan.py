@@ -44,26 +44,6 @@ Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time si
 class Plan:
     """Decision at one state, made by `Controller.plan`, `Mppi.plan` or `Optimal.plan`.
 
-    Attributes:
-        state: where it was made, (n,).
-        times: ends of the control sequence's steps, from 0, (T+1,) [s].
-        references: best known path of every class, cheapest first; empty for methods that have none.
-        ids: class of each reference, relative to the start of the run.
-        estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
-        fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
-        stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
-        replay: simulates samples again for the control sequence and for pictures.
-        instead: controls of a fallback without noise, (T, m) [control].
-        law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the control sequence is held.
-        push: wall drift (m,) [control] of a held control, at a state (n,) and a time since the plan [s].
-        shares: weight of every class under the law, from 0 to 1.
-        followed: the one class that the control follows; None: all.
-        classes: names of the references' classes by additive key.
-        time: of the run, at which the plan starts [s].
-        exact: v at the state [cost], where it is known without samples.
-        space: the free space, for pictures.
-        movers: moving obstacles as predicted, on the run's clock.
-
     Examples:
         The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
 
@@ -72,24 +52,24 @@ class Plan:
         Plan(at (0.5, 2.5): control (0.94, -0.0617), v 10.93 +- 0.015, 3 classes, most weight 0,0 (66 %))
     """
 
-    state: Array
-    times: Array
-    references: tuple[Reference, ...]
-    ids: tuple[str, ...]
-    estimate: Estimate | None
-    fallback: str | None
-    stops: bool = True
-    replay: Replay | None = None
-    instead: Array | None = None
-    law: Law | None = None
-    push: Law | None = None
-    shares: dict[str, float] | None = None
-    followed: str | None = None
-    classes: Mapping[int, str] = field(default_factory=dict)
-    time: float = 0.0
-    exact: float | None = None
-    space: FreeSpace | None = None
-    movers: tuple[Mover, ...] = ()
+    state: Array  # where it was made, (n,)
+    times: Array  # ends of the control sequence's steps, from 0, (T+1,) [s]
+    references: tuple[Reference, ...]  # best known path of every class, cheapest first; empty for methods without
+    ids: tuple[str, ...]  # class of each reference, relative to the start of the run
+    estimate: Estimate | None  # of psi, v and u by samples; None in a fallback, and for methods without samples
+    fallback: str | None  # why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not
+    stops: bool = True  # whether the robot can; one that cannot takes the longest free path where it is blocked
+    replay: Replay | None = None  # simulates samples again for the control sequence and for pictures
+    instead: Array | None = None  # controls of a fallback without noise, (T, m) [control]
+    law: Law | None = None  # control at a state and a time since the plan; None: the control sequence is held
+    push: Law | None = None  # wall drift (m,) [control] of a held control
+    shares: dict[str, float] | None = None  # weight of every class under the law, from 0 to 1
+    followed: str | None = None  # the one class that the control follows; None: all
+    classes: Mapping[int, str] = field(default_factory=dict)  # names of the references' classes by additive key
+    time: float = 0.0  # of the run, at which the plan starts [s]
+    exact: float | None = None  # v at the state [cost], where it is known without samples
+    space: FreeSpace | None = None  # the free space, for pictures
+    movers: tuple[Mover, ...] = ()  # moving obstacles as predicted, on the run's clock
 
     def __repr__(self) -> str:
         value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"
@@ -118,10 +98,7 @@ class Plan:
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
-            axes: of matplotlib; None: those of a new figure.
-
-        Returns:
-            the axes.
+            axes: of matplotlib, which are returned; None: those of a new figure.
 
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.
@@ -179,7 +156,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ClassLaw:
-    """Desirability and control of one class near the state of a plan."""
+    """Desirability and control of one class near the state of a plan, without wall drift."""
 
     log_psi: float  # up to a constant that all classes share [nats]
     rest: Array  # (m,) what samples found on top of the proposal control
@@ -189,7 +166,7 @@ class ClassLaw:
     law_weight: float = 1.0  # linear-law weight: share of the guide that is followed, as `ProposalTables.law_weight`
 
     def control(self, x: Array, s: float) -> Array:
-        """Return the control (m,) of this class at state x (n,), s [s] after the plan, without wall drift."""
+        """Return the control (m,) of this class at state x (n,), s [s] after the plan."""
         return self.rest + self.guided(x, s)
 
     def guided(self, x: Array, s: float) -> Array:
@@ -200,17 +177,14 @@ class ClassLaw:
 class ClassMixture:
     """Control at any state near that of a plan, u(x) = sum_c w_c(x) u_c(x).
 
-    Args:
-        state: of the plan, (n,).
-        classes: laws of C classes by name.
-        push: wall drift.
+    It is of a plan at a state (n,), of laws of C classes by name and of wall drift.
     """
 
     def __init__(self, *, problem: Problem, state: Array, classes: Mapping[str, ClassLaw], push: Law) -> None:
         self.problem, self.state, self.classes, self.push = problem, state, classes, push
         d = problem.dynamics
         self._known = np.array([law.log_psi for law in classes.values()])
-        self._free = self._controls(state, 0.0)  # (C, m) at the state of the plan, without wall drift
+        self._free = self._controls(state, 0.0)  # at the state of the plan
         self._before = self._free + push(state, 0.0)
         self._stiff = problem.control_cost(state) / problem.temperature
         self._inverse = np.linalg.pinv(d.G_c(state)) if d.input_form else np.linalg.inv(d.G_c(state))
@@ -220,16 +194,14 @@ class ClassMixture:
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
         log_psi, controls = self._at(x, s)
-        weight: Array = np.exp(log_psi - log_psi.max())
-        control: Array = weight @ controls / weight.sum()
-        return control
+        return np.asarray(normalised(log_psi)[0] @ controls)
 
     def weights(self, x: Array, s: float) -> dict[str, float]:
         """Return the weight of every class at state x (n,), s [s] after the plan."""
         return dict(zip(self.classes, normalised(self._at(x, s)[0])[0].tolist(), strict=True))
 
     def log_psi(self, x: Array, s: float) -> dict[str, float]:
-        """Return log psi of every class at state x (n,), s [s] after the plan [nats], up to a common constant."""
+        """Return log psi of every class there [nats], up to a common constant."""
         return dict(zip(self.classes, self._at(x, s)[0].tolist(), strict=True))
 
     def _at(self, x: Array, s: float) -> tuple[Array, Array]:
@@ -254,14 +226,11 @@ def pooled(
     problem: Problem, before: ClassMixture | None, estimate: Estimate, leads: Mapping[str, ProposalControl | None],
     push: Law, elapsed: float, tuning: ControlTuning = TUNING,
 ) -> ClassMixture:  # fmt: skip
-    """Return the mixture of a plan's estimate and, carried along, that of the plan `elapsed` [s] before.
+    """Return the mixture of a plan's estimate, and that of the plan `elapsed` [s] `before`, if any, carried along.
 
-    Args:
-        before: mixture of that plan; None: there is none.
-        leads: what samples around each class followed, by name; None where that does not depend on the state.
-        push: wall drift near the samples.
+    `leads` are what samples around each class followed, by name; None where that does not depend on the state.
     """
-    x, law_weight = estimate.rollouts.x0, estimate.rollouts.tables.law_weight
+    x, law_weight = estimate.rollouts.origin.x, estimate.rollouts.tables.law_weight
     laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, law_weight, tuning)
     for name, weight in estimate.class_weights.items():
         if weight <= 0.0:
@@ -281,9 +250,9 @@ def pooled(
 
 def controls_followed(batch: Batch, estimate: Estimate) -> dict[str, ProposalControl | None]:
     """Return what samples around each class followed, by name: of several feedback laws that of most weight."""
-    rows = sorted(zip(batch.proposals, estimate.proposal_weights, strict=True), key=lambda row: row[1])
-    followed: dict[str, ProposalControl | None] = {one.name: None for one, _ in rows if one.key is not None}
-    return followed | {one.name: one.lead for one, _ in rows if one.key is not None and one.lead.follows}
+    pairs = sorted(zip(estimate.proposal_weights, batch.proposals, strict=True), key=lambda pair: pair[0])
+    rows = [one for _, one in pairs if one.key is not None]
+    return {one.name: None for one in rows} | {one.name: one.lead for one in rows if one.lead.follows}
 
 
 def _carried(
@@ -291,8 +260,7 @@ def _carried(
     tuning: ControlTuning,
 ) -> dict[str, ClassLaw]:  # fmt: skip
     """Return the laws of an earlier mixture at x (n,), less those whose gradient is no longer known."""
-    laws: dict[str, ClassLaw] = {}
-    log_psi = before.log_psi(x, elapsed)
+    laws, log_psi = dict[str, ClassLaw](), before.log_psi(x, elapsed)
     for name, old in before.classes.items():
         lead, unseen = leads.get(name), old.unseen + elapsed
         if unseen > tuning.stale:

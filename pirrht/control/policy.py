@@ -42,22 +42,17 @@ class ClassMemory:
     allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
     followed: str | None = None  # name of the one class that the control follows; None: all
-    others: dict[int, str] = field(default_factory=dict)  # names by key of classes that the last plan did not update
 
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
-        self.optima, self.sampled = {}, set()
-        self.allocation, self.mixture = Allocation(), None
+        self.optima, self.sampled, self.allocation, self.mixture = {}, set(), Allocation(), None
 
     def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart], names: Mapping[str, str]) -> ClassMemory:
         """Return what remains among other obstacles, by present classes of paths that are free, and their names."""
-        before = self.allocation
-        return ClassMemory(
-            paths=kept(self.paths, heirs), optima=kept(self.optima, heirs),
-            sampled={heirs[one] for one in self.sampled & heirs.keys()},
-            allocation=Allocation(kept(before.contribution, names), kept(before.shares, names)),
-            followed=names.get(self.followed or ""),
-        )  # fmt: skip
+        allocation = Allocation(kept(self.allocation.contribution, names), kept(self.allocation.shares, names))
+        sampled = {heirs[one] for one in self.sampled & heirs.keys()}
+        paths, optima, followed = kept(self.paths, heirs), kept(self.optima, heirs), names.get(self.followed or "")
+        return ClassMemory(paths, optima, sampled, allocation, followed=followed)
 
 
 def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
@@ -67,7 +62,7 @@ def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Halt:
-    """A law that brakes or, of a robot that cannot, follows the longest free path; with its outcome."""
+    """A law that brakes, or follows the longest free path, and its outcome."""
 
     law: Law
     times: Array  # ends of steps, (T+1,) [s]
@@ -75,7 +70,6 @@ class Halt:
     static_clearance: float  # from static obstacles once it has settled, at most the sufficient one [m]
     free: float  # how long it touches nothing [s]; infinite if that is beyond the horizon
     clearance: float  # the least within the horizon, once it has settled [m]
-    enough: float = 0.0  # clearance at which the robot goes on waiting by this law [m]
 
 
 @dataclass(slots=True, eq=False)
@@ -97,7 +91,7 @@ class RunState:
     prediction: Prediction | None = None  # of moving obstacles; None: their motions are known
     halt: Halt | None = None  # brake that the robot waits by; None: it is not blocked
     favourite: Array | None = None  # path ahead of the last plan's favourite, (k, 3) [m, m, s] on the run's clock
-    recent: list[tuple[int, float]] = field(default_factory=list)  # classes of last plans, time until they sampled [s]
+    most: int | None = None  # classes that the next plan has time for; None: all
     memory: ClassMemory = field(default_factory=ClassMemory)  # of plans, by class
 
     def __post_init__(self, x: Array) -> None:
@@ -115,16 +109,13 @@ class RunState:
 
     def passed(self, duration: float) -> None:
         """Let time [s] pass."""
-        self.queried = None
-        self.since_plan += duration
-        self.since_estimate += duration
-        self.time += duration
+        self.queried, self.time = None, self.time + duration
+        self.since_plan, self.since_estimate = self.since_plan + duration, self.since_estimate + duration
 
     def set_prediction(self, after: Prediction, x: Array) -> None:
         """Continue from x (n,) under another prediction; the class of the path ahead keeps its name."""
-        before, offset = self.prediction, np.zeros(0)
+        before, offset, path = self.prediction, np.zeros(0), np.array([[*x[:2], self.time]])
         if before is not None:
-            path = np.array([[*x[:2], self.time]])
             if self.favourite is not None:
                 path = np.vstack([path, self.favourite[self.favourite[:, 2] > self.time]])
             turns = [one.homology.winding(path - [0.0, 0.0, one.since]) for one in (before, after)]
@@ -161,13 +152,10 @@ class Policy(ABC):
 
     @abstractmethod
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,); `left` returns the time left for sampling [s], where that is limited."""
+        """Decide at state x (n,); samples are drawn until `left`, the time left for it [s], is up."""
 
     def step(self, x: Array, dt: float) -> Array:
-        """Observe the last step, plan at x (n,) and return the control (m,) for the next dt [s].
-
-        Args:
-            dt: how long the control will be held, until the next step [s].
+        """Observe the last step, plan at x (n,) and return the control (m,) that will be held for the next dt [s].
 
         Raises:
             OptionError: dt is not positive.
@@ -196,21 +184,14 @@ class Policy(ABC):
             self.predict.begin()
 
     def observe(self, states: Array, duration: float, until: float | None = None) -> None:
-        """Record the states (k, n) just driven through and the time it took [s].
-
-        Args:
-            until: when the last of them was reached [s], if that is over; None: now.
-        """
+        """Record the states (k, n) just driven through and the time it took [s], `until` a time [s]; None: now."""
         run = self.run
         run.passed(duration)
         run.known = run.time if until is None else until
         run.path.observe(states, run.known - run.since)
 
     def expect(self, states: Array, duration: float) -> None:
-        """Plan for the end of states (k, n) to be driven through next, `duration` [s] after the last plan.
-
-        Observations, of no duration, replace them.
-        """
+        """Plan for the end of states (k, n) driven through next, in `duration` [s]; observations replace them."""
         self.run.passed(duration)
         self.run.path.expect(states, self.run.now)
 
@@ -219,11 +200,7 @@ class Policy(ABC):
         return self.run.path.winding()
 
     def _state(self, x: Array) -> Array:
-        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed.
-
-        Raises:
-            OptionError: it has another shape, or entries that are no finite numbers.
-        """
+        """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed."""
         x, d, last = np.asarray(x, dtype=float), self.problem.dynamics, self.run.queried
         if x.shape != (d.n,):
             moves = f"{type(d).__name__} ({', '.join(d.states)})"
@@ -244,7 +221,7 @@ class Policy(ABC):
         """Update the prediction of moving obstacles at x (n,), for the run, the samples and the tree."""
         if self.predict is None:
             return
-        prediction = self.predict.at(x, self.run.known, budget.enough)
+        prediction = self.predict.at(x, self.run.known, None if budget.left is None else budget.enough)
         if prediction is not self.run.prediction:
             self.run.set_prediction(prediction, x)
             self.path_integral.set_prediction(prediction.space.moving, prediction.homology)

@@ -19,7 +19,6 @@ from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.passages import Passages
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.in_time import InTime
-from pirrht.steering.motion import Legs
 from pirrht.topology.homology import Homology
 
 
@@ -34,13 +33,11 @@ class Prediction:
 
 
 class ConstantVelocity:
-    """Predicts constant velocities.
+    """Predicts constant velocities of a scene's obstacles, which are queried for poses and velocities only.
 
     Args:
-        space: the scene, whose obstacles are queried for poses and velocities, and for nothing else.
-        steering: of trees.
+        steering: of trees of so many `vertices`.
         grown: a tree that has its roots only, for a space; None: there are no trees.
-        vertices: of each tree.
         tuning: says how far obstacles may deviate from a prediction, and its horizon.
     """
 
@@ -61,8 +58,7 @@ class ConstantVelocity:
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
         """Return the prediction for a robot at x (n,) that has seen all until `seen` [s].
 
-        Args:
-            enough: whether time is too short to grow a tree of so many vertices further; None: it never is.
+        Trees grow until there are `enough` vertices for lack of time; None: there is no lack.
         """
         if self._last is None or not self._holds(self._last, seen):
             movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
@@ -88,9 +84,7 @@ class ConstantVelocity:
         if self.grown is None:
             return None
         tree = self.grown(space)
-        if self._passages is None:
-            self._passages = tree.passages
-        tree.passages = self._passages  # static
+        tree.passages = self._passages = self._passages or tree.passages  # static
         tree.grow(self.vertices, enough=enough)
         return tree
 
@@ -107,8 +101,5 @@ def favourite_path(plan: Plan) -> Array | None:
     chosen = dict(zip(plan.ids, plan.references, strict=True)).get(plan.favourite or "")
     if chosen is None:
         return None
-    path, durations = chosen.trajectory.path, chosen.trajectory.durations
-    if isinstance(path, Legs):
-        return np.asarray(path.knots + np.array([0.0, 0.0, plan.time - path.knots[0, 2]]))
-    times = plan.time + np.concatenate([[0.0], np.cumsum(durations)])
+    path, times = chosen.trajectory.path, plan.time + np.append(0.0, np.cumsum(chosen.trajectory.durations))
     return np.column_stack([np.vstack([path.tails[:, :2], path.heads[-1:, :2]]), times])

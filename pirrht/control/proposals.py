@@ -38,8 +38,7 @@ from pirrht.topology.signature import integers
 def validate(tree: HomologyTree | None, problem: Problem, sampling: Sampling, settings: ControlSettings) -> None:
     """Check that a tree serves a method, is of a problem's kind of system, and has times where obstacles move.
 
-    Raises:
-        OptionError: it is not so, or its references have no controls that samples could follow.
+    An OptionError is raised if not, or if its references have no controls that samples could follow.
     """
     if tree is None:
         if settings.use.most != 0:
@@ -76,21 +75,16 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides.
-
-    Raises:
-        NoReference: there is none.
-    """
+    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides."""
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []
-    driven, most = run.path.winding(), budget.most_classes(run.recent)
+    driven = run.path.winding()
     before = {integers(np.subtract(whole, driven)): path for whole, path in memory.paths.items()}
-    memory.others = {}
     try:
         found = tree.references(
             tree.at(x, run.now), shortened=settings.shortened, before=before, over_budget=budget.short,
-            threads=threads, most=most,
+            threads=threads, most=run.most,
         )  # fmt: skip
     except NoReference:
         if rest := _remaining_guides(tree, x, run):
@@ -98,20 +92,19 @@ def extract_references(
         if not run.planned and tree.too_fast(x):
             raise NoReference(x.tolist(), vertices=tree.size, limit=tree.limit, hasty=True) from None
         raise
-    left_out = {} if most is None else memory.paths
-    memory.others = dict(zip(map(run.homology.key, before), map(run.homology.name, left_out), strict=False))
-    classes = from_start(run, found)
+    classes, left_out = from_start(run, found), {} if run.most is None else memory.paths
     memory.paths = left_out | {one: reference.path for one, reference in zip(classes, found, strict=True)}
     if method.most is not None:
-        return found[: method.most][:most]
-    return sorted([*found, *_remaining_guides(tree, x, run, classes)], key=lambda reference: reference.cost)[:most]
+        return found[: method.most][: run.most]
+    found += _remaining_guides(tree, x, run, classes)
+    return sorted(found, key=lambda reference: reference.cost)[: run.most]
 
 
 def _remaining_guides(
     tree: HomologyTree, x: Array, run: RunState, known: Sequence[ClassFromStart] = ()
 ) -> list[Reference]:
     """Return what is left of guides from x (n,), of classes that are not `known`; close to walls trees lack curves."""
-    references: list[Reference] = []
+    references, named = list[Reference](), run.homology.named
     for whole, (guide, *_) in run.memory.optima.items():
         if whole not in run.memory.sampled or whole in known:
             continue
@@ -119,7 +112,6 @@ def _remaining_guides(
         winding = integers(np.subtract(whole, run.path.winding()))
         signature = run.homology.signature(run.homology.at(x, run.now), winding)
         if rest is not None and np.all(np.abs(signature - 1.0) <= tree.limit):
-            named = run.homology.named
             references.append(Reference(winding=winding, signature=signature, trajectory=rest, named=named))
     return references
 
@@ -127,15 +119,7 @@ def _remaining_guides(
 def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
-    """Return the problem, the free space and a tree in another scene; None if the scene is unchanged.
-
-    Args:
-        vertices: of the tree; None: as many as the last one has.
-
-    Raises:
-        OptionError: the goal is another, or obstacles move.
-        SceneError: all of the goal is in collision, or the workspace is too large for the robot.
-    """
+    """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
@@ -146,8 +130,7 @@ def renewed(
         )
     parts = "lower", "upper", "robot_radius", "robot_height"
     alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
-    pairs = zip(before.obstacles, scene.obstacles, strict=False)
-    if alike and len(before.obstacles) == len(scene.obstacles) and all(_same(*pair) for pair in pairs):
+    if alike and len(before.obstacles) == len(scene.obstacles) and all(map(_same, before.obstacles, scene.obstacles)):
         return None
     now = space.updated(replace(scene, waivers=before.waivers))
     grown = None
@@ -191,16 +174,14 @@ class ProposalBuilder:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
         trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        times = integral.grid(least_cost(integral.problem, x, trajectories))
+        times, classes = integral.grid(least_cost(integral.problem, x, trajectories)), from_start(run, references)
+        driven, homology = run.path.winding(), run.homology
+        others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in memory.paths}
         if not references:
-            still = Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m)))
-            return Batch(
-                state=x, times=times, proposals=(Proposal(lead=still, count=samples),), time=run.now,
-                others=memory.others,
-            )  # fmt: skip
+            still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, integral.problem.dynamics.m))), count=samples)
+            return Batch(state=x, times=times, proposals=(still,), time=run.now, others=others)
         allocates = self.settings.use.mixes and integral.sampling.allocation == "contribution"
-        classes = from_start(run, references)
-        names = [run.homology.name(one) for one in classes]
+        names, keys = [*map(homology.name, classes)], [homology.key(one.winding) for one in references]
         controls = integral.proposals.controls(x, times, trajectories, drops=allocates and guidance is None)
         predicted, worth = [one.promise for one in controls], [one.follows for one in controls]
         counts = [samples] * len(classes)
@@ -223,7 +204,6 @@ class ProposalBuilder:
             memory.sampled = {one for one, enough in zip(classes, worth, strict=True) if enough}
         if allocates:  # by contributions in earlier plans
             counts = memory.allocation.counts(names, predicted, worth, samples)
-        keys = [run.homology.key(one.winding) for one in references]
         rows = zip(controls, counts, names, keys, strict=True)
         proposals = [Proposal(lead=one, count=count, name=name, key=key) for one, count, name, key in rows]
 
@@ -234,15 +214,15 @@ class ProposalBuilder:
 
         if self.settings.use.mixes:
             proposals = memory.allocation.split(proposals, second)
-        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=memory.others)
+        return Batch(state=x, times=times, proposals=tuple(proposals), time=run.now, others=others)
 
     def estimate(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
-        integral, first = self.integral, budget.left is None and run.time == run.begun
+        integral = self.integral
         integral.proposals.tables(batch)
-        run.recent = budget.noted(len(batch.classes), run.recent)
+        run.most = budget.most_classes(len(batch.classes))
         try:
-            least = integral.sampling.least if first else 0.0
+            least = integral.sampling.least if budget.left is None and run.time == run.begun else 0.0
             estimate = integral.sample(batch, seed, left=budget.left, least=least)
         except NoSurvivingSample:
             return None
@@ -266,8 +246,7 @@ class ProposalBuilder:
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
-            hopeless = k > 0 and one.trajectory.slack is not None and one.cost > bound
-            if hopeless or (not last and late):
+            if (k > 0 and one.trajectory.slack is not None and one.cost > bound) or (not last and late):
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late

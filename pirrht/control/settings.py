@@ -6,7 +6,7 @@ exit rule. Around each of H references there are N samples; "best-class" has as 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 from typing import NamedTuple
@@ -18,9 +18,9 @@ BETWEEN = ("classes", "hold")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """Use of the references at a state and of the samples around them by `Controller`."""
+    """Use of the references at a state and of the samples around them by `Controller`, and one line for a person."""
 
-    text: str  # one line for a person
+    text: str
     most: int | None = None  # references that are sampled around, cheapest first; None: all
     alone: bool = False  # the control is that of the best class, each estimated from its own samples
 
@@ -54,9 +54,6 @@ class ControlTuning(NamedTuple):
     regrown: float = 0.6  # share left at which growth of a new tree of `few_vertices` stops, so that sampling follows
     few_vertices: int = 100  # vertices of a tree that usually has all classes of the bundled scenes
     before_samples: float = 0.6  # share for guides and references; more of it leaves too few samples
-    per_class: float = 0.5  # share of that time which is proportional to the number of classes, as measured
-    first_share: float = 0.5  # share counted on after one plan: nothing ran next to it, so later ones are slower
-    recent: int = 5  # plans that the number of classes is predicted from; more react slower, fewer are noisier
     # Mixture of classes between plans
     memory: float = 0.03  # time constant of earlier samples, 0 for none; longer averages noise, but u_c changes
     stale: float = 0.05  # time after which the gradient of a class without samples is no longer trusted
@@ -79,11 +76,7 @@ TUNING = ControlTuning()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlSettings:
-    """Choices of a `Controller`.
-
-    Raises:
-        OptionError: the method or the feedback between plans is unknown.
-    """
+    """Choices of a `Controller`; an OptionError is raised if the method or the feedback is unknown."""
 
     method: str = "pi-rrht"
     shortened: bool = True  # shorten references inside their class
@@ -104,12 +97,7 @@ class ControlSettings:
 
 
 class TimeBudget:
-    """Time that one plan may take.
-
-    Attributes:
-        left: returns the time left for sampling [s]; None: it is unlimited.
-        whole: time when the plan began [s].
-    """
+    """Time that one plan may take, by what returns the time `left` for sampling [s]; None: it is unlimited."""
 
     def __init__(self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING) -> None:
         self.left, self.tuning, self.whole = left, tuning, inf if left is None else left()
@@ -118,29 +106,14 @@ class TimeBudget:
         """Check that little time is left."""
         return self.left is not None and self.left() < self.tuning.short * self.whole
 
-    @property
-    def enough(self) -> Callable[[int], bool] | None:
-        """Check that a tree of so many vertices must do for lack of time; None: growth has no time limit."""
-        if (left := self.left) is None:
-            return None
-        t, whole = self.tuning, self.whole
-        return lambda vertices: left() < whole * (t.regrown if vertices >= t.few_vertices else t.short)
+    def enough(self, vertices: int) -> bool:
+        """Check that a tree of so many vertices must do for lack of time."""
+        share = self.tuning.regrown if vertices >= self.tuning.few_vertices else self.tuning.short
+        return self.left is not None and self.left() < share * self.whole
 
-    def most_classes(self, recent: Sequence[tuple[int, float]]) -> int | None:
-        """Return the number of classes, cheapest first, that a plan has time for; None: all.
-
-        Args:
-            recent: numbers of classes of the last plans, and the time until they sampled [s].
-        """
-        if self.left is None or not recent:
-            return None
-        t = self.tuning
-        time = t.before_samples * self.left() * (t.first_share if len(recent) == 1 else 1.0)
-        return max(1, int(min(n * (1.0 + (time / taken - 1.0) / t.per_class) for n, taken in recent)))
-
-    def noted(self, classes: int, recent: Sequence[tuple[int, float]]) -> list[tuple[int, float]]:
-        """Add a plan of so many classes that is about to sample to the recent ones."""
+    def most_classes(self, classes: int) -> int | None:
+        """Return the number of classes that the next plan has time for, by that of one about to sample; None: all."""
         if self.left is None:
-            return [*recent]
+            return None
         taken = max(self.whole - self.left(), 1e-6)  # clocks may stop
-        return [*recent, (max(classes, 1), taken)][-self.tuning.recent :]
+        return max(1, int(classes * self.tuning.before_samples * self.whole / taken))

@@ -13,14 +13,14 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import NoSurvivingSample
-from pirrht.estimation.sampling import TUNING
+from pirrht.estimation.sampling import TUNING, EstimationTuning
 from pirrht.estimation.weights import deviation, heavy, tail_shape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -44,11 +44,6 @@ class Rollouts:
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
     rise: Array  # (H, m) each proposal control now less its mean over the first step [control]
-
-    @property
-    def x0(self) -> Array:
-        """Initial state (n,)."""
-        return self.origin.x
 
     @property
     def size(self) -> int:
@@ -194,17 +189,6 @@ def weigh(
     )  # fmt: skip
 
 
-class AllocationTuning(NamedTuple):
-    """Numbers that allocation is tuned by."""
-
-    plans: float = 5.0  # contributions are averaged over about so many plans; more lag behind a robot that moves
-    least: float = 0.15  # share of N for every class worth it, and of a class for each proposal; lets others recover
-    fewest: int = 8  # samples that every reference gets, if N allows: enough to notice a class that becomes worth more
-
-
-ALLOCATION = AllocationTuning()
-
-
 @dataclass(slots=True)
 class Allocation:
     """Distributes the samples of a plan, and learns from their weights.
@@ -216,20 +200,18 @@ class Allocation:
 
     contribution: dict[str, float] = field(default_factory=dict)
     shares: dict[str, float] = field(default_factory=dict)
-    tuning: AllocationTuning = ALLOCATION
+    tuning: EstimationTuning = TUNING
 
     def counts(
         self, names: Sequence[str], predicted: Sequence[float], worth: Sequence[bool], samples: int
     ) -> list[int]:
         """Return the samples around each reference, (H,), so many on average over those that are worth it.
 
-        Args:
-            names: of the classes, (H,); a new one counts as an average one.
-            predicted: log psi of each, (H,) [nats].
-            worth: whether each is worth more than the fewest samples, (H,).
+        Args: names of the classes, (H,), of which a new one counts as an average one; predicted log psi of each, (H,)
+            [nats]; whether each is worth more than the fewest samples, (H,).
         """
         t, chosen = self.tuning, [k for k in range(len(names)) if worth[k] or not any(worth)]
-        fewest, least = min(samples, t.fewest), min(samples, max(t.fewest, math.ceil(t.least * samples)))
+        fewest, least = min(samples, t.fewest), min(samples, max(t.fewest, math.ceil(t.least_share * samples)))
         known = [self.contribution[names[k]] for k in chosen if names[k] in self.contribution]
         usual, promise = np.mean(known) if known else 0.0, np.asarray(predicted)[chosen]
         raw = np.ones(len(chosen))
@@ -265,7 +247,7 @@ class Allocation:
             before = self.contribution.get(one.name, found)
             self.contribution[one.name] = before + (found - before) / self.tuning.plans
             weights.setdefault(one.name, []).append(weight)
-        least = self.tuning.least
+        least = self.tuning.least_share
         for name, of_class in weights.items():
             if len(of_class) == 2 and sum(of_class) > 0.0:
                 self.shares[name] = float(np.clip(of_class[1] / sum(of_class), least, 1.0 - least))

@@ -16,21 +16,13 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance, set_back
 from pirrht.geometry.world import World
 from pirrht.problem import Problem
+from pirrht.proposals import wall_drift
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import (
-    FlatWalls,
-    NearWalls,
-    Scales,
-    WallDrift,
-    linear_law_weight,
-    squeezed,
-    under_way,
-    window,
-)
+from pirrht.proposals.wall_drift import FlatWalls, NearWalls, Scales, WallDrift
 from pirrht.rollouts.cpu import kind_of
 from pirrht.rollouts.tables import FINER, PredictedWorld, ProposalTables, no_tubes
 from pirrht.steering.motion import Trajectory
@@ -54,11 +46,8 @@ class ProposalFactory:
         tuning: EstimationTuning = TUNING,
     ) -> None:  # fmt: skip
         self.problem, self.space, self.sampling, self.world, self.tuning = problem, space, sampling, world, tuning
-        d, start, feedback = (
-            problem.dynamics,
-            problem.dynamics.state_of(problem.scene.start),
-            sampling.guide == "feedback",
-        )
+        d, feedback = problem.dynamics, sampling.guide == "feedback"
+        start = d.state_of(problem.scene.start)
         self.is_martingale = kind_of(problem, world.setup.world.moving.kernels).is_martingale
         guided = feedback and DDPGuidance.suits(problem)
         self.guidance = DDPGuidance(problem, world, sways=sampling.fitted) if guided else None
@@ -88,10 +77,8 @@ class ProposalFactory:
     ) -> list[ProposalControl]:
         """Return proposal controls from x (n,): ascents of desirability if it `climbs`, else control sequences.
 
-        Args:
-            times: ends of the steps (T+1,) [s].
-            trajectories: the references, (H,), cheapest first.
-            drops: whether classes of less than exp(-hopeless) of another's predicted psi get control sequences.
+        `times` (T+1,) [s] are ends of the steps, `trajectories` (H,) the references, cheapest first. If it `drops`,
+        classes of less than exp(-hopeless) of another's predicted psi get control sequences.
         """
         found: list[ProposalControl] = []
         goal, most, decay = self.space.scene.goal.center, -math.inf, self.scales(x).decay
@@ -123,25 +110,21 @@ class ProposalFactory:
         return self.climbing(x, _bends(line, self.tuning.bend)[1:], time)
 
     def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:
-        """Return the wall drift (m,) near samples of these tables, for any state (n,).
+        """Return the wall drift (m,), for any state (n,), near samples of these tables from x (n,) and a time [s] on.
 
-        Args:
-            x: the state (n,) that they start from; close to it FCL's clearance is used, not the field's lower bound.
-            time: when they start, on the clock of moving obstacles [s].
+        Close to x FCL's clearance is used, not the field's lower bound.
         """
-        slack = 0.0
-        if tables.wall_offset > 0.0:
-            known = float(clearance(self.space.field, x[0], x[1]))
-            if known < tables.wall_offset:
-                slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
-        return self._push(tables.wall_offset, float(tables.times[1]), slack, time)
+        offset, slack = tables.wall_offset, 0.0
+        if offset > 0.0 and (known := float(clearance(self.space.field, x[0], x[1]))) < offset:
+            slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
+        return self._push(offset, float(tables.times[1]), slack, time)
 
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
         push = self.push(tables, x, time)
         if not (self.is_martingale and tables.wall_offset > 0.0):
             return NearWalls.of(push, x)
-        return NearWalls.of(push, x, FlatWalls.of(push, x, float(tables.times[tables.window])), tables.counted)
+        return NearWalls.of(push, x, FlatWalls(push, x, float(tables.times[tables.window])))
 
     def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
         return WallDrift(
@@ -166,9 +149,8 @@ class ProposalFactory:
     def _set_back(self, x: Array) -> tuple[float, World]:
         """Return how far behind walls psi vanishes where exits are judged at the ends of steps [m], and that arena.
 
-        A path judged every dt meets a wall like one judged always meets a wall -zeta(1/2) / sqrt(2 pi) = 0.5826
-        deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997); so it does the goal's
-        rim.
+        A path judged every dt meets a wall, or the goal's rim, like one judged always meets one -zeta(1/2) / sqrt(2 pi)
+        = 0.5826 deviations of a step behind it (Broadie, Glasserman and Kou, Mathematical Finance 1997).
         """
         arena = self.world.setup.world
         if self.sampling.exit == "bridge" or not self.climbs:
@@ -204,9 +186,10 @@ class ProposalFactory:
             mirrored=self.sampling.draws == "antithetic",
             law=np.zeros((H, T * FINER, guidance.law_width if guidance else 0)), law_length=np.zeros(H, np.int64),
             marks=homology.rays(x, times + batch.time),
-            law_weight=linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
+            law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
-        tables = tables._replace(counted=self._counted(batch, tables, scales))
+        # What counts of a law by its value at the start: nothing of a steady point's, but for the bias of walls.
+        tables = tables._replace(counted=0.0 if self.is_martingale else tables.law_weight)
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)
@@ -217,42 +200,22 @@ class ProposalFactory:
     def _window(self, batch: Batch, scales: Scales, near: float) -> int:
         """Return the number of leading steps over which the control of a point is averaged, `near` [m] to an exit.
 
-        Arrived paths apply no control and would bias a mean over all: it ends before they are many.
+        It ends before many paths have arrived, which apply no control and would bias the mean.
         """
         shortest = PROPOSALS.averaged_moving if self.world.moving else PROPOSALS.averaged
-        most = window(scales.noise, near, batch.times, self.sampling.window, shortest)
+        most = wall_drift.window(scales.noise, near, batch.times, self.sampling.window, shortest)
         if not self.is_martingale:
             return most
         times = batch.times[1 : most + 1]
-        for _, guide in _guides(batch):
-            most = min(most, under_way(scales.noise, self._from_goal(_places(guide, times)), times))
-        return max(most, window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
-
-    def _counted(self, batch: Batch, tables: ProposalTables, scales: Scales) -> float:
-        """Return the share of a law that counts in the control now by its value at the start.
-
-        For a steady point it is zero, unless it comes near other walls meanwhile, whose bias is not corrected.
-        """
-        guides = _guides(batch)
-        if not self.is_martingale or not guides:
-            return 0.0 if self.is_martingale else tables.law_weight
-        _, guide = max(guides, key=lambda one: one[0])
-        times = float(tables.times[tables.window]) * (np.arange(1, self.tuning.moments + 1) / self.tuning.moments)
-        places = zip(_places(guide, times), times, strict=True)
-        clear = np.array([self._clearance(place, batch.time + t) for place, t in places])
-        return tables.law_weight * squeezed(scales.noise, clear, times)
+        for guide in (one.lead.guide for one in batch.proposals if isinstance(one.lead, LinearFeedback)):
+            most = min(most, wall_drift.under_way(scales.noise, self._from_goal(_places(guide, times)), times))
+        return max(most, wall_drift.window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
 
     def _least_step(self, scales: Scales) -> float:
         """Return the length of the shortest steps near walls [s]."""
-        least = self.tuning.least_step * self.sampling.dt
-        if not self.world.moving or not self.problem.dynamics.noisy_position:
-            return least
-        return max(least, (self.tuning.least_move * self.problem.scene.robot_radius) ** 2 / scales.noise)
-
-
-def _guides(batch: Batch) -> list[tuple[int, DDPGuide]]:
-    """Return the guides that samples follow, each after their number."""
-    return [(one.count, one.lead.guide) for one in batch.proposals if isinstance(one.lead, LinearFeedback)]
+        moves = self.world.moving and self.problem.dynamics.noisy_position
+        move = self.tuning.least_move * self.problem.scene.robot_radius if moves else 0.0
+        return max(self.tuning.least_step * self.sampling.dt, move**2 / scales.noise)
 
 
 def _places(guide: DDPGuide, times: Array) -> Array:

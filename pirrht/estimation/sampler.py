@@ -33,7 +33,6 @@ from pirrht.rollouts.tables import Chosen, Origin, Setup
 
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
-    from pirrht.freespace import FreeSpace
     from pirrht.geometry.world import Moving
     from pirrht.topology.homology import Homology
 
@@ -48,13 +47,9 @@ class Replay(NamedTuple):
         return self.backend.trace(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
 
     def tapes(self, rollouts: Rollouts, groups: Sequence[BoolArray]) -> tuple[Array, Array, Array]:
-        """Return open-loop controls of groups of samples, with weights normalised within each group.
+        """Return open-loop controls of G groups of samples, disjoint masks (S,), with weights normalised within each.
 
-        Args:
-            groups: disjoint masks (S,) of samples.
-
-        Returns:
-            weight times control (G, T, m), the weight still under way at each step (G, T), effective sample sizes (G,).
+        Returns weight times control (G, T, m), the weight still under way (G, T), and effective sample sizes (G,).
         """
         ess, weight, group = np.zeros(len(groups)), np.zeros(rollouts.size), np.full(rollouts.size, -1, dtype=np.int64)
         for g, mask in enumerate(groups):
@@ -78,14 +73,7 @@ class Replay(NamedTuple):
 class PathIntegral:
     """Draws and weighs samples around references; the problem and its scene stay fixed.
 
-    `assembly.path_integral` makes one for a problem and its free space.
-
-    Args:
-        proposals: makes controls of samples, and tables that the backend reads.
-        backend: simulates paths.
-        threads: that weigh samples and make guides.
-        terminal_cost: costs (k,) [cost] of states (k, n) at the end of the grid; None: a path that has not arrived by
-            then weighs nothing.
+    `assembly.path_integral` makes one for a problem and its free space. `threads` weigh samples and make guides.
     """
 
     def __init__(
@@ -95,8 +83,7 @@ class PathIntegral:
         self.proposals, self.backend, self.replay = proposals, backend, Replay(backend)
         self.threads, self.terminal_cost, self.tuning = threads, terminal_cost, tuning
         self.problem, self.sampling, self.guidance = proposals.problem, proposals.sampling, proposals.guidance
-        self.space: FreeSpace = proposals.space
-        self.temperature = self.problem.temperature
+        self.space, self.temperature = proposals.space, proposals.problem.temperature
 
     @property
     def setup(self) -> Setup:
@@ -168,15 +155,8 @@ class PathIntegral:
         return rollouts
 
     def estimate(self, *parts: Rollouts, classes: Mapping[int, str] | None = None) -> Estimate:
-        """Weigh the samples of batches from one state (n,) together: v [cost], u (m,) and their errors.
-
-        Args:
-            classes: names of the references' classes by additive key.
-
-        Raises:
-            NoSurvivingSample: no sample has any weight.
-        """
-        walls = self.proposals.near_walls(parts[0].tables, parts[0].x0, parts[0].origin.time)
+        """Weigh samples of batches from one state (n,) together (`weigh`); `classes` are names by additive key."""
+        walls = self.proposals.near_walls(parts[0].tables, parts[0].origin.x, parts[0].origin.time)
         return weigh(self.problem, parts, walls, classes)
 
     def sample(
@@ -213,7 +193,7 @@ class PathIntegral:
                     break
                 draw(more)
                 drawn, begun, now = drawn + more, now, left()
-        drawn, limit = 1.0, max(1.0, settings.most / settings.samples)
+        drawn, limit = 1.0, 16.0 if settings.budget is None else settings.budget / settings.samples
         while settings.target is not None and drawn < limit and not self._so_far(parts)[0] <= settings.target:
             more = min(drawn, limit - drawn)
             draw(more, fewest=1)

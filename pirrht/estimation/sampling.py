@@ -21,11 +21,14 @@ class EstimationTuning(NamedTuple):
     first_round: float = 0.1  # share of samples drawn first among moving obstacles: the rest of a plan takes time too
     first_plan: int = 64  # multiple of a plan's samples for the first plan of an episode, at most (`Sampling.least`)
     most: int = 150_000  # samples of a plan at any time limit: weighing more takes longer than it is worth
+    # Allocation
+    plans: float = 5.0  # contributions are averaged over about so many plans; more lag behind a robot that moves
+    least_share: float = 0.15  # of N for every class worth it, and of a class for each proposal; lets others recover
+    fewest: int = 8  # samples that every reference gets, if N allows: enough to notice a class that becomes worth more
     hopeless: float = 16.0  # nats below another class from which a class gets few samples: less than a sample's weight
 
     least_step: float = 1.0 / 300.0  # share of a step that is split, at least: the bias of larger steps is negligible
     least_move: float = 0.01  # among moving obstacles, share of the robot's radius by which the shortest step moves
-    moments: int = 8  # equal shares of the averaging window at which the clearance of a guide is evaluated
     rim: float = 0.2  # share of the goal's radius that is left where its rim is set back for exits at ends of steps
     bend: float = 1e-3  # bends of a path below this are dropped; a path that cuts corners by more leads into them [m]
 
@@ -130,8 +133,3 @@ class Sampling:
     def fitted(self) -> bool:
         """Check whether steps are split near walls and goal, or turn; not with exits at their ends."""
         return self.exit == "bridge" and self.steps == "fitted"
-
-    @property
-    def most(self) -> int:
-        """Samples around each reference at most, under a target."""
-        return 16 * self.samples if self.budget is None else self.budget

@@ -7,7 +7,7 @@ border (section III-A), or its counterpart where a path ends only where a step d
   paths are drawn under its law;
 * `point` (in continuous time), `discrete_point` (with a step), `moving_point` (on x, y and t) and `car` are such
   modules: each offers `spacing_for`, `grid_of` and a compiled `evaluate`. Another system is one more of them;
-* `gaussian_step` takes one step back in time, `boundaries` gathers the goal, walls and border within reach of it;
+* `boundaries` takes one step back in time among the goal, walls and border within reach of it;
 * `grid` holds what grids share and the numbers that tune them.
 
 The package is optional: it imports the method, and the method imports nothing of it.

@@ -1,8 +1,14 @@
-"""Gather the boundaries that paths from a place can meet within a step, and the grid points where they end.
+"""Step psi back in time: `psi(x, t) = e^(-q dt/lambda) sum_y N(y - x) S(x, y) psi(y, t + dt) + sum_g share_g psi_g`.
 
-Boundaries are rows of a table: the goal, four borders of the workspace, then solids. Solids of the static world are
-body 0, and each moving obstacle is one. Solids and borders in one direction from a place are one wall, at the clearance
-of the nearest; each direction has its own.
+S is the probability that a path survives: a Brownian bridge, also relative to a moving wall, misses one from which its
+ends have clearances d and e, each at its own time, with probability 1 - exp(-2 d e / (b^2 dt)). Boundaries are rows of
+a table: the goal, four borders of the workspace, then solids. Solids of the static world are body 0, and each moving
+obstacle is one. Those in one direction from a path's beginning are one wall, at the clearance of the nearest; each
+direction has a factor of its own.
+
+psi_g is 1 at the goal and exp(-phi/lambda) at walls. Around a boundary that is alone psi is known: K_0(k rho)/K_0(k r)
+around the goal's disc, exp(-(m + n) d) at a flat wall from which noise and its own speed carry a path away with a drift
+of m b^2, n^2 = m^2 + k^2. So share_g is what the sum over grid points is short of that, its error at the kink included.
 """
 
 from __future__ import annotations
@@ -11,6 +17,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import kve
 
 from pirrht.arrays import Array, IntArray
 from pirrht.exact.grid import TUNING, Frame, to_rim
@@ -29,21 +36,17 @@ class Surroundings(NamedTuple):
     """Everything that paths can meet."""
 
     frame: Frame  # of the grid, and the goal's disc
-    left: float  # border of the workspace [m]
-    low: float  # [m]
-    right: float  # [m]
-    high: float  # [m]
+    border: tuple[float, float, float, float]  # x and y of the workspace's lower, then of its upper corner [m]
     solids: MovingObstacleArrays  # K solids of 1 + J bodies, each in its body's frame
     owner: IntArray  # (K,) body of each
-    around_goal: Array  # (n,) psi around a goal that is alone, K_0(k rho)/K_0(k r) at distances rho - r ...
-    pitch: float  # ... of so much times 0, 1, ... [m]
+    around_goal: Array  # (n,) K_0(k rho)/K_0(k r) at distances rho - r of 0, 1, ... times ...
+    pitch: float  # ... so much [m]
 
 
 class Patch(NamedTuple):
     """Points that paths from a rectangle of the grid can reach in a step, and the solids that they can meet."""
 
-    i0: int  # grid indices of its first point
-    j0: int
+    first: tuple[int, int]  # grid indices of its first point
     width: int  # points that a path from one place can reach, along each axis
     psi: Array  # (k, l) at the end of the step, over exp(base)
     base: float  # [nats]
@@ -57,21 +60,23 @@ class Boundaries(NamedTuple):
     """B boundaries within reach of a place, and the dependence of a path's survival and payment on them."""
 
     goals: int  # 1 if the first is the goal, else 0; others are walls
-    solid: bool  # whether any is a solid
     member: IntArray  # (5 + c,) boundary that a row of the table belongs to; -1: none
     distance: Array  # (B,) [m]
     speed: Array  # (B,) growth of the distance while a path stays [m/s]
     steepness: Array  # (B,) m + n of psi at a wall that is alone [1/m]
 
 
-def surroundings_of(scene: Scene, frame: Frame, cutoff: float, around_goal: Array, pitch: float) -> Surroundings:
-    """Gather what surrounds paths in a scene, for distances up to a cutoff [m]; psi around the goal as a table."""
+def surroundings_of(scene: Scene, frame: Frame, cutoff: float, wavenumber: float) -> Surroundings:
+    """Gather what surrounds paths in a scene, for distances up to a cutoff [m] and k [1/m] of psi."""
+    pitch, rim = min(frame.radius, 1.0 / wavenumber) / 1024.0, wavenumber * frame.radius  # interpolation errs by 1e-7
+    e = wavenumber * pitch * np.arange(4.0 + 3.0 * cutoff / pitch)
+    around_goal = kve(0, rim + e) / kve(0, rim) * np.exp(-e)
     static = Mover(name="static", solids=tuple(scene.obstacles), motion=Motion(rows=np.zeros((1, 4))))
     every = static, *scene.movers
     owner = np.repeat(np.arange(len(every)), [len(body.solids) for body in every])
-    (left, low), (right, high) = scene.lower.astype(float).tolist(), scene.upper.astype(float).tolist()
+    left, low, right, high = np.concatenate([scene.lower, scene.upper]).astype(float).tolist()
     solids = MovingObstacleArrays.around(scene.footprint, every, cutoff)
-    return Surroundings(frame, left, low, right, high, solids, owner, around_goal, pitch)
+    return Surroundings(frame, (left, low, right, high), solids, owner, around_goal, pitch)
 
 
 @kernel
@@ -101,7 +106,8 @@ def _in_body(pose, owner, x, y):  # type: ignore[no-untyped-def]
 @inlined
 def to_border(surroundings, x, y):  # type: ignore[no-untyped-def]
     """Distance of (x, y) from the border of the workspace [m], negative outside."""
-    return min(min(x - surroundings.left, surroundings.right - x), min(y - surroundings.low, surroundings.high - y))
+    left, low, right, high = surroundings.border
+    return min(min(x - left, right - x), min(y - low, high - y))
 
 
 @kernel
@@ -139,15 +145,14 @@ def patch_of(surroundings, later, near, begin, end, corners, margin):  # type: i
             _to_rows(surroundings, near, end, x, y, ahead[:, i, j])
             if base > -math.inf and a0 <= i0 + i < a1 and b0 <= j0 + j < b1:
                 psi[i, j] = math.exp(later[i0 + i, j0 + j] - base)
-    return Patch(i0, j0, 2 * margin + 1, psi, base, near, ahead, begin, end)
+    return Patch((i0, j0), 2 * margin + 1, psi, base, near, ahead, begin, end)
 
 
 @inlined
 def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-def]
     """Fill `out` (5 + c,) with distances of (x, y) [m] from goal, borders and solids."""
-    out[0] = to_rim(surroundings.frame, x, y)
-    out[1], out[2] = x - surroundings.left, surroundings.right - x
-    out[3], out[4] = y - surroundings.low, surroundings.high - y
+    left, low, right, high = surroundings.border
+    out[0], out[1], out[2], out[3], out[4] = to_rim(surroundings.frame, x, y), x - left, right - x, y - low, high - y
     for n in range(near.shape[0]):
         out[SOLID + n] = clearance_from(surroundings, near[n], pose, x, y)
 
@@ -156,22 +161,14 @@ def _to_rows(surroundings, near, pose, x, y, out):  # type: ignore[no-untyped-de
 def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-def]
     """Tell whether (x, y) [m] is free, and return the `Boundaries` within reach of it."""
     rows, most, noise = SOLID + len(patch.near), 1 + TUNING.directions, step.b * step.b
-    now, then, away, slope = np.empty(rows), np.empty(rows), np.zeros((rows, 2)), np.zeros((rows, 2))
+    now, then, member = np.empty(rows), np.empty(rows), np.full(rows, -1)
     _to_rows(surroundings, patch.near, patch.begin, x, y, now)
     _to_rows(surroundings, patch.near, patch.end, x, y, then)
-    away[1, 0], away[2, 0], away[3, 1], away[4, 1] = now[1], -now[2], now[3], -now[4]
-    for k in range(len(patch.near)):
-        owner = surroundings.owner[patch.near[k]]
-        u, v = _in_body(patch.begin, owner, x, y)
-        ex, ey, gx, gy = offset_of_solid(surroundings.solids, patch.near[k], u, v)
-        c, s = patch.begin[owner, 2], patch.begin[owner, 3]
-        away[SOLID + k, 0], away[SOLID + k, 1] = c * ex - s * ey, s * ex + c * ey
-        slope[SOLID + k, 0], slope[SOLID + k, 1] = c * gx - s * gy, s * gx + c * gy
-    member, n, solid = np.full(rows, -1), 0, False
-    distance, speed, steepness = np.empty(most), np.zeros(most), np.zeros(most)
-    if now[0] < step.cutoff:
-        member[0], distance[0], n = 0, now[0], 1
-    goals = n
+    away, distance, speed, steepness = np.zeros((rows, 2)), np.empty(most), np.empty(most), np.empty(most)
+    _directions(surroundings, patch, x, y, now, away)
+    goals = n = 1 if now[0] < step.cutoff else 0
+    if goals > 0:
+        member[0], distance[0] = 0, now[0]
     while n < most:
         at = -1
         for k in range(1, rows):
@@ -183,22 +180,168 @@ def boundaries_of(surroundings, step, patch, x, y):  # type: ignore[no-untyped-d
         for k in range(1, rows):
             apart = stands_apart(away[k, 0], away[k, 1], away[at, 0], away[at, 1])
             if member[k] < 0 and (k == at or (now[k] < step.cutoff and not apart)):
-                member[k], later, solid = n, min(later, then[k]), solid or k >= SOLID
+                member[k], later = n, min(later, then[k])
         distance[n], speed[n] = now[at], (later - now[at]) / step.dt
         drift = speed[n] / noise
         if step.wall < math.inf and at >= SOLID:
-            px, py = x - 0.5 * now[at] * slope[at, 0], y - 0.5 * now[at] * slope[at, 1]  # half-way to it
-            drift += 0.5 * _curvature(surroundings, patch.near[at - SOLID], patch.begin, px, py)
+            drift += 0.5 * _curvature(surroundings, patch, at - SOLID, x, y, away[at])
         steepness[n] = drift + math.sqrt(drift * drift + 2.0 * step.rate / noise)
         n += 1
-    return now.min() > 0.0, Boundaries(goals, solid, member, distance[:n], speed[:n], steepness[:n])
+    return now.min() > 0.0, Boundaries(goals, member, distance[:n], speed[:n], steepness[:n])
 
 
 @kernel
-def _curvature(surroundings, k, pose, x, y):  # type: ignore[no-untyped-def]
-    """Laplacian [1/m] of the clearance from solid k at (x, y) [m], by differences; at least 0."""
-    e = TUNING.curvature_arm * surroundings.solids.robot
-    total = -4.0 * clearance_from(surroundings, k, pose, x, y)
+def _directions(surroundings, patch, x, y, now, away):  # type: ignore[no-untyped-def]
+    """Fill `away` (5 + c, 2) [m] with vectors to (x, y) from borders, `now` away [m], and nearest points of solids."""
+    away[1, 0], away[2, 0], away[3, 1], away[4, 1] = now[1], -now[2], now[3], -now[4]
+    for k in range(len(patch.near)):
+        owner = surroundings.owner[patch.near[k]]
+        u, v = _in_body(patch.begin, owner, x, y)
+        ex, ey, _, _ = offset_of_solid(surroundings.solids, patch.near[k], u, v)
+        c, s = patch.begin[owner, 2], patch.begin[owner, 3]
+        away[SOLID + k, 0], away[SOLID + k, 1] = c * ex - s * ey, s * ex + c * ey
+
+
+@kernel
+def _curvature(surroundings, patch, k, x, y, away):  # type: ignore[no-untyped-def]
+    """Laplacian [1/m], at least 0, of the clearance from the k-th solid half-way from (x, y) [m] to it, `away` (2,)."""
+    k, e, far = patch.near[k], TUNING.curvature_arm * surroundings.solids.robot, math.hypot(away[0], away[1])
+    share = 0.5 * (1.0 - surroundings.solids.robot / far)
+    x, y = x - share * away[0], y - share * away[1]
+    total = -4.0 * clearance_from(surroundings, k, patch.begin, x, y)
     for side in (-e, e):
-        total += clearance_from(surroundings, k, pose, x + side, y) + clearance_from(surroundings, k, pose, x, y + side)
+        total += clearance_from(surroundings, k, patch.begin, x + side, y)
+        total += clearance_from(surroundings, k, patch.begin, x, y + side)
     return max(total / (e * e), 0.0)
+
+
+@kernel
+def meet_boundaries(surroundings, step, t, later, out):  # type: ignore[no-untyped-def]
+    """Correct `out` of `smooth` where solids, the goal, or a border that costs are within reach; minus infinity inside.
+
+    Args: t, when the step begins [s]; `later` and `out`, log psi at its end and its beginning, 2 x (nx, ny) [nats].
+    """
+    (nx, ny), frame, tile = out.shape, surroundings.frame, TUNING.tile
+    begin, end = poses_at(surroundings.solids, t + JUMP), poses_at(surroundings.solids, t + step.dt - JUMP)
+    margin = math.ceil(step.cutoff / frame.spacing)
+    reach = step.cutoff + 0.5 * math.sqrt(2.0) * tile * frame.spacing
+    for i0 in range(0, nx, tile):
+        for j0 in range(0, ny, tile):
+            i1, j1 = min(i0 + tile, nx), min(j0 + tile, ny)
+            x, y = frame.x0 + 0.5 * (i0 + i1 - 1) * frame.spacing, frame.y0 + 0.5 * (j0 + j1 - 1) * frame.spacing
+            near = solids_near(surroundings, begin, end, x, y, reach)
+            bordered = step.wall < math.inf and to_border(surroundings, x, y) < reach
+            if len(near) == 0 and not bordered and to_rim(frame, x, y) >= reach:
+                continue
+            patch = patch_of(surroundings, later, near, begin, end, (i0, j0, i1, j1), margin)
+            least = patch.base + math.log(TUNING.underflow)
+            for i in range(i0, i1):
+                for j in range(j0, j1):
+                    x, y = frame.x0 + i * frame.spacing, frame.y0 + j * frame.spacing
+                    free, met = boundaries_of(surroundings, step, patch, x, y)
+                    if not free:
+                        out[i, j] = -math.inf
+                    elif len(met.distance) > 0 or out[i, j] <= least:
+                        out[i, j] = _before(surroundings, step, patch, met, x, y, i - i0, j - j0)
+                        if out[i, j] <= least:
+                            own = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+                            out[i, j] = _before(surroundings, step, own, met, x, y, 0, 0)
+
+
+@kernel
+def log_psi_before(surroundings, step, t, later, x, slope):  # type: ignore[no-untyped-def]
+    """log psi [nats] at x (2,) [m] and t [s], -phi/lambda in walls; `later` (nx, ny) [nats], slope (2,) [1/m]."""
+    frame, solids = surroundings.frame, surroundings.solids
+    begin, end = poses_at(solids, t), poses_at(solids, t + step.dt - JUMP)
+    near = solids_near(surroundings, begin, end, x[0], x[1], step.cutoff)
+    i, j = math.floor((x[0] - frame.x0) / frame.spacing + 0.5), math.floor((x[1] - frame.y0) / frame.spacing + 0.5)
+    margin = math.ceil(step.cutoff / frame.spacing + 0.5)
+    patch = patch_of(surroundings, later, near, begin, end, (i, j, i + 1, j + 1), margin)
+    slope[0], slope[1] = 0.0, 0.0
+    free, met = boundaries_of(surroundings, step, patch, x[0], x[1])
+    if not free:
+        return -step.wall
+    value = _before(surroundings, step, patch, met, x[0], x[1], 0, 0)
+    e = TUNING.difference * step.deviation
+    for d in met.distance:
+        e = min(e, 0.005 * d)
+    for k in range(2 if value > -math.inf else 0):
+        for side in (-e, e):
+            px, py = x[0] + side * (1 - k), x[1] + side * k
+            met = boundaries_of(surroundings, step, patch, px, py)[1]
+            slope[k] += 0.5 / side * _before(surroundings, step, patch, met, px, py, 0, 0)
+    return value
+
+
+@kernel
+def _before(surroundings, step, patch, met, x, y, i0, j0):  # type: ignore[no-untyped-def]
+    """log psi [nats] at (x, y) [m] a step before, among `Boundaries`; (i0, j0) of `patch` is first in reach."""
+    frame, width, B, variance = surroundings.frame, patch.width, len(met.distance), step.deviation**2
+    short, whole, weight = np.zeros(B), 0.0, np.empty((2, width))  # shares are short of sums `short`
+    paying, ahead = step.wall < math.inf, np.full((B, width, width), math.inf)
+    for r in range(len(met.member)):
+        if met.member[r] >= 0:
+            for a in range(width):
+                for c in range(width):
+                    ahead[met.member[r], a, c] = min(ahead[met.member[r], a, c], patch.ahead[r, i0 + a, j0 + c])
+    for a in range(width):
+        dx = frame.x0 + (patch.first[0] + i0 + a) * frame.spacing - x
+        dy = frame.y0 + (patch.first[1] + j0 + a) * frame.spacing - y
+        scale = frame.spacing / (math.sqrt(2.0 * math.pi) * step.deviation)
+        weight[0, a] = scale * math.exp(-0.5 * dx * dx / variance)
+        weight[1, a] = scale * math.exp(-0.5 * dy * dy / variance)
+    distance, goals, psi = met.distance, met.goals, patch.psi
+    for a in range(width):
+        for c in range(width):
+            gauss = weight[0, a] * weight[1, c]
+            total = gauss * psi[i0 + a, j0 + c]
+            for g in range(B):
+                pays = paying or g < goals
+                if total > 0.0 or pays:
+                    alive = _survival(distance[g], ahead[g, a, c], variance)
+                    total *= alive
+                    if pays and alive > 0.0:
+                        short[g] += gauss * alive * _alone(surroundings, met, g, ahead[g, a, c])
+            whole += total
+    value = patch.base - step.rate * step.dt + math.log(whole) if whole > 0.0 else -math.inf
+    for g in range(B if paying else met.goals):
+        value = np.logaddexp(value, _log_share(surroundings, step, met, g, short[g]))
+    return value
+
+
+@kernel
+def _log_share(surroundings, step, met, g, short):  # type: ignore[no-untyped-def]
+    """log(share_g psi_g) of boundary g [nats], whose share is short of a sum; paths meet others with half a chance."""
+    alone = _alone(surroundings, met, g, met.distance[g])
+    share = alone - math.exp(-step.rate * step.dt) * short
+    if share < TUNING.kernel_sum * alone:
+        return -math.inf
+    for h in range(len(met.distance)):
+        if h != g:
+            share *= 1.0 - 0.5 * _meeting(met.distance[h], met.speed[h], step)
+    return math.log(share) - (0.0 if g < met.goals else step.wall)
+
+
+@inlined
+def _alone(surroundings, met, g, e):  # type: ignore[no-untyped-def]
+    """psi at a distance e [m] from boundary g if nothing else is near."""
+    if g >= met.goals:
+        return math.exp(-met.steepness[g] * e)
+    table, at = surroundings.around_goal, e / surroundings.pitch
+    i = min(int(at), table.shape[0] - 2)
+    return table[i] + min(at - i, 1.0) * (table[i + 1] - table[i])
+
+
+@inlined
+def _survival(d, e, variance):  # type: ignore[no-untyped-def]
+    """Probability that a bridge misses a wall from which its ends are d and e [m]; 0 beyond it."""
+    z = 2.0 * max(d, 0.0) * max(e, 0.0) / variance
+    return 1.0 if z > 40.0 else -math.expm1(-z)
+
+
+@inlined
+def _meeting(d, speed, step):  # type: ignore[no-untyped-def]
+    """Probability that a path meets a wall d away [m] whose distance grows at a speed [m/s]."""
+    width, ahead = step.deviation * math.sqrt(2.0), speed * step.dt
+    mirrored = math.exp(min(-2.0 * d * speed / (step.b * step.b), 700.0)) * math.erfc((d - ahead) / width)
+    return min(0.5 * (math.erfc((d + ahead) / width) + mirrored), 1.0)

@@ -16,7 +16,7 @@ from scipy.ndimage import distance_transform_edt
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Frame, frame_at, in_goal, interpolate, polynomial
+from pirrht.exact.grid import TUNING, Frame, cubic, frame_at, in_goal, interpolate
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.field import clearance
 from pirrht.jit.jit import inlined, kernel
@@ -98,9 +98,8 @@ def _taps(deviation: float, tau: float, headings: int) -> Array:
     """Weights of a Gaussian on the headings' grid, (2 R + 1,)."""
     width = 2.0 * math.pi / headings
     reach = min(math.ceil((TUNING.car_cutoff * deviation + TUNING.fastest_turn * tau) / width), headings // 2 - 1)
-    weights: Array = np.exp(-0.5 * (np.arange(-reach, reach + 1) * width / deviation) ** 2)
-    weights /= weights.sum()
-    return weights
+    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) * width / deviation) ** 2)
+    return np.asarray(weights / weights.sum())
 
 
 @kernel
@@ -162,16 +161,16 @@ def _cubic(value, i, j, dx, dy, k):  # type: ignore[no-untyped-def]
     """v at (i + dx, j + dy) of heading k, kept between the four values around."""
     nx, ny, _ = value.shape
     p, q = math.floor(i + dx), math.floor(j + dy)
-    u, v = i + dx - p, j + dy - q
+    weight_x, weight_y = cubic(i + dx - p), cubic(j + dy - q)
     total, low, high = 0.0, math.inf, -math.inf
-    for c in range(-1, 3):
-        row, s = 0.0, min(max(p + c, 0), nx - 1)
-        for d in range(-1, 3):
-            entry = value[s, min(max(q + d, 0), ny - 1), k]
-            row += polynomial(v, d) * entry
-            if (c == 0 or c == 1) and (d == 0 or d == 1):
+    for c in range(4):
+        row, s = 0.0, min(max(p + c - 1, 0), nx - 1)
+        for d in range(4):
+            entry = value[s, min(max(q + d - 1, 0), ny - 1), k]
+            row += weight_y[d] * entry
+            if 1 <= c <= 2 and 1 <= d <= 2:
                 low, high = min(low, entry), max(high, entry)
-        total += polynomial(u, c) * row
+        total += weight_x[c] * row
     return min(max(total, low), high)
 
 

@@ -1,12 +1,9 @@
 """Solve for log psi, v = -lambda log psi and u* = lambda R^-1 G' grad log psi as functions of x, on a grid.
 
-Three problems can be solved:
-
-* in continuous time, `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1 on the goal's disc and
-  exp(-phi/lambda) at obstacles and border: the limit of runs and of the exit rule "bridge";
-* among moving obstacles, as a function of x and t;
-* with a step dt, `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: the
-  paper's sampling procedure ("endpoint").
+In continuous time `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1 on the goal's disc and exp(-phi/lambda)
+at obstacles and border: the limit of runs and of the exit rule "bridge"; among moving obstacles psi depends on x and t.
+With a step dt `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: the
+paper's sampling procedure ("endpoint").
 
 Paths under u* are Euler-Maruyama steps in continuous time, so short near a wall that the law, which grows as
 1/distance, turns them around. In discrete time the optimal transition is the passive one times psi at its end; it is
@@ -16,9 +13,9 @@ drawn from many normal ends around the one that the law points to, by their weig
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache
 from importlib import import_module
 from typing import Any, NamedTuple, Protocol, cast
 
@@ -30,10 +27,9 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.boundaries import clearance_at, poses_at
-from pirrht.exact.grid import TUNING, Progress, ignore_progress
+from pirrht.exact.grid import TUNING, Frame, Progress, frame_at, ignore_progress, in_goal
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.field import clearance
@@ -42,7 +38,6 @@ from pirrht.jit.streams import normals, stream, uniform
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.steering.in_time import homology_of
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.signature import class_id
@@ -52,8 +47,8 @@ from pirrht.topology.tracks import turns_of_step
 class Solver(Protocol):
     """A module that solves for psi of one kind of problem."""
 
-    evaluate: Any  # compiled: (grid, x (n,), slope (n,)) -> log psi at x [nats]; its gradient goes to slope
-    # among moving bodies x is (n + 1,), the last of them the time [s]
+    # Compiled: (grid, x (n,), slope (n,)) -> log psi at x [nats]; its gradient goes to slope. Among moving bodies x is
+    evaluate: Any  # (n + 1,), the last of them the time [s].
 
     def spacing_for(self, problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
         """Return the requested spacing [m], or a default; refuses a grid that is too fine or too coarse."""
@@ -62,29 +57,28 @@ class Solver(Protocol):
         """Solve for a spacing [m] and a step dt [s] or none; `progress` gets the share done if it takes long."""
 
 
-# By dynamics: the modules of this package that solve in continuous time, and with a step. They are imported when asked.
-Modules = Mapping[type[Dynamics], tuple[str, str]]
-SOLVERS: Modules = {SingleIntegrator: ("point", "discrete_point"), Unicycle: ("car", "car")}
-AMONG_MOVERS: Modules = {SingleIntegrator: ("moving_point", "moving_point")}  # where bodies move
+# By dynamics: the modules that solve in continuous time, with a step, and among moving obstacles (None: none does).
+SOLVERS = {SingleIntegrator: ("point", "discrete_point", "moving_point"), Unicycle: ("car", "car", None)}
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
     """Choose the module that solves a problem in continuous time or with a step dt [s]; OptionError if none does."""
-    d = problem.dynamics
+    d, moves = problem.dynamics, bool(space.scene.movers)
+    which = 2 if moves else int(dt is not None)
+    solvers = {kind: modules[which] for kind, modules in SOLVERS.items() if modules[which]}
     # A subclass with a drift of its own is another system: what solves its parent knows nothing of it.
-    solvers, where = (AMONG_MOVERS, " among moving obstacles") if space.scene.movers else (SOLVERS, "")
-    found = next((both for kind, both in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
+    found = next((one for kind, one in solvers.items() if isinstance(d, kind) and d.drift is kind.drift), None)
     if found is None or callable(problem.q) or not d.constant or d.input_form:
-        known = " or ".join(kind.__name__ for kind in solvers)
+        known, where = " or ".join(kind.__name__ for kind in solvers), " among moving obstacles" if moves else ""
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
-    return cast(Solver, import_module(f"{__package__}.{found[0 if dt is None else 1]}"))
+    return cast(Solver, import_module(f"{__package__}.{found}"))
 
 
 class Process(NamedTuple):
     """The controlled process, and steps of paths of it."""
 
     field: Any  # clearance `Field`, unused among moving obstacles
-    goal: tuple[float, float, float]  # centre of the disc and its radius [m]
+    frame: Frame  # of the goal's disc
     parameters: Array  # (k,) that the drift reads
     rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
     B: Array  # B_c, (m, m) [state/sqrt(s)]
@@ -150,9 +144,9 @@ class Desirability:
         return bool(self.space.scene.movers)
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
-        """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,); 0 in the goal.
+        """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,), among moving obstacles.
 
-        At walls it is -phi/lambda. The time counts among moving obstacles.
+        It is 0 in the goal and -phi/lambda at walls.
         """
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
@@ -167,10 +161,7 @@ class Desirability:
         return -self.problem.temperature * self.log_psi(x, t)
 
     def control(self, x: Array, t: Array | float = 0.0) -> Array:
-        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m); 0 in the goal.
-
-        The time t [s], one or (k,), counts where bodies move.
-        """
+        """u* = lambda R^-1 G' grad log psi at one state (n,) or many (k, n), (m,) or (k, m), at a time t [s]."""
         controls: Array = self._at(np.atleast_2d(x), t)[1][:, -len(self.gain) :] @ self.gain.T
         return controls if np.ndim(x) == 2 else controls[0]
 
@@ -191,10 +182,10 @@ class Desirability:
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
         d, homology, x0 = self.problem.dynamics, homology_of(self.problem, self.space), np.append(x, t).astype(float)
-        (gx, gy), radius = self.space.scene.goal.center.tolist(), float(self.space.scene.goal.radius)
+        frame = frame_at(np.zeros(2), self.spacing, self.space.scene.goal)
         process = Process(
-            self.space.field, (gx, gy, radius), np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain,
-            d.B_c(x0[:-1]), self.problem.phi / self.problem.temperature,
+            self.space.field, frame, np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain, d.B_c(x0[:-1]),
+            self.problem.phi / self.problem.temperature,
             self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step),
         )  # fmt: skip
         turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
@@ -216,29 +207,15 @@ class Optimal(Policy):
     """
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
-        self.desirability, self._sampling = desirability, sampling
-        self.homology = homology_of(self.problem, self.space)
+        self.desirability = desirability
+        self.path_integral = path_integral(desirability.problem, desirability.space, sampling)
+        self.homology = self.path_integral.homology
         start = self.problem.dynamics.state_of(self.problem.scene.start)
         desirability.control(start)  # compiles, so that the first plan takes no longer than the others
         self.begin(start)
 
     def __repr__(self) -> str:
         return f"Optimal({self.desirability!r})"
-
-    @property
-    def problem(self) -> Problem:
-        """Problem that the grid solves."""
-        return self.desirability.problem
-
-    @property
-    def space(self) -> FreeSpace:
-        """Free space of its scene."""
-        return self.desirability.space
-
-    @cached_property
-    def path_integral(self) -> PathIntegral:  # type: ignore[override]
-        """Sampler that a recording reads problem and temperature from."""
-        return path_integral(self.problem, self.space, self._sampling)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
@@ -271,10 +248,9 @@ def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bo
 
     @kernel
     def end(grid, process, x):  # type: ignore[no-untyped-def]
-        gx, gy, radius = process.goal
         if clear(grid, process, x) <= 0.0:
             return COLLISION
-        return GOAL if (x[0] - gx) ** 2 + (x[1] - gy) ** 2 <= radius * radius else INSIDE
+        return GOAL if in_goal(process.frame, x) else INSIDE
 
     @kernel
     def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
@@ -331,7 +307,7 @@ def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bo
                     mx, my = markers[k, 0], markers[k, 1]
                     turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
                 for k in range(M, turns.shape[1]):
-                    turns[s, k] += turns_of_step(tracks, k - M, ax, ay, at, x[0], x[1], x[-1])
+                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
                 outcome[s] = end(grid, process, x)
             ends[s] = x
 

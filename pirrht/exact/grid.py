@@ -29,7 +29,7 @@ class GridTuning(NamedTuple):
     point_radii: float = 0.2  # and at most this share of the robot's radius, so that gaps are resolved
     hug: float = 0.1  # points closer to a wall than this share of the spacing get arms from further off
     speaks: float = 2.5  # a place has the expansion of a free grid point at most so many cells away
-    # Gaussian steps (`gaussian_step`, `discrete_point`, `moving_point`)
+    # Gaussian steps (`boundaries`, `discrete_point`, `moving_point`)
     tile: int = 16  # points in a row that share one exponent, and along the side of a tile of boundaries: cache
     cutoff: float = 6.0  # a step ends so many deviations beyond the mean that the optimal law gives it
     directions: int = 6  # walls in different directions that one place has
@@ -181,27 +181,17 @@ def ignore_progress(share: float) -> None:
 
 
 @inlined
-def polynomial(t, c):  # type: ignore[no-untyped-def]
-    """Value at t [spacings] of the cubic polynomial that is 1 at point c of -1, 0, 1, 2 and 0 at the others."""
-    if c == -1:
-        return -t * (t - 1.0) * (t - 2.0) / 6.0
-    if c == 0:
-        return (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0
-    if c == 1:
-        return -(t + 1.0) * t * (t - 2.0) / 2.0
-    return (t + 1.0) * t * (t - 1.0) / 6.0
+def cubic(t):  # type: ignore[no-untyped-def]
+    """Values at t [spacings] of cubic polynomials, each 1 at one of -1, 0, 1 and 2 and 0 at the others."""
+    a, b = t * (t - 1.0), (t + 1.0) * (t - 2.0)
+    return a * (2.0 - t) / 6.0, b * (t - 1.0) / 2.0, -b * t / 2.0, a * (t + 1.0) / 6.0
 
 
 @inlined
-def derivative(t, c):  # type: ignore[no-untyped-def]
-    """Derivative of `polynomial` at t [1/spacing]."""
-    if c == -1:
-        return -(3.0 * t * t - 6.0 * t + 2.0) / 6.0
-    if c == 0:
-        return (3.0 * t * t - 4.0 * t - 1.0) / 2.0
-    if c == 1:
-        return -(3.0 * t * t - 2.0 * t - 2.0) / 2.0
-    return (3.0 * t * t - 1.0) / 6.0
+def slopes(t):  # type: ignore[no-untyped-def]
+    """Derivatives of the polynomials of `cubic` at t [1/spacing]."""
+    s = 3.0 * t * t
+    return (6.0 * t - s - 2.0) / 6.0, (s - 4.0 * t - 1.0) / 2.0, (2.0 + 2.0 * t - s) / 2.0, (s - 1.0) / 6.0
 
 
 @kernel
@@ -214,20 +204,20 @@ def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
     fx, fy = (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
     ft = x[2] * nt / (2.0 * math.pi) if nt > 1 else 0.0
     i, j, k = min(max(int(fx), 0), nx - 2), min(max(int(fy), 0), ny - 2), math.floor(ft)
+    px, py, pt, dx, dy, dt = cubic(fx - i), cubic(fy - j), cubic(ft - k), slopes(fx - i), slopes(fy - j), slopes(ft - k)
     total, along_x, along_y, along_t = 0.0, 0.0, 0.0, 0.0
-    for a in range(-1, 3):
-        px, dx, s = polynomial(fx - i, a), derivative(fx - i, a), min(max(i + a, 0), nx - 1)
-        for b in range(-1, 3):
-            py, dy, t = polynomial(fy - j, b), derivative(fy - j, b), min(max(j + b, 0), ny - 1)
-            value, turning = 0.0, 0.0
-            for c in range(-1, 3):
-                entry = values[s, t, (k + c) % nt]
-                value += polynomial(ft - k, c) * entry
-                turning += derivative(ft - k, c) * entry
-            total += px * py * value
-            along_x += dx * py * value
-            along_y += px * dy * value
-            along_t += px * py * turning
+    for a in range(4):
+        s = min(max(i + a - 1, 0), nx - 1)
+        for b in range(4):
+            value, turning, t = 0.0, 0.0, min(max(j + b - 1, 0), ny - 1)
+            for c in range(4):
+                entry = values[s, t, (k + c - 1) % nt]
+                value += pt[c] * entry
+                turning += dt[c] * entry
+            total += px[a] * py[b] * value
+            along_x += dx[a] * py[b] * value
+            along_y += px[a] * dy[b] * value
+            along_t += px[a] * py[b] * turning
     slope[0], slope[1] = along_x / frame.spacing, along_y / frame.spacing
     if nt > 1:
         slope[2] = along_t * nt / (2.0 * math.pi)

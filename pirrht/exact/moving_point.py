@@ -12,27 +12,18 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import kve
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact import point
-from pirrht.exact.boundaries import JUMP, Surroundings, clearance_at, poses_at, surroundings_of
-from pirrht.exact.gaussian_step import Step, log_psi_before, meet_boundaries, smooth, step_of, taps_along
-from pirrht.exact.grid import (
-    TUNING,
-    Domain,
-    Equation,
-    Progress,
-    affordable,
-    frame_at,
-    in_goal,
-    largest_change,
-)
+from pirrht.exact import boundaries, point
+from pirrht.exact.boundaries import JUMP, Surroundings, clearance_at, poses_at
+from pirrht.exact.discrete_point import Step, smooth, step_of, taps_along
+from pirrht.exact.grid import TUNING, Domain, Equation, Progress, affordable, frame_at, in_goal, largest_change
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion
 from pirrht.geometry.scene import Scene
@@ -40,14 +31,6 @@ from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
 
 SAME = 1e-6  # times that differ by less are one [s]
-
-
-class Timetable(NamedTuple):
-    """Ends of steps."""
-
-    times: Array  # (F + 1,) from 0 on [s]
-    first: float  # when all motions repeat ...
-    period: float  # ... every so many seconds; 0 where they end [s]
 
 
 class Frames(NamedTuple):
@@ -62,8 +45,11 @@ class Frames(NamedTuple):
     log_psi: NDArray[np.float32]  # (G, nx, ny) [nats]; minus infinity inside of walls and of the goal
 
 
-def _timetable(motions: Sequence[Motion], longest: float) -> Timetable:
-    """Divide motions into steps of at most `longest` [s]; OptionError if periods have no useful common multiple."""
+def _timetable(motions: Sequence[Motion], longest: float) -> tuple[Array, float, float]:
+    """Divide motions into steps of at most `longest` [s]; OptionError if periods have no useful common multiple.
+
+    Returns ends of steps (F + 1,) from 0 on, when all motions repeat, and their period, 0 where they end [s].
+    """
     periods = [float(m.rows[-1, 0]) for m in motions if m.repeat]
     still = max([0.0, *(-m.offset if m.repeat else m.last for m in motions)])
     period = _common(periods) if periods else 0.0
@@ -72,7 +58,7 @@ def _timetable(motions: Sequence[Motion], longest: float) -> Timetable:
         more = cycle[1 : 2 + int(np.searchsorted(cycle, still + TUNING.last_steps * longest))] + period
     else:
         more = still + longest * np.arange(1.0, TUNING.last_steps + 1.0)
-    return Timetable(np.concatenate([lead, cycle[1:], more]), still, period)
+    return np.concatenate([lead, cycle[1:], more]), still, period
 
 
 def _common(periods: list[float]) -> float:
@@ -117,25 +103,21 @@ def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: f
         raise OptionError(
             f"a spacing of {spacing:g} m is too coarse among moving obstacles; choose at most {most:.2g} m"
         )
-    chosen = affordable(
-        space.scene, spacing or most, f"steps among moving obstacles are at most {deviation:.2g} m wide"
-    )
+    reason = f"steps among moving obstacles are at most {deviation:.2g} m wide"
+    chosen = affordable(space.scene, spacing or most, reason)
     _plan(problem, space.scene, chosen)
     return chosen
 
 
-def _plan(problem: Problem, scene: Scene, spacing: float) -> tuple[Timetable, float, int]:
-    """Return the steps, the longest of them [s], and how many there are from one kept frame to the next.
-
-    OptionError if there would be too many frames.
-    """
+def _plan(problem: Problem, scene: Scene, spacing: float) -> tuple[tuple[Array, float, float], float, int]:
+    """Return `_timetable`, its longest step [s], and the steps from one kept frame to the next; refuses too many."""
     longest = (TUNING.moving_points * spacing / Equation.of(problem).b) ** 2
     table = _timetable([mover.motion for mover in scene.movers], longest)
     points = float(np.prod(np.ceil((scene.upper - scene.lower) / spacing) + 1))
-    thinning = max(1, math.ceil(4.0 * points * len(table.times) / TUNING.frame_bytes))
+    thinning = max(1, math.ceil(4.0 * points * len(table[0]) / TUNING.frame_bytes))
     if thinning > TUNING.thinned:
         raise OptionError(
-            f"motions of {table.times[-1]:.3g} s in {len(table.times):,} steps on {points:,.0f} points are too much to "
+            f"motions of {table[0][-1]:.3g} s in {len(table[0]):,} steps on {points:,.0f} points are too much to "
             "solve for; choose more noise, a smaller workspace or shorter motions"
         )
     return table, longest, thinning
@@ -148,17 +130,15 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     or if a repeated motion does not settle.
     """
     scene, equation = space.scene, Equation.of(problem)
-    table, longest, thinning = _plan(problem, scene, spacing)
-    times, ahead = table.times, TUNING.next_frame * longest * thinning
+    (times, first, period), longest, thinning = _plan(problem, scene, spacing)
+    ahead = TUNING.next_frame * longest * thinning
     frame = frame_at(scene.lower.astype(float), spacing, scene.goal)
     cutoff = step_of(longest * thinning + ahead, equation).cutoff
-    pitch = min(frame.radius, 1.0 / equation.wavenumber) / 64.0  # cubic interpolation errs by 1e-8
-    e, rim = equation.wavenumber * pitch * np.arange(4.0 + 3.0 * cutoff / pitch), equation.wavenumber * frame.radius
-    around_goal = kve(0, rim + e) / kve(0, rim) * np.exp(-e)
-    surroundings, step = surroundings_of(scene, frame, cutoff, around_goal, pitch), step_of(longest, equation)
-    now = _stationary(problem, scene, surroundings, float(times[-1]) - JUMP)
-    if table.period > 0.0:
-        again = int(np.argmin(np.abs(times - (times[-1] - table.period))))
+    surroundings = boundaries.surroundings_of(scene, frame, cutoff, equation.wavenumber)
+    step = step_of(longest, equation)
+    now = _stationary(problem, space, surroundings, float(times[-1]) - JUMP)
+    if period > 0.0:
+        again = int(np.argmin(np.abs(times - (times[-1] - period))))
         for _ in range(TUNING.moving_periods):
             before = now
             *_, (_, now) = _back(surroundings, step, times, before, again, progress)
@@ -166,7 +146,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
                 break
         else:
             raise OptionError(
-                f"psi has not settled after {TUNING.moving_periods} periods of {table.period:g} s of the repeated "
+                f"psi has not settled after {TUNING.moving_periods} periods of {period:g} s of the repeated "
                 "motions; choose a longer period or a greater q"
             )
     last = len(times) - 1
@@ -176,10 +156,10 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     for k, earlier in _back(surroundings, step, times, now, 0, progress):
         if k in kept:
             frames[np.searchsorted(kept, k)] = earlier
-    return Frames(surroundings, step, table.first, table.period, ahead, times[kept], frames)
+    return Frames(surroundings, step, first, period, ahead, times[kept], frames)
 
 
-def _stationary(problem: Problem, scene: Scene, surroundings: Surroundings, time: float) -> Array:
+def _stationary(problem: Problem, space: FreeSpace, surroundings: Surroundings, time: float) -> Array:
     """Solve with all bodies where they are at a time [s] for good: log psi (nx, ny) [nats]."""
 
     def clearance(points: Array) -> Array:
@@ -187,13 +167,9 @@ def _stationary(problem: Problem, scene: Scene, surroundings: Surroundings, time
         _clearances(surroundings, time, np.ascontiguousarray(points), out)
         return out
 
-    domain = Domain(
-        lower=scene.lower.astype(float), upper=scene.upper.astype(float), goal=scene.goal, clearance=clearance
-    )
-    equation, frame = Equation.of(problem), surroundings.frame
-    stationary = point.solve(
-        domain, wavenumber=equation.wavenumber, wall=equation.wall, spacing=point.default_spacing(problem, scene)
-    )
+    domain, equation, frame = replace(Domain.of(space), clearance=clearance), Equation.of(problem), surroundings.frame
+    spacing = point.default_spacing(problem, space.scene)
+    stationary = point.solve(domain, wavenumber=equation.wavenumber, wall=equation.wall, spacing=spacing)
     out = np.empty(np.ceil((domain.upper - domain.lower) / frame.spacing - 1e-9).astype(int) + 1)
     _sample(stationary, surroundings, time, out)
     return out
@@ -203,17 +179,18 @@ def _back(
     surroundings: Surroundings, longest: Step, times: Array, now: Array, first: int, progress: Progress
 ) -> Iterator[tuple[int, Array]]:
     """(k, log psi at time k) from the one before the last back to `first`."""
-    s, last, ones = surroundings, len(times) - 1, np.ones(now.shape)
+    frame, (left, low, right, high) = surroundings.frame, surroundings.border
+    last, ones = len(times) - 1, np.ones(now.shape)
     taps: dict[int, tuple[Array, Array]] = {}  # by the length of a step [ns]
     for k in range(last - 1, first - 1, -1):
         step = step_of(float(times[k + 1] - times[k]), longest)
         if (key := round(1e9 * step.dt)) not in taps:
             taps[key] = (
-                taps_along(now.shape[0], s.frame.x0, s.frame.spacing, s.left, s.right, step),
-                taps_along(now.shape[1], s.frame.y0, s.frame.spacing, s.low, s.high, step),
+                taps_along(now.shape[0], frame.x0, frame.spacing, left, right, step),
+                taps_along(now.shape[1], frame.y0, frame.spacing, low, high, step),
             )
         earlier = smooth(now, ones, *taps[key], step.rate * step.dt)
-        meet_boundaries(s, step, float(times[k]), now, earlier)
+        boundaries.meet_boundaries(surroundings, step, float(times[k]), now, earlier)
         now = earlier
         progress((last - k) / (last - first))
         yield k, now
@@ -251,4 +228,4 @@ def evaluate(grid, x, slope):  # type: ignore[no-untyped-def]
     while g < len(grid.moments) - 1 and grid.moments[g] < t + grid.ahead:
         g += 1
     step = step_of(grid.moments[g] - t, grid.step)
-    return log_psi_before(grid.surroundings, step, t, grid.log_psi[g], x, slope)
+    return boundaries.log_psi_before(grid.surroundings, step, t, grid.log_psi[g], x, slope)

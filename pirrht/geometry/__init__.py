@@ -8,7 +8,7 @@ field         both distances on a grid with their error bound, for millions of q
 blocks        sampling of a field: one grid in a small world, blocks that are fine where needed in a large one
 solids        obstacles from plain numbers; rectangles: few that cover a set of cells
 passages      places where free space narrows before it widens again, their widths and axes
-obstacle      solids and motions of obstacles, as plain values of a scene; spans: boxes around them within spans of time
+obstacle      solids and motions of obstacles, as plain values of a scene
 arcs          curves of arcs and straight pieces, the angle of a chord (absmin of section IV-A), and certificates that
               points, segments and curves are free (`ObstacleFree` of Algorithms 2 and 3)
 fitting       a start inside the safety margin and a goal that is partly covered, fitted to the walls

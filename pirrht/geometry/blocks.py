@@ -100,22 +100,22 @@ def _sampled(
 
     Returns: clearances that are never too high and labels; cells (k, nx - 1, ny - 1) too wide for the walls in them.
     """
-    shape, r, sharp = points.shape[:3], collision.footprint.radius, TUNING.sharp * collision.footprint.radius
+    shape, r, least_r = points.shape[:3], collision.footprint.radius, collision.least_radius
+    sharp = TUNING.sharp * r
     cutoff = (REACH if len(members) else TUNING.nothing) + r
     walls = collision.nearest_walls(points.reshape(-1, 2), members, cutoff, width)
     near, far = (walls.first - r).reshape(shape), (walls.second - r).reshape(shape)
     label = walls.which.astype(np.int32).reshape(shape)
-    margin = width**2 / (4.0 * np.maximum(near + r - math.sqrt(2.0) * width, 0.5 * r))  # walls are 1-Lipschitz
+    away = np.maximum(near, 0.0) + least_r - math.sqrt(2.0) * width  # at least, of places in the cell that are free
+    margin = width**2 / (4.0 * np.maximum(away, 0.5 * least_r))
     coarse = np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.bool_)
     if not finest:
         (least, most), (low, high), (one, other) = _extremes(near), _extremes(far), _extremes(label)
-        flat = _flat(walls, shape, one == other, most + r, width) & (collision.least_radius == r)
+        flat = _flat(walls, shape, one == other, most + r, width) & (least_r == r)
         changes = (least < sharp) & ((one != other) | (high - low > 1.5 * width) & (low < sharp))
-        coarse = (most > -1.5 * width) & ((least < TUNING.band * width) & ~flat | changes)
-        curved = np.zeros(shape, dtype=np.bool_)
-        for view in _corners(curved):
-            view |= ~(coarse | flat)
-        margin[~curved] = 0.0
+        coarse = (most > max(-1.5 * width, -r)) & ((least < TUNING.band * width) & ~flat | changes)
+        around = np.pad(coarse | flat, ((0, 0), (1, 1), (1, 1)), constant_values=True)  # cells around each point
+        margin[around[:, 1:, 1:] & around[:, 1:, :-1] & around[:, :-1, 1:] & around[:, :-1, :-1]] = 0.0
     return ((near - margin).astype(np.float32), (far - margin).astype(np.float32), label), coarse
 
 
@@ -136,16 +136,10 @@ def _flat(walls: Found, shape: tuple[int, ...], alone: BoolArray, most: Array, w
     return alone & farther & (_extremes(walls.first.reshape(shape))[0] > 0.0)
 
 
-def _corners(values: NDArray[Any]) -> list[NDArray[Any]]:
-    """Return the values (k, nx, ny) at the four corners of each cell."""
-    left, right = values[:, :-1], values[:, 1:]
-    return [left[..., :-1], left[..., 1:], right[..., :-1], right[..., 1:]]
-
-
 def _extremes(values: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the least and the greatest corner of each cell."""
-    a, b, c, d = _corners(values)
-    return np.minimum(np.minimum(a, b), np.minimum(c, d)), np.maximum(np.maximum(a, b), np.maximum(c, d))
+    """Return the least and the greatest of the values (k, nx, ny) at the corners of each cell."""
+    low, high = (extreme(values[:, :-1], values[:, 1:]) for extreme in (np.minimum, np.maximum))
+    return np.minimum(low[..., :-1], low[..., 1:]), np.maximum(high[..., :-1], high[..., 1:])
 
 
 def lattice(nx: int, ny: int) -> NDArray[np.int64]:

@@ -43,9 +43,7 @@ class Grid(NamedTuple):
     nx: int
     ny: int
     stride: int  # points from one column to the next: ny, or those of a block's column
-    table: (
-        int  # address of int32 (rows, columns): number and level of the block that holds a place; 0 where there is none
-    )
+    table: int  # address of int32 (rows, columns): number and level of the block that holds a place; 0: no table
     columns: int  # of the table
     shift: int  # a place of the table is 2^shift cells wide
     nearest: int  # address of float32 per point: clearance to the nearest solid, never too high [m]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.scene import Kind, Obstacle
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import inlined, kernel
+from pirrht.jit.jit import borrowing, inlined, kernel, part
 
 PROBE = TUNING.probe
 FORMS = (Kind.BOX, Kind.CYLINDER, Kind.SPHERE, Kind.CAPSULE, Kind.ELLIPSOID)
@@ -124,7 +124,7 @@ def _off_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
         t += step
 
 
-@kernel
+@borrowing
 def _off_hull(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return the vector from the nearest point of mesh m to a point (x, y, z), zero inside [m].
 
@@ -152,7 +152,7 @@ def _off_hull(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     return near
 
 
-@inlined
+@part
 def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return a point (x, y, z) in solid m's own frame [m]."""
     dx, dy, dz = x - solids.position[m, 0], y - solids.position[m, 1], z - solids.position[m, 2]
@@ -164,7 +164,7 @@ def _in_frame(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@borrowing
 def distance_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return the distance from solid m of `Solids` to a point (x, y, z) [m]; 0 inside."""
     if solids.form[m] < 0:
@@ -188,7 +188,7 @@ def distances(solids, members, points, height, out):  # type: ignore[no-untyped-
         out[i] = best if best > PROBE else 0.0
 
 
-@inlined
+@part
 def square_to(low, high, m, x, y):  # type: ignore[no-untyped-def]
     """Return the square of the distance from (x, y) to the rectangle around a solid [m^2]."""
     dx, dy = max(max(low[m, 0] - x, x - high[m, 0]), 0.0), max(max(low[m, 1] - y, y - high[m, 1]), 0.0)
@@ -212,7 +212,7 @@ def offset_of(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     return share * x, share * y, share * z
 
 
-@kernel
+@borrowing
 def offset_from(solids, m, x, y, z):  # type: ignore[no-untyped-def]
     """Return the planar vector (x, y) from solid m's nearest point to a point (x, y, z) outside [m]."""
     if solids.form[m] < 0:

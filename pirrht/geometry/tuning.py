@@ -9,9 +9,7 @@ class GeometryTuning(NamedTuple):
     """Numbers of fields, distances, passages and of what is fitted to walls."""
 
     # Clearance field
-    cells_per_radius: float = (
-        8.0  # spacings in a robot's radius: halving them halves the error and takes 4 times as long
-    )
+    cells_per_radius: float = 8.0  # spacings in a robot's radius: half the spacing, half the error, 4 times the time
     band: float = 2.0  # a cell is refined where its clearance is less than so many of its widths: error against points
     cutoff: float = 1.0  # clearances are reported up to this [m]: exits and bridges are decided far below it
     sharp: float = 4.0  # changes of walls nearer than so many robot radii are refined, as proposals lean on both walls
@@ -29,15 +27,11 @@ class GeometryTuning(NamedTuple):
     kink_cells: float = 3.0  # within so many cells of a waiver's rim interpolation is corrected: safe for 1-Lipschitz
     bins_per_side: int = 2048  # of a lattice of solids: memory against solids per bin
     apart_cosine: float = 0.5  # of the angle from which on two directions are those of two walls
-    rise_sine: float = (
-        0.15  # of the angle by which a solid has to rise from a nearer wall's plane, or is in line with it
-    )
+    rise_sine: float = 0.15  # of the angle by which a solid rises from a nearer wall's plane, or is in line with it
     rounding: float = 1e-9  # overlap that is rounding and no contact [m]
     # Passages
     room_depth: float = 0.5  # a room is deeper than its door by so many spacings of the field, or it is grain
-    solid_depth: float = (
-        0.5  # an obstacle is deeper than a gap by this share of the robot's radius; inside by all of it
-    )
+    solid_depth: float = 0.5  # an obstacle is deeper than a gap by this share of the robot's radius, at least
     squares_per_radius: float = 2.0  # squares in which saddles are sought: the thinnest obstacle still blocks one
     chord_angles: int = 16  # directions that are tried first, over half a turn
     chord_turns: int = 4  # searches for the direction, each four times as fine
@@ -50,8 +44,7 @@ class GeometryTuning(NamedTuple):
     wide: float = 2.0  # a passage of this clearance needs no axis: uniform draws see it [robot radii]
     # Moving obstacles
     shapes: int = 1024  # of obstacles of which is remembered what does not depend on how they move: memory
-    span: float = 0.5  # boxes bound an obstacle for so long [s]: shorter ones are tighter and more
-    moment: float = 1e-9  # least time by which a walk from span to span advances [s]: rounding
+    moment: float = 1e-9  # least time by which a walk along a motion advances [s]: rounding
     # Start and goal
     turning_reach: float = 4.0  # added to a waiver's radius, for robots that cannot turn on the spot [body radii]
     exit_share: float = 0.75  # of a waiver's radius, within which a path must have left the margin

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import inlined, jitable, kernel
+from pirrht.jit.jit import borrowing, jitable, part
 
 APART_COSINE = TUNING.apart_cosine
 RISE_SINE = TUNING.rise_sine
@@ -60,7 +60,7 @@ class Bins(NamedTuple):
 
 def bins_of(solids: Solids, members: IntArray, points: Array, cutoff: float) -> Bins:
     """Sort solids `members` (l,) that may be nearer than `cutoff` [m] to a place among points (k, 2) [m] into cells."""
-    corner, end = points.min(axis=0), points.max(axis=0)
+    corner, end = (np.array([extreme(points[:, k]) for k in (0, 1)]) for extreme in (np.min, np.max))
     width = max(cutoff, float((end - corner).max()) / TUNING.bins_per_side)
     counts = ((end - corner) / width).astype(np.int64) + 1
     wide = cutoff * (1.0 + 1e-9) + 1e-9
@@ -78,7 +78,7 @@ def bins_of(solids: Solids, members: IntArray, points: Array, cutoff: float) -> 
     return Bins(float(corner[0]), float(corner[1]), width, int(counts[0]), int(counts[1]), first, member)
 
 
-@inlined
+@part
 def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
     """Return where the solids near (x, y) [m] begin and end among `bins.member`."""
     i = min(max(int((x - bins.left) / bins.width), 0), bins.columns - 1)
@@ -86,7 +86,7 @@ def bin_at(bins, x, y):  # type: ignore[no-untyped-def]
     return bins.first[i * bins.rows + j], bins.first[i * bins.rows + j + 1]
 
 
-@kernel
+@borrowing
 def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untyped-def]
     """Put the two nearest walls of points (k, 2) [m] at a height [m] into `found`."""
     low, high, member = solids.low, solids.high, bins.member

@@ -1,8 +1,8 @@
 """Certify straight steps at a constant speed, in space and time, among moving obstacles.
 
 Seen from an obstacle such a step is straight between two rows, and its clearance changes no faster than the relative
-speed and the obstacle's turning times its radius let it. A march by that bound certifies it; a closed form
-rules out far obstacles first.
+speed and the obstacle's turning times its radius let it. A march by that bound certifies it; the greatest speeds
+of both rule out far obstacles first.
 """
 
 from __future__ import annotations
@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 
 from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE
-from pirrht.geometry.spans import BOX, keeps_off
-from pirrht.geometry.tuning import TUNING as SPANS
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_int64
-from pirrht.moving.distances import clearance_facing, clock_of, disc_of, piece_of, solids_of
-from pirrht.moving.tuning import PARTS, TABLE, TUNING
+from pirrht.moving.distances import clearance_facing, disc_of, fastest_of, outside_of, piece_of, restart_of, solids_of
+from pirrht.moving.tuning import TABLE, TUNING
 
 
 @kernel
@@ -40,15 +39,16 @@ def note_unsure(moving, leg, out):  # type: ignore[no-untyped-def]
 def certify_past(moving, j, leg):  # type: ignore[no-untyped-def]
     """Return FREE, BLOCKED or UNSURE for a straight step by obstacle j alone."""
     ax, ay, s, bx, by, t = leg
-    per, radius = 1.0 / (t - s) if t > s else 0.0, disc_of(moving, j) + LEAST_STEP
+    per, half, radius = 1.0 / (t - s) if t > s else 0.0, 0.5 * (t - s), disc_of(moving, j) + LEAST_STEP
     ux, uy, now, verdict = (bx - ax) * per, (by - ay) * per, s, FREE
-    first, last = load_int64(moving.parts, PARTS * j + 4), load_int64(moving.parts, PARTS * j + 5)
-    lead, period = clock_of(moving, j)
-    if keeps_off(moving.boxes + 8 * BOX * first, last - first, s + lead, period, (ax, ay, ux, uy), t - s, radius):
-        return FREE
+    if not restart_of(moving, j, s) < t:
+        ox, oy, _, _, _, _, _ = piece_of(moving, j, s + half)
+        reach = half * (math.sqrt(ux * ux + uy * uy) + fastest_of(moving, j)) + LEAST_STEP
+        if outside_of(moving, j, ox, oy, 0.5 * (ax + bx), 0.5 * (ay + by)) > reach:
+            return FREE
     while True:
         ox, oy, yaw, vx, vy, turn, until = piece_of(moving, j, now)
-        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + SPANS.moment), t)
+        x, y, end = ax + (now - s) * ux, ay + (now - s) * uy, min(max(until, now + GEOMETRY.moment), t)
         begin, leaves = within(x - ox, y - oy, ux - vx, uy - vy, end - now, radius)
         if begin <= leaves:
             speed = math.hypot(ux - vx, uy - vy) + abs(turn) * disc_of(moving, j)

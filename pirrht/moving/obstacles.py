@@ -13,7 +13,6 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Scene, Workspace
 from pirrht.geometry.shapes import Solids
-from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.geometry.world import WALL, MovingKernels
 from pirrht.moving.certify import certify, note_unsure
 from pirrht.moving.collision import MovingObstacles, jumps, radius_of, speed_bound
@@ -31,7 +30,6 @@ class ObstacleNumbers(NamedTuple):
     body: int  # address of float64 (J, BODY)
     parts: int  # address of int64 (J, PARTS)
     rows: int  # address of float64 (k, ROW), of all bodies
-    boxes: int  # address of float64 (l, BOX), of all bodies: where each is within spans of time (`spans`)
     solid: int  # address of float64 (K, SOLID)
     form: int  # address of int64 (K, TABLE)
     corner: int  # address of float64 (K, 2): where the lattice of a solid without a closed form begins [m]
@@ -65,7 +63,7 @@ class MovingObstacleArrays(ObstacleNumbers):
 
     def with_motions(self, movers: Sequence[Mover]) -> MovingObstacleArrays:
         """Return these obstacles on other motions; shapes, FCL's included, are shared: one thread at a time asks."""
-        shapes, sizes = self.arrays[4:], (self.pitch, self.height, self.robot)  # the first four are of motions
+        shapes, sizes = self.arrays[3:], (self.pitch, self.height, self.robot)  # the first three are of motions
         return self._holding(movers, shapes, sizes, self.cutoff, self.collision.with_motions(movers))
 
     @classmethod
@@ -104,23 +102,21 @@ class MovingObstacleArrays(ObstacleNumbers):
         return bool(unsure.any()) and self.collision.meets(a, s, b, t, unsure)
 
 
-def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array, Array]:
-    """Return the first of the arrays, bodies, parts, rows and boxes, of obstacles about a robot of a radius [m]."""
+def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, Array]:
+    """Return the first of the arrays, bodies, parts and rows, of obstacles about a robot of a radius [m]."""
     body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
-    boxes = [boxes_of(mover.motion.rows, repeat=mover.motion.repeat) for mover in movers]
-    row = solid = box = 0
+    row = solid = 0
     for j, mover in enumerate(movers):
         motion, far = mover.motion, radius_of(mover)
         body[j] = (
             motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
             speed_bound(motion, far),
         )  # fmt: skip
-        many = len(motion.rows), len(mover.solids), len(boxes[j])
-        parts[j] = row, row + many[0], solid, solid + many[1], box, box + many[2]
-        row, solid, box = row + many[0], solid + many[1], box + many[2]
+        parts[j] = row, row + len(motion.rows), solid, solid + len(mover.solids)
+        row, solid = parts[j, [1, 3]]
         rates = np.diff(motion.rows[:, 1:], axis=0) * (1.0 / np.diff(motion.rows[:, :1], axis=0))
         rows.append(np.hstack([motion.rows, np.vstack([rates, np.zeros(3)])]))  # it stays at the last
-    return body, parts, np.vstack([np.zeros((0, ROW)), *rows]), np.vstack([np.zeros((0, BOX)), *boxes])
+    return body, parts, np.vstack([np.zeros((0, ROW)), *rows])
 
 
 def _shapes(

@@ -24,7 +24,7 @@ class RowWidths(NamedTuple):
 
     body: int = 5  # how much later than now its rows' clock is [s], when it starts over [s] (0: never), whether that is
     # elsewhere than it ends, radius of the disc outside of which the robot is free [m], greatest speed [m/s]
-    parts: int = 6  # where its rows begin and end, its solids, and its boxes
+    parts: int = 4  # where its rows begin and end, and its solids
     row: int = 7  # t [s], x, y [m], yaw [rad], and the rates of these until the next row [1/s]
     solid: int = 15  # MuJoCo's sizes, place in the obstacle's frame, and axes there as columns, row by row
     table: int = 4  # form or -1, where its lattice begins in the table, and how many points that has along x and y

@@ -31,27 +31,15 @@ from pirrht.rollouts.tables import FINER, PredictedWorld, Setup, law_columns
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import no_homing
 
-UNIMPROVED: tuple[Stage, ...] = ((1.0, 0),)
-
-
-class Noise(NamedTuple):
-    """Effect of noise alone on a state, and the states that matter to drift and q."""
-
-    strength: float  # b of a position's variance b^2 t^3 / 3, where it acts on the velocity; for a car b V [m/s^1.5]
-    position: float  # b of a position's variance b^2 t, where it acts on the position [m/sqrt(s)]
-    metric: Array  # (n,) weights of squared differences between states, inverse to their noise, the first's being 1
-    curved: bool  # whether steps have second derivatives
-    active: int  # bit k tells whether drift or q depends on the k-th state
-
 
 class Query(NamedTuple):
-    """A class at one state and time."""
+    """A class, by its additive key, at one state (n,) and time."""
 
     setup: Setup  # of paths from there
     clock: Array  # (T+1,) ends of the steps, on the clock of moving obstacles [s]
-    x: Array  # (n,)
+    x: Array
     times: Array  # (T+1,) ends of the steps, from 0 [s]
-    key: int  # additive
+    key: int
 
 
 class DDPGuidance:
@@ -72,9 +60,8 @@ class DDPGuidance:
         self.width = 2 * d.m if sways and not d.noisy_position else d.m  # modes of a step
         self.wall_radius = max(tuning.wall_radii * problem.scene.robot_radius, tuning.wall_radius)
         self.optimise = optimiser(kind)
-        noise = _noise_of(problem, setup, self.width, tuning)
-        self.metric = noise.metric
-        self.tasks = {warmth: self._task(warmth, noise) for warmth, _ in tuning.cold}
+        strength, position, curved, active, self.metric = _noise_of(problem, setup, self.width, tuning)
+        self.tasks = {warmth: self._task(warmth, strength, position, curved, active) for warmth, _ in tuning.cold}
         hold = tuning.hold * problem.least_rate / self.wall_radius**2
         tracking, window = self.tasks[tuning.cold[0][0]]._replace(hold=hold), None
         if setup.world.moving.J > 0:
@@ -83,7 +70,7 @@ class DDPGuidance:
         self.onward = tuning.onward if kind.homing is no_homing else 0
         self.starts = Initialisation(
             dynamics=d, setup=setup, width=self.width, optimise=self.optimise, tracking=tracking, window=window,
-            asked=self.tasks[1.0].steep / tuning.steepest, tuning=tuning,
+            tuning=tuning,
         )  # fmt: skip
 
     @property
@@ -96,30 +83,30 @@ class DDPGuidance:
         """Check for any system but points among static obstacles, which climb psi."""
         return bool(problem.scene.movers) or kind_of(problem).takes_law
 
-    def _task(self, warmth: float, noise: Noise) -> Task:
-        """Return the numbers of the optimisation for `warmth` times lambda at walls.
+    def _task(self, warmth: float, strength: float, position: float, curved: bool, active: int) -> Task:
+        """Return the numbers of the optimisation for `warmth` times lambda at walls, by `_noise_of`.
 
         A wall of curvature 1/r holds a system that saves cost q per second with the force q / (V r). Over a distance c
         that is worth lambda in the time in which noise carries the position so far. The layer is that c.
         """
         t, temperature, rate = self.tuning, self.problem.temperature, self.problem.least_rate
         force = rate / self.wall_radius
-        push = warmth * temperature * noise.strength ** (2.0 / 3.0)
+        push = warmth * temperature * strength ** (2.0 / 3.0)
         price = t.barrier_noisy if self.problem.dynamics.noisy_position else t.barrier
         layer, margin, exponent = (push / force) ** 0.6, t.margin, -2.0 / 3.0
         if self.gated:
             # psi, which vanishes like the distance c, has the price lambda b^2 / (2 c^2) at a flat wall.
-            push, price, margin = warmth * temperature * noise.position**2, t.barrier_point, t.margin_point
+            push, price, margin = warmth * temperature * position**2, t.barrier_point, t.margin_point
             layer, exponent = (push / force) ** (1.0 / 3.0), -2.0
         return Task(
             temperature=temperature, margin=margin * layer, least=t.parabola * layer, price=price * push,
             exponent=exponent, spacing=math.sqrt(8.0 * self.wall_radius * t.sag * layer),
             tolerance=t.tolerance * warmth * temperature, steep=t.steepest * math.sqrt(2.0 * rate / temperature),
-            far=math.sqrt(2.0 * rate * temperature) / noise.position, active=noise.active, curved=noise.curved,
+            far=math.sqrt(2.0 * rate * temperature) / position, active=active, curved=curved,
         )  # fmt: skip
 
     def warm_up(self, x: Array) -> None:
-        """Compile the optimisation, by a guide of two steps of 1 [s] from x (n,)."""
+        """Compile the optimisation, by a guide of two steps of 1 s from x (n,)."""
         course = empty_course(2, self.problem.dynamics.n, self.width)
         self._from(self.query(x, np.arange(3.0), 0), (course, 1), self.tuning.warm)
 
@@ -129,15 +116,10 @@ class DDPGuidance:
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
-        Improved is what is left of the last plan's optima, and if the first of them leaves the class or touches
-        something, the initialisations of the class; but where noise has carried the robot into a wall's zone the first
-        leads out of it. If nothing valid is found, samples follow the reference with feedback.
-
-        Args:
-            reference: path of the class.
-            last: optima of the class found `elapsed` [s] ago.
-            thorough: whether all initialisations are improved; else up to the first that gives a valid guide.
-            short: whether time is short, so that nothing more is improved.
+        Improved are what is left of the `last` optima, found `elapsed` [s] ago, and if the first of them leaves the
+        class or touches something, the initialisations of the class, all of them or (unless `thorough`) up to the first
+        valid guide; but where noise has carried the robot into a wall's zone the first leads out of it. If nothing
+        valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
         found = [self._from(query, start, self.tuning.warm) for start in starts]
@@ -162,7 +144,7 @@ class DDPGuidance:
         return [best, *sorted(others, key=lambda one: one.penalised)[:1]]
 
     def _fresh(self, query: Query, reference: Trajectory, thorough: bool, short: Callable[[], bool]) -> list[DDPGuide]:
-        """Return valid guides from the initialisations of a class; without any, one along the reference."""
+        """Return valid guides from the initialisations of a class; without any, that from the reference."""
         found: list[DDPGuide | None] = []
         for start, stages in self._initialisations(query, reference, thorough):
             if found and short():
@@ -170,11 +152,8 @@ class DDPGuidance:
             found.append(self._from(query, start, stages, short))
             if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
                 break
-        valid = [one for one in found if one is not None and one.valid]
-        if valid or found[0] is None:
-            return valid
-        unimproved = self._from(query, self._begun(query, reference), UNIMPROVED)
-        return [] if unimproved is None else [unimproved]
+        first = [one for one in found[:1] if one is not None]
+        return [one for one in found if one is not None and one.valid] or first
 
     def _initialisations(
         self, query: Query, reference: Trajectory, thorough: bool
@@ -209,10 +188,9 @@ class DDPGuidance:
         return Query(setup, clock, x, times, key)
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
-        """Return the samples around each reference, (H,): N, or few for a class of negligible weight.
+        """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide.
 
-        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k); a reference without a guide takes
-        longer than any path of some weight.
+        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k).
         """
         penalised = [np.inf if guide is None else guide.penalised for guide in guides]
         bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
@@ -227,16 +205,12 @@ class DDPGuidance:
         short: Callable[[], bool] = lambda: False,
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
-        (course, length), d, times = start, self.problem.dynamics, query.times
-        course.states[0] = query.x
-        cost, penalised, sound = np.inf, np.inf, False
+        (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
+        course.states[0], cost, penalised, sound = query.x, np.inf, np.inf, False
         for warmth, rounds in stages:
-            if length < 1:
-                return None
-            task, most = self.tasks[warmth], 0 if short() else rounds
-            length, cost, penalised, sound = self.optimise(
-                query.setup, task, query.clock, query.key, most, course, length
-            )
+            if length > 0:
+                most, task = 0 if short() else rounds, self.tasks[warmth]
+                length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
         if length < 1:
             return None
         end = min(length + self.onward, len(course.control))
@@ -264,17 +238,21 @@ class DDPGuidance:
         places = np.column_stack([np.interp(at, ends, column) for column in states.T[:2]])
         times, offset = np.interp(at, ends, query.clock), Scales.of(self.problem, states[0]).wall_offset
         slopes, bends = np.zeros((total, 2)), np.zeros((total, 2, 2))
-        slopes[:count], bends[:count] = drift_along(query.setup.world.moving.kernels)(
-            query.setup, places, times, offset
-        )
+        along = drift_along(query.setup.world.moving.kernels)
+        slopes[:count], bends[:count] = along(query.setup, places, times, offset)
         return slopes, bends
 
 
-def _noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning) -> Noise:
+def _noise_of(
+    problem: Problem, setup: Setup, width: int, tuning: ProposalTuning
+) -> tuple[float, float, bool, int, Array]:
     """Measure the noise of a problem by the derivatives of its steps at some states, with `width` modes.
 
     Where inputs carry the noise, each in turn is at the strength that costs as much as time. An OptionError is raised
     if no noise reaches the position.
+    Returns: b of a position's variance b^2 t^3 / 3, where noise acts on the velocity [m/s^1.5], and of b^2 t, where it
+        acts on the position [m/sqrt(s)]; whether steps have second derivatives; bit k tells whether drift or q depends
+        on the k-th state; weights (n,) of squared differences between states, inverse to their noise, the first's 1.
     """
     d, h = problem.dynamics, tuning.spreading / tuning.spreading_steps
     lower, upper = d.box(problem.scene)
@@ -306,4 +284,4 @@ def _noise_of(problem: Problem, setup: Setup, width: int, tuning: ProposalTuning
     np.divide(squares[0], squares, out=metric, where=squares > 1e-9 * squares.max())
     position = math.sqrt(at_once if at_once else most / tuning.spreading)
     strength = math.sqrt(3.0 * most / tuning.spreading**3)
-    return Noise(strength, position, metric, curved=bend > tuning.straight, active=active)
+    return strength, position, bend > tuning.straight, active, metric

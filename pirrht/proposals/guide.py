@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.arcs import Curves
 from pirrht.proposals.proposal import ProposalControl
 from pirrht.proposals.tuning import ProposalTuning
 from pirrht.rollouts.tables import FINER, LawRows, ProposalTables, Setup
@@ -60,16 +61,11 @@ def empty_course(T: int, n: int, modes: int) -> Course:
     )  # fmt: skip
 
 
-class Track(NamedTuple):
-    """Straight lines between the states of a guide."""
-
-    tails: Array  # (k, n)
-    heads: Array  # (k, n)
-    cost: Array  # (k,) [cost]
-
-    def points(self, spacing: float) -> list[Array]:
-        """Return every piece as a line of two points (2, 2) [m], at any `spacing` [m]."""
-        return list(np.stack([self.tails[:, :2], self.heads[:, :2]], axis=1))
+def straight(states: Array, cost: Array) -> Curves:
+    """Return straight lines between states (k+1, n) of costs (k,)."""
+    dx, dy = np.diff(states[:, :2], axis=0).T
+    start = np.column_stack([states[:-1, :2], np.arctan2(dy, dx)])
+    return Curves(start, np.zeros((len(dx), 1)), np.hypot(dx, dy)[:, None], cost, states[:-1], states[1:])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,13 +113,11 @@ class DDPGuide:
             return None
         states = self.states[[*range(passed, self.length + 1), self.length]]
         states[-1, :2] = goal
-        travel = np.hypot(*np.diff(states[:, :2], axis=0).T)
-        steps = np.diff(self.times)[passed : self.length]
+        travel, steps = np.hypot(*np.diff(states[:, :2], axis=0).T), np.diff(self.times)[passed : self.length]
         durations = np.append(steps, travel[-1] * steps.sum() / max(travel[:-1].sum(), 1e-9))
-        return Trajectory(
-            controls=np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)]), durations=durations,
-            path=Track(states[:-1], states[1:], durations), cost=float(durations.sum()), length=float(travel.sum()),
-        )  # fmt: skip
+        controls = np.vstack([self.tape[passed : self.length], np.zeros(self.dynamics.m)])
+        seconds, length, path = float(durations.sum()), float(travel.sum()), straight(states, durations)
+        return Trajectory(controls=controls, durations=durations, path=path, cost=seconds, length=length)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +182,6 @@ class Initialisation:
     optimise: Any  # kernel (`ddp`)
     tracking: Task  # under which aims are held to
     window: int | None  # last steps that are improved when more of a reference is tracked; None: all
-    asked: float  # |a| under which control costs as much as time [1/sqrt(s)]
     tuning: ProposalTuning
 
     def along(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
@@ -212,7 +205,7 @@ class Initialisation:
             if np.any(direction):
                 course = empty_course(len(control), self.dynamics.n, self.width)
                 course.control[:] = control
-                course.control[:steps, :m] += strength * self.asked * direction
+                course.control[:steps, :m] += strength * self.tracking.steep / self.tuning.steepest * direction
                 yield course, max(length, min(steps, len(control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:

@@ -89,8 +89,6 @@ class ProposalTuning(NamedTuple):
     averaged: float = 0.04  # least time over which it is averaged near walls and goal [s]
     averaged_moving: float = 0.01  # among moving obstacles: a closing gap is passed, or not, in less time [s]
     averaged_share: float = 0.5  # share of the time in which noise carries a path to the nearest of them
-    loose: float = 1.2  # clearance in deviations of noise since now below which walls ahead count partly,
-    tight: float = 0.7  # and below which they count fully
     arriving: float = 2.5  # deviations of noise since now within which paths arrive
     # Bias of a mean control near walls.
     moments: int = 8  # of Gauss's quadrature over the time of the mean

@@ -56,18 +56,15 @@ class Scales(NamedTuple):
 def window(noise: float, near: float, times: Array, longest: float, least: float = TUNING.averaged) -> int:
     """Return the number of leading steps of a grid (T+1,) [s] over which the control now is averaged, at least one.
 
-    Less the proposal, the optimal control changes about as fast as `noise` (`Scales`) carries a path to the nearest
-    wall or goal, `near` [m]. The average is over `least` to `longest` [s].
+    The rest of the control changes about as fast as `noise` (`Scales`) carries a path to the nearest wall or goal,
+    `near` [m]. The average is over `least` to `longest` [s].
     """
     span = min(max(TUNING.averaged_share * near**2 / noise, least), longest)
     return max(1, int(np.searchsorted(times, span + 1e-9, side="right")) - 1)
 
 
 def linear_law_weight(noise: float, near: float) -> float:
-    """Return the valid share of a linear law among moving obstacles, `near` [m] to walls and goal.
-
-    It is 1 where the shortest `window` suffices, and 0 where noise (`Scales`) carries paths to a wall within that.
-    """
+    """Return the valid share of a linear law among moving obstacles, `near` [m] to walls and goal: 1 far from them."""
     return min(1.0, TUNING.averaged_share * near**2 / (noise * TUNING.averaged_moving))
 
 
@@ -77,19 +74,10 @@ def under_way(noise: float, off: Array, times: Array) -> int:
     return int(np.argmax(early)) if early.any() else len(times)
 
 
-def squeezed(noise: float, clearances: Array, times: Array) -> float:
-    """Return the weight of walls ahead, from 0 to 1, by clearances (k,) [m] at some times (k,) [s]."""
-    least = float(np.min(clearances / np.sqrt(noise * times)))
-    return min(max((TUNING.loose - least) / (TUNING.loose - TUNING.tight), 0.0), 1.0)
-
-
 def shortfall(c: float, s: float, variance: float, span: float) -> float:
-    """Return the loss of slope of log psi at a flat wall in the mean over a time span [s], [1/m].
+    """Return the loss of slope of log psi in the mean over a time span [s] at a flat wall c [m] away, [1/m].
 
-    Args:
-        c: distance from the wall [m].
-        s: speed away from it, as seen from it [m/s]; towards it counts as along it.
-        variance: of the noise, b^2 [m^2/s].
+    The point goes away from it at a speed s [m/s], 0 at least, under noise of the variance b^2 [m^2/s].
     """
     g, total = max(s, 0.0) / variance, 0.0
     if g * c > TUNING.out_of_reach:
@@ -108,15 +96,11 @@ def shortfall(c: float, s: float, variance: float, span: float) -> float:
 def speed_of(mean: float, c: float, variance: float, span: float) -> float:
     """Solve for the speed s of `shortfall` by the slope's mean [1/m], as seen from the wall; 0 at least."""
     low, high = 0.0, max(mean, 0.0) * variance  # the mean is no less than s / variance
-    for k in range(TUNING.bisections):
-        s = 0.5 * (low + high) if k > 0 else 0.0
-        g = s / variance
-        now = 1.0 / c if g * c < TUNING.along else g / math.tanh(g * c)
-        enough = now - shortfall(c, s, variance, span) >= mean
-        if k == 0 and enough:
-            return 0.0
-        low, high = (low, s) if enough else (s, high)
-    return 0.5 * (low + high)
+    for _ in range(TUNING.bisections):
+        s = 0.5 * (low + high)
+        now = 1.0 / c if s * c < TUNING.along * variance else s / variance / math.tanh(s * c / variance)
+        low, high = (low, s) if now - shortfall(c, s, variance, span) >= mean else (s, high)
+    return low
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,12 +119,11 @@ class WallDrift:
     behind: float = 0.0  # `ProposalTables.set_back` [m]
     slack: float = 0.0  # by which the field's clearance is too small where the plan was made [m]
     time: float = 0.0  # of the plan, on their clock [s]
-    known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False)  # `_at`, if constant
+    known: tuple[Array, float] | None = dataclasses.field(init=False, repr=False, default=None)  # `_at`, if constant
 
     def __post_init__(self) -> None:
-        d = self.problem.dynamics
-        object.__setattr__(self, "known", None)
-        object.__setattr__(self, "known", self._at(np.zeros(d.n)) if d.constant else None)
+        if self.problem.dynamics.constant:
+            object.__setattr__(self, "known", self._at(np.zeros(self.problem.dynamics.n)))
 
     def __call__(self, x: Array, s: float = 0.0, closest: float | None = None) -> Array:
         """Return the control (m,) at x (n,), s [s] after the plan, for walls at least `closest` [m] away (or `_at`)."""
@@ -181,36 +164,26 @@ def _walls_at(field, x, y, closest, slack, behind):  # type: ignore[no-untyped-d
 
 
 class FlatWalls(NamedTuple):
-    """Walls that bias the mean of the whole control of a point, and the system there."""
+    """The two walls nearest to a point at the moment of a plan, which bias the mean of its control over a time."""
 
-    walls: tuple[tuple[float, Array, float], ...]  # distance [m], direction (2,) away and receding speed [m/s] of each
-    gain: Array  # lambda R^-1 G', (m, 2)
-    moved: Array  # G, (2, m)
-    noise: Array  # BB', (2, 2) [m^2/s]
+    drift: WallDrift
+    x: Array  # (2,) [m]
     span: float  # over which the mean is taken [s]
-
-    @classmethod
-    def of(cls, drift: WallDrift, x: Array, span: float) -> FlatWalls:
-        """Evaluate the two walls that are nearest to x (2,) at the moment of a plan."""
-        d, now, then = drift.problem.dynamics, drift.walls(x), drift.walls(x, TUNING.wall_step)
-        B, walls = d.B_c(x), []
-        for k in (0, 3):
-            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
-            if math.isfinite(c) and c > 0.0 and away.any():
-                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
-                speeds = ((float(then[j]) - c) / TUNING.wall_step for j in alike)
-                walls.append((c, away, min(speeds, key=abs, default=0.0)))
-        return cls(tuple(walls), drift.gain(x), d.G_c(x), B @ B.T, span)
 
     def missing(self, mean: Array) -> Array:
         """Return the control (m,) that a mean (m,) over `span` lacks near the walls."""
-        slope, velocity = np.zeros(2), self.moved @ mean
-        for c, away, receding in self.walls:
-            variance = float(away @ self.noise @ away)
-            if shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
+        d, now, then = self.drift.problem.dynamics, self.drift.walls(self.x), self.drift.walls(self.x, TUNING.wall_step)
+        slope, velocity, B = np.zeros(2), d.G_c(self.x) @ mean, d.B_c(self.x)
+        for k in (0, 3):
+            c, away = float(now[k]), np.array(now[k + 1 : k + 3], dtype=float)
+            variance = float(away @ B @ B.T @ away)
+            near = variance > 0.0 and 0.0 < c < math.inf
+            if near and shortfall(c, 0.0, variance, self.span) >= TUNING.unbiased / c:
+                alike = (j for j in (0, 3) if away @ np.array(then[j + 1 : j + 3], dtype=float) > TUNING.same_wall)
+                receding = min(((float(then[j]) - c) / TUNING.wall_step for j in alike), key=abs, default=0.0)
                 speed = speed_of((float(away @ velocity) + receding) / variance, c, variance, self.span)
                 slope += away * shortfall(c, speed, variance, self.span)
-        return np.asarray(self.gain @ slope)
+        return np.asarray(self.drift.gain(self.x) @ slope)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,30 +191,28 @@ class NearWalls:
     """Wall drift at a state, and its effect on the mean control over leading steps.
 
     A proposal counts by its value at the start, and the mean is that of the rest. For a point whose optimal control is
-    a martingale (`rollouts.step`) it counts in part, and the mean is corrected by the bias of walls.
+    a martingale (`rollouts.step`) it does not, and the mean is corrected by the bias of walls.
     """
 
     push: Array  # wall drift, (m,); the mean is without it
     clipped: Array  # drift left out where a wall is very near, (m,)
-    counted: float = 1.0  # share of the proposal that counts by its value at the start, and of the drift
     flat: FlatWalls | None = None
 
     @classmethod
-    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None, counted: float = 1.0) -> NearWalls:
+    def of(cls, drift: WallDrift, x: Array, flat: FlatWalls | None = None) -> NearWalls:
         """Evaluate the wall drift at x (n,) at the moment of a plan."""
         here = drift(x)
-        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, counted=counted, flat=flat)
+        return cls(push=here, clipped=drift(x, closest=TUNING.least_gap) - here, flat=flat)
 
     def corrected_control(self, mean: Array, proposed: Array) -> tuple[Array, Array]:
         """Return the control without wall drift, and its error, (m,) each.
 
-        The error is the mean's rest on top of the proposal's mean `proposed` (m,) where the drift is large against the
-        rest of the control, nothing in the open; and a share of the bias of walls.
+        The error is a share of the bias of walls, or the mean's rest on top of the proposal's mean `proposed` (m,)
+        where the drift is large against the rest of the control, nothing in the open.
         """
+        if self.flat is not None:
+            missing = self.flat.missing(mean)
+            return mean + missing - self.push, TUNING.unsure * np.abs(missing)
         hard, rest = float(np.linalg.norm(self.push)), float(np.linalg.norm(mean))
         share = hard / (hard + rest) if hard > 0.0 else 0.0
-        unresolved = self.counted * (np.abs(share * (mean - proposed)) + np.abs(self.clipped))
-        if self.flat is None:
-            return mean, unresolved
-        missing = (1.0 - self.counted) * self.flat.missing(mean)
-        return mean + missing - (1.0 - self.counted) * self.push, TUNING.unsure * np.abs(missing) + unresolved
+        return mean, np.abs(share * (mean - proposed)) + np.abs(self.clipped)

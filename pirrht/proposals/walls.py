@@ -144,12 +144,10 @@ def drift_along(moving: MovingKernels) -> Any:
                 least = max(float(gap), TUNING.drift_gap * offset)
                 push = offset / (least * (least + offset))
                 fall = -push * (1.0 / least + 1.0 / (least + offset))
-                slopes[i, 0] += push * wx
-                slopes[i, 1] += push * wy
-                bends[i, 0, 0] += fall * wx * wx
-                bends[i, 0, 1] += fall * wx * wy
-                bends[i, 1, 0] += fall * wx * wy
-                bends[i, 1, 1] += fall * wy * wy
+                for j, one in ((0, wx), (1, wy)):
+                    slopes[i, j] += push * one
+                    bends[i, j, 0] += fall * one * wx
+                    bends[i, j, 1] += fall * one * wy
         return slopes, bends
 
     return drift

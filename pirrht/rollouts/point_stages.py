@@ -20,8 +20,7 @@ from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, fitting, wall_slope
 from pirrht.rollouts.tables import NUMBERS, slope_of, tube_at
 from pirrht.rollouts.tuning import TUNING
-from pirrht.topology.crossings import key_of_step, turn_at_cut
-from pirrht.topology.tuning import TUNING as TOPOLOGY
+from pirrht.topology.crossings import FEW_MARKERS, key_of_step, turn_at_cut
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
 FAR_PER, MIN_MISSED = np.float32(FAR), np.float32(1e-7)
@@ -190,7 +189,7 @@ def move(h, B, f, a, n):  # type: ignore[no-untyped-def]
 @inlined
 def cross(cuts, f, long, n):  # type: ignore[no-untyped-def]
     """Add the turns of the cuts that are crossed to the keys."""
-    if TOPOLOGY.few_markers < cuts.M:
+    if FEW_MARKERS < cuts.M:
         for k in range(n):
             long[KEY + k] += key_of_step(cuts, f[X + k], f[Y + k], f[NX + k], f[NY + k])
         return

@@ -242,10 +242,8 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 class MassSteering(CompiledSteering):
     """The double integrator's optimum for the integral of q + (r/2) |a|^2 (Webb and van den Berg 2013).
 
-    The root is the goal point with a free velocity, which is written as not a number.
-
-    Raises:
-        OptionError: one of the numbers is not positive.
+    The root is the goal point with a free velocity, which is written as not a number. OptionError: one of the
+    numbers is not positive.
     """
 
     q: float = 1.0  # cost rate [cost/s]

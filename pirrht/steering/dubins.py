@@ -129,8 +129,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 class Dubins(CompiledSteering):
     """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
 
-    Raises:
-        OptionError: V or rho is not a positive number.
+    OptionError: V or rho is not a positive number.
     """
 
     V: float = 1.0  # speed [m/s]
@@ -148,11 +147,7 @@ class Dubins(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> Dubins:
-        """Take the Dubins curves of a problem whose dynamics is a `Unicycle` (the paper's second example).
-
-        Raises:
-            OptionError: the dynamics is another.
-        """
+        """Take the Dubins curves of a `Unicycle` (the paper's second example); OptionError for another dynamics."""
         car = problem.dynamics
         if not isinstance(car, Unicycle):
             raise OptionError(f"Dubins curves steer a Unicycle, not {type(car).__name__}; bring a Steering")

@@ -150,8 +150,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 class InTime(CompiledSteering):
     """Legs of a point in space and time, for a robot that is one or for proposals of another that track them.
 
-    Raises:
-        OptionError: q or r is not a positive number, or the limit is a negative one or slower than the best speed.
+    OptionError: q or r is not a positive number, or the limit is a negative one or slower than the best speed.
     """
 
     q: float = 1.0  # cost rate [cost/s]
@@ -177,9 +176,7 @@ class InTime(CompiledSteering):
         """Take legs for any problem, of a point or for another system to track, at most at a speed [m/s].
 
         `pace` is the best speed of another [m/s]; None: that at which its cost per meter is least.
-
-        Raises:
-            OptionError: the cost of the problem tells no pace, or the limit is no speed.
+        OptionError: the cost of the problem tells no pace, or the limit is no speed.
         """
         d = problem.dynamics
         R = problem.control_cost(np.zeros(d.n))

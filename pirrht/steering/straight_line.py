@@ -82,8 +82,7 @@ class StraightLine(Lines):
     def of(cls, problem: Problem) -> StraightLine:
         """Take the optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1).
 
-        Raises:
-            OptionError: the dynamics is no point in the plane that is pushed around, or R is another.
+        OptionError: the dynamics is no point in the plane that is pushed around, or R is another.
         """
         d = problem.dynamics
         if not d.n == d.m == 2:
@@ -115,8 +114,7 @@ class Tracked(Lines):
     def of(cls, problem: Problem, pace: float | None = None) -> Tracked:
         """Take lines for any problem at a pace [m/s]; None: that at which the problem's cost per meter is least.
 
-        Raises:
-            OptionError: the pace is not positive, or the cost tells none.
+        OptionError: the pace is not positive, or the cost tells none.
         """
         d, x = problem.dynamics, problem.dynamics.state_of(problem.scene.start)
         # G R^-1 G', (n, n): what states yield to a control of a given cost
@@ -147,8 +145,7 @@ class Tracked(Lines):
 def _pace_of(problem: Problem) -> float:
     """Find the only speed of a system whose positions are not actuated, or that where q per meter is least [m/s].
 
-    Raises:
-        OptionError: the cost tells none.
+    OptionError: the cost tells none.
     """
     d = problem.dynamics
     lower, upper = d.box(problem.scene)

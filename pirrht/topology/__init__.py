@@ -6,7 +6,6 @@ crossings          rays behind static markers, and which of them segments and ar
 tracks             trajectories of moving markers, and angles of steps about them
 moving_crossings   rays of moving markers that legs and sampled paths cross
 obstacles          components of the inflated obstacles, around which paths can wind
-tuning             tuned numbers
 
 H = 1 + H(base) + integers: equal classes are equal tuples, without a tolerance. It imports `geometry` and `jit`.
 """

@@ -17,7 +17,10 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.geometry.arcs import along, center_of, turns_of_chord, turns_of_piece
 from pirrht.jit.jit import borrowing, inlined, kernel, load_float64, load_int32, load_int64
-from pirrht.topology.tuning import TUNING
+
+FEW_MARKERS = 8  # up to so many markers are all tested: measured as faster than finding their sector
+SECTOR_MARGIN = 1e-9  # sectors are widened by so much for rounding, of 4 for a whole turn
+GOAL_MARGIN = 1e-6  # a segment that passes the goal point this close, against its length, tests all markers
 
 
 class CutTable(NamedTuple):
@@ -43,7 +46,7 @@ class Cuts(CutTable):
     def of(cls, markers: Array, goal: Array, weights: NDArray[np.int64]) -> Cuts:
         """Sort markers (M, 2) around the goal point (2,) [m]; `weights` (M,) are the additive keys of one turn."""
         M = len(markers)
-        B = M if TUNING.few_markers < M else 1
+        B = M if FEW_MARKERS < M else 1
         away = np.array([direction(dx, dy) for dx, dy in markers - goal]).reshape(M)
         order = np.argsort(away, kind="stable")
         start = np.searchsorted(np.minimum((away[order] * (0.25 * B)).astype(np.int64), B - 1), np.arange(B + 1))
@@ -74,15 +77,15 @@ def sector(cuts, ax, ay, cx, cy):  # type: ignore[no-untyped-def]
         return 0, cuts.M
     ux, uy, vx, vy = ax - cuts.goal_x, ay - cuts.goal_y, cx - cuts.goal_x, cy - cuts.goal_y
     cross, dot = ux * vy - uy * vx, ux * vx + uy * vy
-    if dot <= 0.0 and abs(cross) <= -TUNING.goal_margin * dot:
+    if dot <= 0.0 and abs(cross) <= -GOAL_MARGIN * dot:
         return 0, cuts.M
     low, high = direction(ux, uy), direction(vx, vy)
     if cross < 0.0:
         low, high = high, low
-    if high < low - TUNING.sector_margin:
+    if high < low - SECTOR_MARGIN:
         high += 4.0
-    first = math.floor((low - TUNING.sector_margin) * 0.25 * B)
-    last = math.floor((high + TUNING.sector_margin) * 0.25 * B)
+    first = math.floor((low - SECTOR_MARGIN) * 0.25 * B)
+    last = math.floor((high + SECTOR_MARGIN) * 0.25 * B)
     if first < 0:
         first, last = first + B, last + B
     last = min(last, first + B - 1)

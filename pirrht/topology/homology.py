@@ -136,19 +136,19 @@ def write_base(markers, tracks, goal, speed, x, out):  # type: ignore[no-untyped
         out[static + j] = 0.0
         if x[2] < math.inf:
             arrival = x[2] + math.hypot(gx - x[0], gy - x[1]) / speed
-            out[static + j] = turns_of_step(tracks, j, x[0], x[1], x[2], gx, gy, arrival)
+            out[static + j] = turns_of_step(tracks, j, (x[0], x[1], x[2]), (gx, gy, arrival))
 
 
 @kernel
 def _turns(path, markers, tracks, out):  # type: ignore[no-untyped-def]
     static = markers.shape[0]
     for i in range(path.shape[0] - 1):
-        a, b = path[i], path[i + 1]
+        a, b = as_tuple(path[i], 3), as_tuple(path[i + 1], 3)
         for k in range(static):
             x, y = markers[k, 0], markers[k, 1]
             out[k] += turns_of_chord(a[0] - x, a[1] - y, b[0] - x, b[1] - y)
         for j in range(tracks.J):
-            out[static + j] += turns_of_step(tracks, j, a[0], a[1], a[2], b[0], b[1], b[2])
+            out[static + j] += turns_of_step(tracks, j, a, b)
 
 
 @kernel

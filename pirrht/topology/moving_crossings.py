@@ -17,19 +17,23 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.spans import BOX, span_at
+from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64, part
 from pirrht.topology.crossings import Cuts, crossed
 from pirrht.topology.tracks import (
+    BOX,
+    BOX_SPAN,
     MarkerTrajectories,
     crossing,
     crossings_of_step,
     crossings_of_waiting,
-    place_at,
     places_at,
     rows_of,
+    seen_from,
 )
-from pirrht.topology.tuning import TUNING
+
+OUTSIDE_MARGIN = 1e-9  # a marker must be farther than this from a triangle to lie outside of it [m^2]
+BASE_PIECE = 0.02  # the base of sampled paths is evaluated so often [s]: rays hardly turn in between
 
 
 class MarkerTable(NamedTuple):
@@ -80,13 +84,6 @@ def whole_turns(tracks, j, goal, speed, a, b, to_goal):  # type: ignore[no-untyp
     return crossings_of_step(tracks, j, a, b, first, last) + head - base
 
 
-@inlined
-def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
-    """Relative position of (x, y) [m], seen from marker j at t [s], (x, y) [m]."""
-    mx, my = place_at(tracks, j, t)
-    return x - mx, y - my
-
-
 @kernel
 def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-untyped-def]
     """Crossings of the ray of marker j by the base from `start`, less those of waiting at its end forever.
@@ -111,10 +108,16 @@ def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
     box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)
     now, one, two, three = s, True, True, True
     while one or two or three:
-        i, left = span_at(now - load_float64(tracks.time, begin), period, last - box, TUNING.box_span)
+        own, left = now - load_float64(tracks.time, begin), math.inf
+        if period > 0.0:
+            own -= max(math.floor(own / period), 0.0) * period
+            left = period - own
+        i = min(max(int(own / BOX_SPAN), 0), last - box - 1)
+        if period > 0.0 or i < last - box - 1:
+            left = min(left, (i + 1) * BOX_SPAN - own)
         at = tracks.boxes + 8 * BOX * (box + i)
         one, two, three = one and _beyond(first, at), two and _beyond(second, at), three and _beyond(third, at)
-        now += left
+        now += max(left, GEOMETRY.moment)
         if now > t:
             return one or two or three
     return False
@@ -135,7 +138,7 @@ def _beyond(line, box):  # type: ignore[no-untyped-def]
     """Return whether all of a box, at its address, has a number of `_far_side` that is positive beyond rounding."""
     a, b, c = line
     x, y = load_float64(box, 0 if a > 0.0 else 2), load_float64(box, 1 if b > 0.0 else 3)
-    return a * x + b * y - c > TUNING.outside_margin
+    return a * x + b * y - c > OUTSIDE_MARGIN
 
 
 class RayTable(NamedTuple):
@@ -153,7 +156,7 @@ class RayTable(NamedTuple):
 
         `weight` (J,) are the additive keys of one turn, `goal` (2,) is the goal point [m].
         """
-        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / TUNING.base_piece))
+        fine = np.linspace(times[0], arrival, 2 + int((arrival - times[0]) / BASE_PIECE))
         base = x[:2] + np.linspace(0.0, 1.0, len(fine))[:, None] * (goal - x[:2])
         seen, along = (_goal_seen(tracks, goal, some) for some in (times, fine))
         # At its end, the goal point itself, it is on no ray.

@@ -7,7 +7,7 @@ distance from a convex solid, is convex, and so is every minimisation below.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +15,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
-from pirrht.topology.tuning import TUNING
 
-_GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
+NOWHERE = np.full(2, np.inf)
+CUT_ROUNDS = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -38,7 +38,7 @@ def components(collision: Collision) -> tuple[Component, ...]:
     planar = _Planar(collision)
     label = np.arange(len(planar.obstacles))
     for i, j in planar.candidates():
-        if label[i] != label[j] and planar.meet(i, j):
+        if label[i] != label[j] and planar.common(i, j) is not None:
             first, last = sorted((label[i], label[j]))
             label[label == last] = first
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
@@ -79,9 +79,11 @@ def continued(
 
 
 def _component(planar: _Planar, members: list[int]) -> Component | None:
-    border = any(planar.joins_border(i) for i in members)
-    if not border and not any(planar.within(i) for i in members):
+    world = planar.world
+    inside = [i for i in members if planar.common(i, i, world.lower, world.upper) is not None]
+    if not inside:
         return None
+    border = any(map(planar.leaves, inside))
     areas = np.prod(planar.high[members] - planar.low[members], axis=1)
     largest = members[int(np.flatnonzero(areas >= areas.max() * (1 - 1e-9))[0])]
     names = tuple(planar.obstacles[i].name for i in members)
@@ -102,9 +104,9 @@ class _Planar:
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius
         self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
 
-    def distance(self, i: int, x: float, y: float) -> float:
+    def distance(self, i: int, *point: float) -> float:
         """d_i at a planar point [m]."""
-        return float(self.collision.obstacle_distance(i, np.array([[x, y]]))[0])
+        return float(self.collision.obstacle_distance(i, np.array([point]))[0])
 
     def candidates(self) -> list[tuple[int, int]]:
         """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
@@ -116,28 +118,33 @@ class _Planar:
             pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
         return sorted(pairs)
 
-    def meet(self, i: int, j: int) -> bool:
-        """Return whether P_i and P_j intersect, by the centre-of-gravity method.
+    def common(
+        self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE, shrunk: float = 0.0
+    ) -> Array | None:
+        """Find a point (2,) of P_i and P_j, shrunk [m], between two corners (2,) [m]; None: no such.
 
-        It asks the centroid c of what is left of the common rectangle; if d(c) exceeds the radius, convexity excludes
-        all q with d(c) + slope (q - c) > radius. Each round takes at least 37 % of the area.
+        The centre-of-gravity method asks the centroid c of what is left of the common rectangle; if d(c) exceeds the
+        radius, convexity excludes all q with d(c) + slope (q - c) > radius: at least 37 % of the area each time.
         """
-        low, high = np.maximum(self.low[i], self.low[j]), np.minimum(self.high[i], self.high[j])
+        low = np.maximum.reduce([self.low[i], self.low[j], lower])
+        high = np.minimum.reduce([self.high[i], self.high[j], upper])
+        if np.any(low > high):
+            return None
         polygon = np.array([low, [high[0], low[1]], high, [low[0], high[1]]])
-        for _ in range(TUNING.cut_rounds):
+        for _ in range(CUT_ROUNDS):
             center, area = _centroid(polygon)
-            excess = {k: self.distance(k, *center) - self.radius for k in (i, j)}
+            excess = {k: self.distance(k, *center) - self.radius + shrunk for k in {i, j}}
             if max(excess.values()) <= 0:
-                return True
+                return center
             size = float(np.abs(polygon - center).sum(axis=1).max())
-            for k in (i, j):
-                if excess[k] > 0:
+            for k, more in excess.items():
+                if more > 0:
                     slope = self.slope(k, *center)
-                    most = slope @ center - excess[k] + min(self.doubt[k] * size, excess[k])
+                    most = slope @ center - more + min(self.doubt[k] * size, more)
                     polygon = _clipped(polygon, polygon @ slope - most)
             if len(polygon) < 3 or area < 1e-18:
-                return False
-        return False
+                break
+        return None
 
     def slope(self, i: int, x: float, y: float) -> Array:
         """Gradient of d_i at a planar point, (2,)."""
@@ -145,56 +152,20 @@ class _Planar:
         d = self.collision.obstacle_distance(i, np.array([[x + h, y], [x, y + h], [x - h, y], [x, y - h]]))
         return np.asarray((d[:2] - d[2:]) / (2 * h))
 
-    def joins_border(self, i: int) -> bool:
-        """Return whether P_i meets a side of the workspace."""
-        low, high = np.maximum(self.low[i], self.world.lower), np.minimum(self.high[i], self.world.upper)
-        if np.any(low > high):
-            return False
-        for axis, level in [(k, float(side[k])) for k in (0, 1) for side in (self.world.lower, self.world.upper)]:
-
-            def along(t: float, axis: int = axis, level: float = level) -> float:
-                return self.distance(i, level, t) if axis == 0 else self.distance(i, t, level)
-
-            touches = self.low[i, axis] <= level <= self.high[i, axis]
-            if touches and _least(along, low[1 - axis], high[1 - axis], self.radius)[1] <= self.radius:
-                return True
-        return False
-
-    def within(self, i: int) -> bool:
-        """Return whether P_i, known not to meet the border, is inside the workspace and not empty."""
-        if np.any(self.low[i] > self.world.upper) or np.any(self.high[i] < self.world.lower):
-            return False
-        point = self.center(i)
-        return self.world.contains(point) and self.distance(i, *point) <= self.radius
+    def leaves(self, i: int) -> bool:
+        """Return whether some of P_i is not in the workspace."""
+        world = self.world
+        sides = [(-NOWHERE, np.where(axis, world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
+        sides += [(np.where(axis, world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
+        return any(self.common(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:
-        """The solid's centre seen from above, (2,) [m]; if that is outside P_i, where d_i is least."""
+        """The solid's centre seen from above, (2,) [m]; else a point of P_i, of the solid if there is one."""
         center = np.array(self.obstacles[i].position[:2], dtype=float)
         if self.distance(i, *center) <= self.radius:
             return center
-        (left, low), (right, high) = self.low[i], self.high[i]
-
-        def column(x: float) -> tuple[float, float]:
-            return _least(lambda y: self.distance(i, x, y), low, high, 0.0)
-
-        x = _least(lambda x: column(x)[1], left, right, 0.0)[0]
-        return np.array([x, column(x)[0]])
-
-
-def _least(f: Callable[[float], float], a: float, b: float, enough: float) -> tuple[float, float]:
-    """Minimise a convex function on [a, b], or down to `enough`, by golden sections: place and value."""
-    c, d = b - _GOLDEN * (b - a), a + _GOLDEN * (b - a)
-    at_c, at_d = f(c), f(d)
-    while b - a > 1e-9 and min(at_c, at_d) > enough:
-        if at_c <= at_d:
-            b, d, at_d = d, c, at_c
-            c = b - _GOLDEN * (b - a)
-            at_c = f(c)
-        else:
-            a, c, at_c = c, d, at_d
-            d = a + _GOLDEN * (b - a)
-            at_d = f(d)
-    return min((at_c, c), (at_d, d))[::-1]
+        inside = self.common(i, i, shrunk=self.radius)
+        return np.asarray(self.common(i, i) if inside is None else inside)
 
 
 def _centroid(polygon: Array) -> tuple[Array, float]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,11 +18,14 @@ from pirrht.geometry.arcs import turns_of_chord
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle
 from pirrht.geometry.scene import Footprint, Workspace
-from pirrht.geometry.spans import BOX, boxes_of
 from pirrht.geometry.tuning import TUNING as GEOMETRY
 from pirrht.jit.jit import inlined, kernel, load_float64, load_int64
 from pirrht.topology.obstacles import components
-from pirrht.topology.tuning import TUNING
+
+BOX_SPAN = 2.0  # of the boxes that a marker's trajectory lies in [s]: short is exact, long is quick
+CHORD_ERROR = 0.25  # deviation of a trajectory from its chords [robot radii]: few rows, same side
+MARKER_OFFSET = (1.7e-3, -2.9e-3)  # of moving markers from the middle [robot radii]: off lines
+BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 
 
 class TrajectoryTable(NamedTuple):
@@ -54,9 +57,7 @@ class MarkerTrajectories(TrajectoryTable):
         every = np.vstack([np.zeros((0, 3)), *paths])
         columns = (np.ascontiguousarray(column) for column in every.T)
         begun = [path - [path[0, 0], 0.0, 0.0] for path in paths]
-        boxes = [
-            boxes_of(path, repeat=again > 0.0, span=TUNING.box_span) for path, again in zip(begun, periods, strict=True)
-        ]
+        boxes = [_boxes_of(path, repeat=again > 0.0) for path, again in zip(begun, periods, strict=True)]
         firsts = (np.cumsum([0, *map(len, parts)]).astype(np.int64) for parts in (paths, boxes))
         first, first_box = firsts
         every_box = np.ascontiguousarray(np.vstack([np.zeros((0, BOX)), *boxes]))
@@ -67,6 +68,20 @@ class MarkerTrajectories(TrajectoryTable):
         tracks = cls(len(paths), *(array.ctypes.data for array in arrays))
         tracks.arrays = arrays
         return tracks
+
+
+def _boxes_of(path: Array, *, repeat: bool) -> Array:
+    """Return boxes (k, BOX) [m] of a path (n, 3) of t, x, y, span by span from 0 on.
+
+    The first is right for earlier times as well. If the path does not start over, the last is where it stays.
+    """
+    edges = BOX_SPAN * np.arange(max(1, math.ceil(path[-1, 0] / BOX_SPAN)) + 1)
+    times = np.union1d(edges, path[:, 0])
+    places = np.column_stack([np.interp(times, path[:, 0], path[:, k]) for k in (1, 2)])
+    at = np.searchsorted(times, edges)
+    low, high = (extreme(extreme.reduceat(places, at[:-1]), places[at[1:]]) for extreme in (np.minimum, np.maximum))
+    boxes = np.hstack([low, high])
+    return boxes if repeat else np.vstack([boxes, np.tile(path[-1, 1:3], 2)])
 
 
 def _crossed(seen: Array) -> IntArray:
@@ -83,77 +98,6 @@ def rows_of(tracks, j):  # type: ignore[no-untyped-def]
     return load_int64(tracks.first, j), load_int64(tracks.first, j + 1), load_float64(tracks.period, j)
 
 
-@kernel
-def turns_of_step(tracks, j, ax, ay, s, bx, by, t):  # type: ignore[no-untyped-def]
-    """Turn [turns] about marker j of a step that goes straight from (ax, ay) [m] at s to (bx, by) at t >= s [s]."""
-    begin, end, period = rows_of(tracks, j)
-    shift = shift_of(tracks, begin, period, s)
-    k = next_place(tracks, begin, end, s - shift)
-    mx, my = _place(tracks, begin, end, k, s - shift)
-    fx, fy = ax - mx, ay - my
-    total, now = 0.0, s
-    while True:
-        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
-        until = min(knot, t)
-        share = (until - s) / (t - s) if t > s else 1.0
-        px, py = ax + share * (bx - ax), ay + share * (by - ay)
-        mx, my = _place(tracks, begin, end, k, until - shift)
-        total += turns_of_chord(fx, fy, px - mx, py - my)
-        fx, fy, now = px - mx, py - my, until
-        if now >= t:
-            return total
-        k += 1
-        if k == end and period > 0.0:
-            k, shift = begin + 1, shift + period
-            gx, gy = px - load_float64(tracks.x, begin), py - load_float64(tracks.y, begin)
-            total += turns_of_chord(fx, fy, gx, gy)  # nothing but where the body jumps
-            fx, fy = gx, gy
-
-
-@kernel
-def crossings_of_step(tracks, j, a, b, first, last):  # type: ignore[no-untyped-def]
-    """Count crossings of the ray to the left by a straight step, seen from marker j; clockwise ones negative.
-
-    It goes from a to a later b, (3) each [m, m, s], which the marker sees at `first` and `last`, (2) each [m]. Only for
-    steps that are closed together the number has a meaning.
-    """
-    (ax, ay, s), (bx, by, t), (fx, fy), (lx, ly) = a, b, first, last
-    begin, end, period = rows_of(tracks, j)
-    shift = shift_of(tracks, begin, period, s)
-    k, count = next_place(tracks, begin, end, s - shift), 0
-    if period > 0.0:  # it may jump just now
-        mx, my = _place(tracks, begin, end, k, s - shift)
-        count += crossing(fx, fy, ax - mx, ay - my)
-        fx, fy = ax - mx, ay - my
-    rate = 1.0 / (t - s) if t > s else 0.0
-    while True:
-        knot = load_float64(tracks.time, k) + shift if k < end else math.inf
-        if knot >= t:
-            return count + crossing(fx, fy, lx, ly)
-        share = (knot - s) * rate
-        x, y = ax + share * (bx - ax), ay + share * (by - ay)
-        px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
-        count += crossing(fx, fy, px, py)
-        fx, fy, k = px, py, k + 1
-        if k == end and period > 0.0:  # the body jumps
-            k, shift = begin + 1, shift + period
-            px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
-            count += crossing(fx, fy, px, py)
-            fx, fy = px, py
-
-
-@kernel
-def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
-    """Count crossings while waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
-    begin, end, period = rows_of(tracks, j)
-    laps = _laps(tracks, begin, period, t)
-    k = next_place(tracks, begin, end, t - laps * period)
-    if k == begin:
-        return 0
-    px, py = gx - load_float64(tracks.x, k - 1), gy - load_float64(tracks.y, k - 1)
-    return laps * load_int64(tracks.lap, j) + load_int64(tracks.waited, k - 1) + crossing(px, py, lx, ly)
-
-
 @inlined
 def crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
     """1 if the line from a to b [m] crosses the ray from the origin to the left counter-clockwise, -1 if clockwise."""
@@ -166,7 +110,7 @@ def crossing(ax, ay, bx, by):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
+def _shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
     """Delay of a track's lap at t [s], whose places start at `begin`, from its first one [s]."""
     if period == 0.0 or not t > load_float64(tracks.time, begin):
         return 0.0
@@ -174,7 +118,7 @@ def shift_of(tracks, begin, period, t):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
+def _next_place(tracks, begin, end, t):  # type: ignore[no-untyped-def]
     """Find the first of the places from begin to end that comes after t [s] of its own clock; `end` if none does."""
     while begin < end:
         middle = (begin + end) // 2
@@ -210,7 +154,7 @@ def place_at(tracks, j, t):  # type: ignore[no-untyped-def]
     """Place marker j at t [s], (x, y) [m]; the earlier place where it jumps at that moment."""
     begin, end, period = rows_of(tracks, j)
     t -= _laps(tracks, begin, period, t) * period
-    return _place(tracks, begin, end, next_place(tracks, begin, end, t), t)
+    return _place(tracks, begin, end, _next_place(tracks, begin, end, t), t)
 
 
 @kernel
@@ -219,6 +163,70 @@ def places_at(tracks, times, out):  # type: ignore[no-untyped-def]
     for j in range(out.shape[0]):
         for i in range(times.shape[0]):
             out[j, i, 0], out[j, i, 1] = place_at(tracks, j, times[i])
+
+
+@inlined
+def seen_from(tracks, j, x, y, t):  # type: ignore[no-untyped-def]
+    """Relative position of (x, y) [m], seen from marker j at t [s], (x, y) [m]."""
+    mx, my = place_at(tracks, j, t)
+    return x - mx, y - my
+
+
+def _summed(measure: Any) -> Any:
+    """Build the kernel that sums a measure of what marker j sees over the pieces of a straight step.
+
+    It goes from a to a later b, (3) each [m, m, s], which the marker sees at `first` and `last`, (2) each [m].
+    """
+
+    @kernel
+    def summed(tracks, j, a, b, first, last):  # type: ignore[no-untyped-def]
+        (ax, ay, s), (bx, by, t), (fx, fy), (lx, ly) = a, b, first, last
+        begin, end, period = rows_of(tracks, j)
+        shift = _shift_of(tracks, begin, period, s)
+        k, total = _next_place(tracks, begin, end, s - shift), 0
+        if period > 0.0 and t > s:  # it may jump just now
+            mx, my = _place(tracks, begin, end, k, s - shift)
+            total += measure(fx, fy, ax - mx, ay - my)
+            fx, fy = ax - mx, ay - my
+        rate = 1.0 / (t - s) if t > s else 0.0
+        while True:
+            knot = load_float64(tracks.time, k) + shift if k < end else math.inf
+            if knot >= t:
+                return total + measure(fx, fy, lx, ly)
+            share = (knot - s) * rate
+            x, y = ax + share * (bx - ax), ay + share * (by - ay)
+            px, py = x - load_float64(tracks.x, k), y - load_float64(tracks.y, k)
+            total += measure(fx, fy, px, py)
+            fx, fy, k = px, py, k + 1
+            if k == end and period > 0.0:  # the body jumps
+                k, shift = begin + 1, shift + period
+                px, py = x - load_float64(tracks.x, begin), y - load_float64(tracks.y, begin)
+                total += measure(fx, fy, px, py)
+                fx, fy = px, py
+
+    return summed
+
+
+crossings_of_step = _summed(crossing)  # of the ray to the left: a number with a meaning for closed steps together
+_turned = _summed(turns_of_chord)
+
+
+@kernel
+def turns_of_step(tracks, j, a, b):  # type: ignore[no-untyped-def]
+    """Turn [turns] about marker j of a step that goes straight from a to b, (3) each [m, m, s]."""
+    return _turned(tracks, j, a, b, seen_from(tracks, j, a[0], a[1], a[2]), seen_from(tracks, j, b[0], b[1], b[2]))
+
+
+@kernel
+def crossings_of_waiting(tracks, j, gx, gy, t, lx, ly):  # type: ignore[no-untyped-def]
+    """Count crossings while waiting at the goal point (gx, gy) [m], from when the track begins until t [s]."""
+    begin, end, period = rows_of(tracks, j)
+    laps = _laps(tracks, begin, period, t)
+    k = _next_place(tracks, begin, end, t - laps * period)
+    if k == begin:
+        return 0
+    px, py = gx - load_float64(tracks.x, k - 1), gy - load_float64(tracks.y, k - 1)
+    return laps * load_int64(tracks.lap, j) + load_int64(tracks.waited, k - 1) + crossing(px, py, lx, ly)
 
 
 NO_TRACKS = MarkerTrajectories.of([], [], np.zeros(2))
@@ -231,7 +239,7 @@ def trajectories_of(
     rows = [(mover, point) for mover in movers for point in markers_of(mover, footprint)]
     if not rows:
         return (), NO_TRACKS
-    paths = [_path(mover.motion, point, TUNING.chord_error * footprint.radius) for mover, point in rows]
+    paths = [_path(mover.motion, point, CHORD_ERROR * footprint.radius) for mover, point in rows]
     periods = [mover.motion.rows[-1, 0] if mover.motion.repeat else 0.0 for mover, _ in rows]
     return tuple(mover.name for mover, _ in rows), MarkerTrajectories.of(paths, periods, goal)
 
@@ -241,13 +249,13 @@ def markers_of(mover: Mover, footprint: Footprint) -> Array:
 
     They lie a little off the middle: bodies often come to stand with that on the straight line to the goal.
     """
-    return _inside(mover.solids, footprint) + np.array(TUNING.marker_offset) * footprint.radius
+    return _inside(mover.solids, footprint) + np.array(MARKER_OFFSET) * footprint.radius
 
 
 @lru_cache(maxsize=GEOMETRY.shapes)  # bodies keep their solids when their motion is predicted again
 def _inside(solids: tuple[Obstacle, ...], footprint: Footprint) -> Array:
     """A point inside each of the topological obstacles that solids make, (m, 2) [m]."""
-    plane = np.full(2, TUNING.lone_plane)
+    plane = np.full(2, np.inf)
     parts = components(Collision(Workspace(-plane, plane, solids), footprint))
     return np.array([part.marker for part in parts if part.marker is not None], dtype=float).reshape(-1, 2)
 

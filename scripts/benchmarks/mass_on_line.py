@@ -18,7 +18,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import derivative, polynomial
+from pirrht.exact.grid import cubic, slopes
 from pirrht.jit.jit import inlined, kernel
 
 SPACING = 0.005  # of the finer grid: v is within 0.1 % [m]
@@ -213,8 +213,8 @@ def _ahead(value, motion, i, k):  # type: ignore[no-untyped-def]
     elif p == 0 or (p == 1 and passed < 0.0):
         ahead = _parabola(near, far, value[p + 2, k], u)
     else:
-        ahead = polynomial(u, 0) * near + polynomial(u, 1) * far
-        ahead += polynomial(u, -1) * value[p - 1, k] + polynomial(u, 2) * value[p + 2, k]
+        weight = cubic(u)
+        ahead = weight[0] * value[p - 1, k] + weight[1] * near + weight[2] * far + weight[3] * value[p + 2, k]
     return min(motion.cost + min(max(ahead, min(near, far)), max(near, far)), CEILING)
 
 
@@ -227,14 +227,12 @@ def _parabola(zero, one, two, u):  # type: ignore[no-untyped-def]
 @kernel
 def _at(strip, p, v):  # type: ignore[no-untyped-def]
     """v [cost] and its slope along the velocity there, by cubic interpolation."""
-    rows, columns = strip.value.shape
     x, y = p / strip.spacing, (v - strip.first) / strip.apart
-    i = min(max(math.floor(x), 1), rows - 3)
-    k = min(max(math.floor(y), 1), columns - 3)
-    total, slope = 0.0, 0.0
-    for c in range(-1, 3):
-        row = polynomial(x - i, c)
-        for d in range(-1, 3):
-            total += row * polynomial(y - k, d) * strip.value[i + c, k + d]
-            slope += row * derivative(y - k, d) * strip.value[i + c, k + d]
+    i = min(max(math.floor(x), 1), strip.value.shape[0] - 3)
+    k = min(max(math.floor(y), 1), strip.value.shape[1] - 3)
+    rows, columns, change, total, slope = cubic(x - i), cubic(y - k), slopes(y - k), 0.0, 0.0
+    for c in range(4):
+        for d in range(4):
+            total += rows[c] * columns[d] * strip.value[i + c - 1, k + d - 1]
+            slope += rows[c] * change[d] * strip.value[i + c - 1, k + d - 1]
     return total, slope / strip.apart

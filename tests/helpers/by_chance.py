@@ -13,7 +13,7 @@ from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
 from pirrht.moving.exits import begin, sweep, watch
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, LinearFeedback, Track
+from pirrht.proposals.guide import DDPGuide, LinearFeedback, straight
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.first_exit import COLLISION, sweep_exit
 from pirrht.steering.motion import Trajectory
@@ -73,7 +73,7 @@ def trajectory_of(path: Array, cost: float) -> Trajectory:
     places = np.vstack([path[:1], path[0] + np.cumsum(steps, axis=0)])
     return Trajectory(
         controls=steps[:, :2] / steps[:, 2:], durations=steps[:, 2], cost=cost,
-        path=Track(places[:-1], places[1:], steps[:, 2]), length=float(np.hypot(*steps[:, :2].T).sum()),
+        path=straight(places, steps[:, 2]), length=float(np.hypot(*steps[:, :2].T).sum()),
     )  # fmt: skip
 
 

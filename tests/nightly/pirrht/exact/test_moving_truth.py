@@ -15,9 +15,9 @@ from thoroughly import first, thorough
 
 from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
-from pirrht.exact.boundaries import surroundings_of
+from pirrht.exact.boundaries import meet_boundaries, surroundings_of
 from pirrht.exact.desirability import Desirability
-from pirrht.exact.gaussian_step import meet_boundaries, smooth, step_of, taps_along
+from pirrht.exact.discrete_point import smooth, step_of, taps_along
 from pirrht.exact.grid import Equation, frame_at
 from pirrht.geometry.obstacle import Mover
 
@@ -96,7 +96,7 @@ def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
     step = step_of(dt, Equation(b, 0.0, math.inf, 0.0))
     h = 0.04
     frame = frame_at(np.zeros(2), h, scene.goal)
-    walls = surroundings_of(scene, frame, step.cutoff, np.ones(100), 1.0)
+    walls = surroundings_of(scene, frame, step.cutoff, 1.0)
     x = h * np.arange(126)
     now = np.broadcast_to((k * x)[:, None], (126, 76)).copy()
     now[x < 2.3 + speed * T + 1e-9] = -np.inf

@@ -201,7 +201,8 @@ def test_samples_of_a_class_that_was_not_looked_at_have_its_name_still(monkeypat
     """
     one = controller(b=0.3)
     names = set(one.plan(START).ids)
-    monkeypatch.setattr(TimeBudget, "most_classes", lambda self, recent: 1)
+    monkeypatch.setattr(TimeBudget, "most_classes", lambda self, classes: 1)
+    one.run.most = 1
     found = [one.plan(START) for _ in range(10)]
     assert all(len(plan.ids) == 1 for plan in found)
     shares = [plan.estimate.class_weights for plan in found if plan.estimate is not None]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -17,7 +20,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal
-from pirrht.proposals.wall_drift import FlatWalls, NearWalls, shortfall, speed_of
+from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall, speed_of
 from pirrht.systems.single_integrator import SingleIntegrator
 
 B = 0.2
@@ -81,13 +84,15 @@ def test_far_from_walls_and_in_no_time_nothing_is_missing():
     assert shortfall(0.01, -3.0, B**2, 0.02) == shortfall(0.01, 0.0, B**2, 0.02)
 
 
-def next_to(
-    *walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0), counted: float = 0.0
-) -> NearWalls:
-    known = tuple((c, np.array(away), receding) for c, away, receding in walls)
-    eye = np.eye(2)
-    flat = FlatWalls(walls=known, gain=B**2 * eye, moved=eye, noise=B**2 * eye, span=0.02)
-    return NearWalls(push=np.array(push), clipped=np.zeros(2), counted=counted, flat=flat)
+def next_to(*walls: tuple[float, tuple[float, float], float], push: tuple[float, float] = (0, 0)) -> NearWalls:
+    def near(x: np.ndarray, s: float = 0.0) -> tuple[float, ...]:
+        known = [(c + receding * s, *away) for c, away, receding in walls]
+        return tuple(itertools.chain(*[*known, (np.inf, 0.0, 0.0), (np.inf, 0.0, 0.0)][:2]))
+
+    d = SimpleNamespace(G_c=lambda x: np.eye(2), B_c=lambda x: B * np.eye(2))
+    drift = SimpleNamespace(walls=near, gain=lambda x: B**2 * np.eye(2), problem=SimpleNamespace(dynamics=d))
+    flat = FlatWalls(drift=cast(WallDrift, drift), x=np.zeros(2), span=0.02)
+    return NearWalls(push=np.array(push), clipped=np.zeros(2), flat=flat)
 
 
 def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_wall():
@@ -110,15 +115,6 @@ def test_beside_what_samples_follow_the_mean_stands_as_it_is():
     )
     assert free is mean
     assert unsure == pytest.approx([0.75 * 0.4, 0.7])
-
-
-def test_what_counts_of_the_lead_takes_the_place_of_what_is_missing():
-    mean, wall, push = np.array([0.3, -0.2]), (0.02, (0.0, 1.0), 0.0), (0.0, 0.4)
-    none, _ = next_to(wall, push=push).corrected_control(mean, mean)
-    whole, _ = next_to(wall, push=push, counted=1.0).corrected_control(mean, mean)
-    half, _ = next_to(wall, push=push, counted=0.5).corrected_control(mean, mean)
-    assert np.array_equal(whole, mean)
-    assert half == pytest.approx(0.5 * (none + whole))
 
 
 def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():

@@ -80,7 +80,7 @@ def polyline(guide: DDPGuide) -> Array:
 @cache
 def narrow() -> tuple[Scenario, HomologyTree]:
     """The car in `clutter` and a small tree, whose curves wind between the obstacles."""
-    scenario = prepare("clutter", robot="unicycle", given={"seed": 2, "vertices": 400})
+    scenario = prepare("clutter", robot="unicycle", given={"seed": 8, "vertices": 400})
     return scenario, scenario.grown_tree()
 
 
