@@ -55,9 +55,10 @@ def scratch_of(H: int) -> tuple[Any, ...]:
 def single(world: World) -> World:
     """Return a world with its numbers in single precision, as stages take it."""
     names = ("x0", "y0", "spacing", "per", "left", "low", "right", "high")
-    field = world.field._replace(**{name: np.float32(getattr(world.field, name)) for name in names})
+    numbers: dict[str, Any] = {name: np.float32(getattr(world.field, name)) for name in names}
     goal: Any = tuple(map(np.float32, world.goal))
-    return world._replace(field=field, goal=goal, radius=np.float32(world.radius))
+    radius: Any = np.float32(world.radius)
+    return world._replace(field=world.field._replace(**numbers), goal=goal, radius=radius)
 
 
 @inlined
