@@ -98,10 +98,7 @@ class Plan:
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
-            axes: of matplotlib; None: those of a new figure.
-
-        Returns:
-            the axes.
+            axes: of matplotlib, which are returned; None: those of a new figure.
 
         Raises:
             OptionError: matplotlib is not installed, or the plan does not know its scene.

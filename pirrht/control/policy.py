@@ -221,8 +221,7 @@ class Policy(ABC):
         """Update the prediction of moving obstacles at x (n,), for the run, the samples and the tree."""
         if self.predict is None:
             return
-        enough = None if budget.left is None else budget.enough
-        prediction = self.predict.at(x, self.run.known, enough)
+        prediction = self.predict.at(x, self.run.known, None if budget.left is None else budget.enough)
         if prediction is not self.run.prediction:
             self.run.set_prediction(prediction, x)
             self.path_integral.set_prediction(prediction.space.moving, prediction.homology)

@@ -84,9 +84,7 @@ class ConstantVelocity:
         if self.grown is None:
             return None
         tree = self.grown(space)
-        if self._passages is None:
-            self._passages = tree.passages
-        tree.passages = self._passages  # static
+        tree.passages = self._passages = self._passages or tree.passages  # static
         tree.grow(self.vertices, enough=enough)
         return tree
 

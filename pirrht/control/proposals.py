@@ -130,8 +130,7 @@ def renewed(
         )
     parts = "lower", "upper", "robot_radius", "robot_height"
     alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
-    pairs = zip(before.obstacles, scene.obstacles, strict=False)
-    if alike and len(before.obstacles) == len(scene.obstacles) and all(_same(*pair) for pair in pairs):
+    if alike and len(before.obstacles) == len(scene.obstacles) and all(map(_same, before.obstacles, scene.obstacles)):
         return None
     now = space.updated(replace(scene, waivers=before.waivers))
     grown = None
@@ -219,11 +218,11 @@ class ProposalBuilder:
 
     def estimate(self, batch: Batch, seed: int, run: RunState, budget: TimeBudget) -> Estimate | None:
         """Sample and weigh a batch, and learn from it; None if no sample survives."""
-        integral, first = self.integral, budget.left is None and run.time == run.begun
+        integral = self.integral
         integral.proposals.tables(batch)
         run.most = budget.most_classes(len(batch.classes))
         try:
-            least = integral.sampling.least if first else 0.0
+            least = integral.sampling.least if budget.left is None and run.time == run.begun else 0.0
             estimate = integral.sample(batch, seed, left=budget.left, least=least)
         except NoSurvivingSample:
             return None

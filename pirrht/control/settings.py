@@ -18,9 +18,9 @@ BETWEEN = ("classes", "hold")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Method:
-    """Use of the references at a state and of the samples around them by `Controller`."""
+    """Use of the references at a state and of the samples around them by `Controller`, and one line for a person."""
 
-    text: str  # one line for a person
+    text: str
     most: int | None = None  # references that are sampled around, cheapest first; None: all
     alone: bool = False  # the control is that of the best class, each estimated from its own samples
 
@@ -76,11 +76,7 @@ TUNING = ControlTuning()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlSettings:
-    """Choices of a `Controller`.
-
-    Raises:
-        OptionError: the method or the feedback between plans is unknown.
-    """
+    """Choices of a `Controller`; an OptionError is raised if the method or the feedback is unknown."""
 
     method: str = "pi-rrht"
     shortened: bool = True  # shorten references inside their class
@@ -101,12 +97,7 @@ class ControlSettings:
 
 
 class TimeBudget:
-    """Time that one plan may take.
-
-    Attributes:
-        left: returns the time left for sampling [s]; None: it is unlimited.
-        whole: time when the plan began [s].
-    """
+    """Time that one plan may take, by what returns the time `left` for sampling [s]; None: it is unlimited."""
 
     def __init__(self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING) -> None:
         self.left, self.tuning, self.whole = left, tuning, inf if left is None else left()
