@@ -24,43 +24,17 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-_HOME = {
-    "Controller": "control.controller",
-    "Desirability": "exact.desirability",
-    "Dubins": "steering.dubins",
-    "Dynamics": "systems.dynamics",
-    "Estimate": "estimation.estimate",
-    "FreeSpace": "freespace",
-    "Goal": "geometry.scene",
-    "Homology": "topology.homology",
-    "HomologyTree": "planner.tree",
-    "Kind": "geometry.scene",
-    "Mppi": "control.baselines",
-    "NoReference": "errors",
-    "NoSurvivingSample": "errors",
-    "NotLinearlySolvable": "errors",
-    "Obstacle": "geometry.scene",
-    "Optimal": "exact.desirability",
-    "OptionError": "errors",
-    "Outcome": "outcome",
-    "PathIntegral": "estimation.sampler",
-    "PirrhtError": "errors",
-    "Plan": "control.plan",
-    "Problem": "problem",
-    "Reference": "planner.references",
-    "Sampling": "estimation.sampling",
-    "Scene": "geometry.scene",
-    "SceneError": "errors",
-    "SingleIntegrator": "systems.single_integrator",
-    "Steering": "steering.steering",
-    "StraightLine": "steering.straight_line",
-    "Trajectory": "steering.motion",
-    "Unicycle": "systems.unicycle",
-    "path_integral": "estimation.assembly",
-}
-
-# Parts that the method takes through an interface and does not import, by the name that it asks for.
-_IMPLEMENTATIONS = {"moving": ("moving.obstacles", "MovingObstacleArrays")}
+_NAMES = {
+    "control.baselines": "Mppi", "control.controller": "Controller", "control.plan": "Plan",
+    "errors": "NoReference NoSurvivingSample NotLinearlySolvable OptionError PirrhtError SceneError",
+    "estimation.assembly": "path_integral", "estimation.estimate": "Estimate", "estimation.sampler": "PathIntegral",
+    "estimation.sampling": "Sampling", "exact.desirability": "Desirability Optimal", "freespace": "FreeSpace",
+    "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
+    "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",
+    "steering.steering": "Steering", "steering.straight_line": "StraightLine", "systems.dynamics": "Dynamics",
+    "systems.single_integrator": "SingleIntegrator", "systems.unicycle": "Unicycle", "topology.homology": "Homology",
+}  # fmt: skip
+_HOME = {name: module for module, names in sorted(_NAMES.items()) for name in names.split()}
 
 __all__ = [*_HOME]
 __version__ = "0.31.1"
@@ -70,12 +44,6 @@ def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'pirrht' has no attribute {name!r}")
     return getattr(import_module(f"pirrht.{_HOME[name]}"), name)
-
-
-def implementation(interface: str) -> Any:
-    """Return the class that implements an interface of the method: it is chosen here alone."""
-    module, name = _IMPLEMENTATIONS[interface]
-    return getattr(import_module(f"pirrht.{module}"), name)
 
 
 def __dir__() -> list[str]:

@@ -39,38 +39,28 @@ class NoReference(PirrhtError):
     """
 
     def __init__(
-        self,
-        state: Sequence[float],
-        *,
-        vertices: int,
-        limit: float,
-        blocked: Sequence[float] | None = None,
+        self, state: Sequence[float], *, vertices: int, limit: float, blocked: Sequence[float] | None = None,
         hasty: bool = False,
-    ) -> None:
-        self.state = tuple(float(s) for s in state)
-        self.vertices = vertices
-        self.limit = limit
-        self.hasty = hasty
-        self.blocked = None if blocked is None else tuple(float(h) for h in blocked)
+    ) -> None:  # fmt: skip
+        self.state, self.vertices, self.limit, self.hasty = tuple(map(float, state)), vertices, limit, hasty
+        self.blocked = None if blocked is None else tuple(map(float, blocked))
         where = ", ".join(f"{s:.3g}" for s in self.state)
-        text = f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
-        if self.blocked is not None:
-            text += f"; the nearest blocked signature is ({', '.join(f'{h:.3g}' for h in self.blocked)})"
-        if hasty:
-            super().__init__(
-                f"no class was found from ({where}), and from the same place at rest some are: few paths brake or turn "
-                "in time at this speed, if any does. Try more vertices, start slower, or further from what is ahead."
-            )
-            return
-        super().__init__(text + ". Try more vertices, a larger limit of |1 - H_i| or a smaller radius.")
+        signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
+        nearest = f"; the nearest blocked signature is ({signature})" if signature else ""
+        super().__init__(
+            f"no class was found from ({where}), and from the same place at rest some are: few paths brake or turn "
+            "in time at this speed, if any does. Try more vertices, start slower, or further from what is ahead."
+            if hasty
+            else f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
+            f"{nearest}. Try more vertices, a larger limit of |1 - H_i| or a smaller radius."
+        )
 
 
 class NoSurvivingSample(PirrhtError):
     """Every sampled path ended outside the goal, so the estimate is undefined; keeps how many ended in which way."""
 
     def __init__(self, *, collisions: int, timeouts: int) -> None:
-        self.collisions = collisions
-        self.timeouts = timeouts
+        self.collisions, self.timeouts = collisions, timeouts
         super().__init__(
             f"none of {collisions + timeouts} samples reached the goal ({collisions} collided, "
             f"{timeouts} ran out of time). Try more samples or less noise."

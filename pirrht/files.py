@@ -19,11 +19,7 @@ SHOWN = 40  # characters of a file's name that its draft bears: two such names a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """A file next to another one, whose place it takes when it is complete; links are followed.
-
-    Raises:
-        OSError: whatever the system has against it.
-    """
+    """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
 
     handle: int  # open for writing
     file: Path
@@ -38,11 +34,8 @@ class Draft:
 
     def publish(self) -> None:
         """Take the target's place, with its permissions or, if there is none, those of any new file."""
-        try:
-            mode = stat.S_IMODE(os.stat(self.target).st_mode)
-        except FileNotFoundError:
-            mode = 0o666 & ~(mask := os.umask(0))
-            os.umask(mask)
+        os.umask(mask := os.umask(0))
+        mode = stat.S_IMODE(self.target.stat().st_mode) if self.target.exists() else 0o666 & ~mask
         os.chmod(self.file, mode)
         os.replace(self.file, self.target)
 
@@ -63,8 +56,21 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
         OptionError: it cannot be written; names the option.
     """
     try:
-        with (_poured if takes_as_it_comes(path) else _drafted)(path) as stream:
-            yield stream
+        if takes_as_it_comes(path):
+            with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none after a failure
+                yield stream
+                stream.seek(0)
+                known = _output(os.stat(path))
+                with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
+                    shutil.copyfileobj(stream, target)
+            return
+        draft = Draft.next_to(path)
+        try:
+            with os.fdopen(draft.handle, "wb") as stream:
+                yield stream
+            draft.publish()
+        finally:
+            draft.discard()
     except OSError as error:
         raise OptionError(f"{option} {path_text(path)}: {error.strerror or error}; choose another place") from None
 
@@ -85,41 +91,16 @@ def takes_as_it_comes(path: Path) -> bool:
 
 def path_text(path: Path) -> str:
     """Return a path as text in one line that any terminal takes."""
-    try:
+    with suppress(UnicodeEncodeError):  # half a character, which is in no name that the system knows
         return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
-    except UnicodeEncodeError:  # half a character, which is in no name that the system knows
-        return printable(str(path))
-
-
-@contextmanager
-def _drafted(path: Path) -> Iterator[BinaryIO]:
-    draft = Draft.next_to(path)
-    try:
-        with os.fdopen(draft.handle, "wb") as stream:
-            yield stream
-        draft.publish()
-    finally:
-        draft.discard()
-
-
-@contextmanager
-def _poured(path: Path) -> Iterator[BinaryIO]:
-    with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none if anything goes wrong
-        yield stream
-        stream.seek(0)
-        known = _output(os.stat(path))
-        with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
-            shutil.copyfileobj(stream, target)
+    return printable(str(path))
 
 
 _pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what is not there yet
 
 
 def has_reader(path: Path) -> bool:
-    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits.
-
-    Opening a pipe that nobody reads would wait for ever.
-    """
+    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits."""
     if _output(os.stat(path)) is None and path not in _pipes:
         try:
             _pipes[path] = _open_pipe(path)
@@ -151,10 +132,7 @@ _KINDS = {stat.S_IFDIR: "is a folder", stat.S_IFIFO: "is a pipe", stat.S_IFSOCK:
 
 
 def why_unreadable(path: Path) -> str | None:
-    """Return the reason that a path is no file with an end, as the end of a sentence; None if it is one.
-
-    Pipes and devices are none: opening them may wait for ever, and reading them need not end.
-    """
+    """Return the reason that a path is no file with an end, as the end of a sentence; None if it is one."""
     try:
         mode = os.stat(path).st_mode
     except (FileNotFoundError, NotADirectoryError):

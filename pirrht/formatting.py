@@ -30,11 +30,9 @@ def share(weight: float) -> str:
 
 def turns(id: str) -> str:
     """Return a class's name for people: where there are many obstacles only those with turns, as in "+5 -12"."""
-    each = id.split(",")
-    if len(each) <= 4:
-        return id
-    parts = [f"{'+' if int(k) > 0 else '-'}{i}" * abs(int(k)) for i, k in enumerate(each, 1) if int(k)]
-    return " ".join(parts) or "straight"
+    each = [int(k) for k in id.split(",")] if id.count(",") >= 4 else []
+    parts = [f"{'+' if k > 0 else '-'}{i}" * abs(k) for i, k in enumerate(each, 1) if k]
+    return (" ".join(parts) or "straight") if each else id
 
 
 def table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

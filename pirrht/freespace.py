@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 
 import numpy as np
 
-from pirrht import formatting, implementation
+from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
@@ -27,8 +28,7 @@ from pirrht.topology.obstacles import Component, components, continued
 class FreeSpace:
     """A scene together with its collision checker, clearance field and topological obstacles.
 
-    Only `scene` and `homology` depend on its task; the rest follows from workspace and footprint. `FreeSpace.of(scene)`
-    takes a second or so; `with_task` is quick.
+    Only `scene` and `homology` depend on its task. `FreeSpace.of(scene)` takes a second or so; `with_task` is quick.
     """
 
     scene: Scene
@@ -77,8 +77,7 @@ class FreeSpace:
             field = build_field(collision, sorted(i for part in parts for i in part.members))
         except SceneError as error:
             raise SceneError(f"{scene.name}: {error}") from None
-        homology = homology.with_moving(scene.movers, scene.footprint)
-        moving = moving_of(scene)
+        homology, moving = homology.with_moving(scene.movers, scene.footprint), moving_of(scene)
         return cls(scene=scene, collision=collision, field=field, obstacles=encircled, homology=homology, moving=moving)
 
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
@@ -93,23 +92,17 @@ class FreeSpace:
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
         if self.scene.waivers or (scene := fitted(scene, self.collision)).waivers:
             return FreeSpace.of(scene)
-        center = scene.goal.center.astype(float)
-        return replace(self, scene=scene, homology=replace(self.homology, goal=center))
+        return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
 
-    def with_movers(self, movers: Sequence[Mover]) -> FreeSpace:
-        """Return the static world and task among other moving obstacles."""
+    def with_movers(self, movers: Sequence[Mover], moving: Moving | None = None) -> FreeSpace:
+        """Return the static world and task among other moving obstacles, whose arrays may be given."""
         scene = replace(self.scene, movers=tuple(movers))
         homology = self.homology.with_moving(scene.movers, scene.footprint)
-        return replace(self, scene=scene, homology=homology, moving=moving_of(scene))
+        return replace(self, scene=scene, homology=homology, moving=moving_of(scene) if moving is None else moving)
 
     def with_prediction(self, movers: Sequence[Mover]) -> FreeSpace:
-        """Return the space with predicted motions of its movers; shapes, FCL's included, are shared.
-
-        One thread at a time may query both.
-        """
-        scene = replace(self.scene, movers=tuple(movers))
-        homology = self.homology.with_moving(movers, scene.footprint)
-        return replace(self, scene=scene, homology=homology, moving=self.moving.with_motions(movers))
+        """Return the space with predicted motions of its movers; one thread at a time may query both of them."""
+        return self.with_movers(movers, self.moving.with_motions(movers))
 
     @property
     def world(self) -> World:
@@ -135,8 +128,10 @@ class FreeSpace:
 
 
 def moving_of(scene: Scene) -> Moving:
-    """Gather the moving obstacles of a scene, by the implementation that the package names; in a static one, none."""
-    found: Moving = implementation("moving").of(scene) if scene.movers else NoMoving()
+    """Gather the moving obstacles of a scene, by the one implementation of their interface; in a static one, none."""
+    if not scene.movers:
+        return NoMoving()
+    found: Moving = import_module("pirrht.moving.obstacles").MovingObstacleArrays.of(scene)
     return found
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import inspect
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.errors import NotLinearlySolvable, OptionError
+from pirrht.errors import NotLinearlySolvable, OptionError, one_line
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
 from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.validation import check
 
 
 @jitable
@@ -64,17 +64,18 @@ class Problem:
     temperature: float = field(init=False)
 
     def __post_init__(self) -> None:
-        check(self.dynamics)
+        for fault in _faults(self.dynamics):
+            raise OptionError(f"{type(self.dynamics).__name__}: {fault}")
         m = self.dynamics.m
         shape = np.shape(self.control_cost(self.dynamics.state_of(self.scene.start)))
         if shape != (m, m):
             raise OptionError(f"R is {shape}; {type(self.dynamics).__name__} has m = {m}, so it must be {m, m}")
         if not callable(self.R):
             object.__setattr__(self, "R", np.asarray(self.R, dtype=float))
-        if not callable(self.q) and not (isinstance(self.q, int | float | np.number) and np.isfinite(self.q)):
-            raise OptionError(f"q is {self.q!r}; it must be a finite number, or a function q(x, p) that numba compiles")
         if callable(self.q) and self.q_min is None:
             raise OptionError("q is a function; give q_min, its least value over the workspace, as well")
+        if not callable(self.q) and not (isinstance(self.q, int | float | np.number) and np.isfinite(self.q)):
+            raise OptionError(f"q is {self.q!r}; it must be a finite number, or a function q(x, p) that numba compiles")
         if not self.least_rate > 0:
             raise OptionError(f"the least state cost rate is {self.least_rate:g}; first exit needs a positive one")
         if np.isnan(self.phi) or self.phi < 0:
@@ -89,10 +90,7 @@ class Problem:
     @property
     def least_rate(self) -> float:
         """A lower bound of q [cost/s]."""
-        if self.q_min is not None:
-            return self.q_min
-        assert not callable(self.q)
-        return self.q
+        return self.q if self.q_min is None else self.q_min  # type: ignore[return-value]
 
     def rate(self, x: Array) -> float:
         """State cost rate q at x (n,) [cost/s]."""
@@ -108,29 +106,25 @@ class Problem:
         Raises:
             NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
         """
-        value, name = np.nan, type(self.dynamics).__name__
+        value, d, name = np.nan, self.dynamics, type(self.dynamics).__name__
+        left, right, remedy = "G R^-1 G'", "B B'", "G' (B B')^-1 G"
+        if d.input_form:
+            left, right, remedy = "R^-1", "s s'", "(s s')^-1"
         for x in self._probes():
-            R, s = self.control_cost(x), self.dynamics.input_noise
+            R, (G, B) = self.control_cost(x), d.noise_form(x)
             if not (np.allclose(R, R.T) and np.linalg.eigvalsh(R).min() > 0.0):
                 raise OptionError(f"R is {R.tolist()} at x = {x.tolist()}; it must be symmetric and positive definite")
-            if s is not None:
-                shape, noise = np.linalg.inv(R), s @ s.T
-                who, left, right, remedy = f"{name}: ", "R^-1", "s s'", "(s s')^-1"
-            else:
-                G, B = self.dynamics.G_c(x), self.dynamics.B_c(x)
-                for what, matrix in (("control_block", G), ("diffusion_block", B)):
-                    if not abs(np.linalg.det(matrix)) > 0.0:
-                        raise OptionError(
-                            f"{name}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
-                            "it must have an inverse, so that noise and control act on every actuated state"
-                        )
-                shape, noise = G @ np.linalg.inv(R) @ G.T, B @ B.T
-                who, left, right, remedy = "", "G R^-1 G'", "B B'", "G' (B B')^-1 G"
+            for what, matrix in (("control_block", G), ("diffusion_block", B)):
+                if not abs(np.linalg.det(matrix)) > 0.0:
+                    raise OptionError(
+                        f"{name}: {what} is {matrix.tolist()} at x = {x.tolist()}; "
+                        "it must have an inverse, so that noise and control act on every actuated state"
+                    )
+            shape, noise = G @ np.linalg.inv(R) @ G.T, B @ B.T
             value = float(np.trace(noise) / np.trace(shape)) if np.isnan(value) else value
-            close = 0.0 if s is None else 1e-12 * np.trace(noise)
-            if not (np.allclose(value * shape, noise, rtol=1e-8, atol=close) and value > 0):
+            if not (np.allclose(value * shape, noise, rtol=1e-8, atol=1e-12 * np.trace(noise)) and value > 0):
                 raise NotLinearlySolvable(
-                    f"{who}no lambda solves lambda {left} = {right} at x = {formatting.vector(x)}: "
+                    f"{name}: no lambda solves lambda {left} = {right} at x = {formatting.vector(x)}: "
                     f"{left} = {formatting.matrix(shape)}, {right} = {formatting.matrix(noise)}; "
                     f"choose R proportional to {remedy}"
                 )
@@ -143,3 +137,57 @@ class Problem:
         fraction = np.tile(np.linspace(0.0, 1.0, count)[:, None], self.dynamics.n)
         fraction[:, :2] = (np.arange(1, count + 1)[:, None] * np.array([0.7548776662, 0.5698402910])) % 1.0
         return list(lower + fraction * (upper - lower))
+
+
+def _faults(d: Dynamics) -> Iterator[str]:
+    """Find faults of a system that scenes and rollouts cannot serve, with remedies."""
+    n, m, given = getattr(d, "n", 0), getattr(d, "m", 0), ", ".join(d.states)
+    shapes: dict[str, tuple[int, ...]] = {"control_block": (m, m), "diffusion_block": (m, m)}
+    if d.input_form:
+        shapes = {"input_matrix": (n, m), "input_noise": (m, m)}
+    needed = ("n", "m", "parameters", "drift", *shapes)
+    if missing := [what for what in needed if getattr(d, what, None) is None]:
+        yield f"{' and '.join(missing)} missing; a Dynamics declares {', '.join(needed)}"
+    if "z" in d.states:
+        yield 'its state "z" is a third position, but scenes are planar; keep to "x" and "y"'
+    if n < 2:
+        yield f"n is {n}; a robot in the plane has at least the 2 states x and y"
+    if d.states[:2] != ("x", "y"):
+        yield f'its states are ({given}); the first two must be "x" and "y"'
+    if not len(set(d.states)) == len(d.states) == n:
+        yield (
+            f"n is {n}, but its states are ({given}); name each once, "
+            'as in states = ("x", "y", "vx", "vy"); scenes are planar, so there is no third position'
+        )
+    if not 1 <= m <= n:
+        yield f"m is {m}; of {n} states at least 1 and at most {n} are actuated"
+    for what in ("control_block", "diffusion_block") if d.input_form else ("input_noise", "stratonovich"):
+        if getattr(d, what, None) is not None and getattr(d, what) is not False:
+            form, remedy = ("paper's", "out") if d.input_form else ("input", "out, or declare an input_matrix")
+            yield f"{what} belongs to the {form} form; leave it {remedy}"
+    for what, shape in shapes.items():
+        value, functions = getattr(d, what), what != "input_noise"
+        if not isinstance(value, np.ndarray) and not (functions and callable(value)):
+            kinds = "an array or a function" if functions else "an array: s is constant"
+            yield f"{what} is a {type(value).__name__}; it must be {kinds}"
+        if isinstance(value, np.ndarray) and value.shape != shape:
+            yield f"{what} is {value.shape}; with n = {n}, m = {m} it must be {shape}"
+    s = d.input_noise
+    if s is not None and not (np.all(np.isfinite(s)) and abs(np.linalg.det(s)) > 0.0):
+        yield f"input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
+    filling: dict[str, tuple[int, ...]] = {"drift": (n,), "input_matrix": (n, m)}
+    for what, shape in filling.items() if callable(d.input_matrix) else [("drift", (n,))]:
+        function, filled = getattr(d, what), []
+        if inspect.ismethod(function):
+            yield f"{what}(x, p, out) cannot be called without self; make it a @staticmethod"
+        for x in (0.0, 0.3):
+            try:
+                with np.errstate(all="ignore"):  # a value that is no number is reported below
+                    function(np.full(n, x), d.parameters, out := np.zeros(shape))
+                filled.append(out)
+            except TypeError as error:
+                yield f"{what}(x, p, out) cannot be called ({error}); make it a @staticmethod"
+            except Exception as error:
+                yield f"{what}(x, p, out) fails at x = {[x] * n} with an out of {shape} ({one_line(error)}); fix it"
+        if not any(np.isfinite(out).all() for out in filled):
+            yield f"{what}(x, p, out) writes {filled[-1].tolist()} at x = {[0.3] * n}; fix it"

@@ -13,7 +13,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.rollouts.backend import Backend
 from pirrht.rollouts.cpu import Cpu, setup_of
-from pirrht.rollouts.tables import PredictedWorld, Snapshot
+from pirrht.rollouts.tables import PredictedWorld
 from pirrht.steering.in_time import homology_of
 from pirrht.topology.homology import Homology
 
@@ -31,7 +31,7 @@ def path_integral(
         backend: simulates paths; None: compiled kernels on this machine (`Cpu`).
     """
     classes = homology_of(problem, space) if homology is None else homology
-    world = PredictedWorld(Snapshot(setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
+    world = PredictedWorld((setup_of(problem, space, bridge=sampling.exit == "bridge"), classes))
     threads = sampling.threads or len(os.sched_getaffinity(0))
     proposals = ProposalFactory(problem, space, sampling, world)
     simulates = Cpu.of(problem, space.world, threads, fitted=sampling.fitted) if backend is None else backend

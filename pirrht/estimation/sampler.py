@@ -29,7 +29,7 @@ from pirrht.jit.jit import over_ranges
 from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.rollouts.backend import Backend
-from pirrht.rollouts.tables import Chosen, Origin, Setup, Snapshot
+from pirrht.rollouts.tables import Chosen, Origin, Setup
 
 if TYPE_CHECKING:  # built elsewhere (`assembly`): the estimator knows their interface only
     from pirrht.estimation.factory import ProposalFactory
@@ -103,7 +103,7 @@ class PathIntegral:
     def set_prediction(self, moving: Moving, homology: Homology) -> None:
         """Replace the prediction of moving obstacles and its classes, on the clock of batches and guides."""
         world = self.setup.world._replace(moving=moving)
-        self.proposals.world.snapshot = Snapshot(self.setup._replace(world=world), homology)
+        self.proposals.world.snapshot = self.setup._replace(world=world), homology
 
     def warm_up(self, *, guides: bool = True) -> None:
         """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""

@@ -1,12 +1,11 @@
 """Compiled kernels on disk, each under a name of all that it computes.
 
-A name is a digest of the bytecode of a function, of the numbers, records and functions that it refers to, of the types
-of its arguments, compiler and processor. So an edit costs the kernels that it touches and those that call them. A
-function that refers to a value that could change unseen has no name, and its code is not kept.
+A name is a digest of the bytecode of a function, of all values and functions that it refers to, of the types of its
+arguments, compiler and processor. So an edit costs the kernels that it touches and those that call them. A function
+that refers to a value that could change unseen has no name, and its code is not kept.
 
 Loading a kernel runs code of its file. So nothing is read but from a folder and files that belong to this user or to
 root and that nobody else may write to, and nothing is unpickled unless it has the digest with which its file begins.
-One process compiles a kernel; others that need it wait, and then find it.
 """
 
 from __future__ import annotations
@@ -48,7 +47,6 @@ DAY = 86400.0  # precision of the time at which a kernel was loaded last [s]
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
 _Intrinsic = type(intrinsic(lambda context: None))
 _PACKAGE = Path(__file__).resolve().parent.parent
-_log = logging.getLogger("pirrht")
 _warned: set[str] = set()  # kinds of lines that this process has written
 _identities: dict[FunctionType, str] = {}
 
@@ -57,18 +55,13 @@ class Unknown(Exception):
     """A function refers to a value that could change unseen."""
 
 
-class Foreign(OSError):
-    """Somebody else owns the folder or a file of the cache, or may write to it."""
-
-
 def key_of(function: Callable[..., Any], kind: str, args: tuple[Any, ...], options: Any, context: Any) -> str | None:
     """Return the name on disk of compiled code for argument types; None if there is none."""
-    code = identity(function)
-    if code is None:
+    if (code := identity(function)) is None:
         return None
     makers = [_code_of_module(f"pirrht.jit.{name}") for name in ("cache", "linking", "patches")]
     made = (numba.__version__, llvmlite.__version__, sys.version_info[:2], context.codegen().magic_tuple(), makers)
-    whole = repr((code, kind, [_of_type(one) for one in args], sorted(options.items()), made))
+    whole = repr((code, kind, [_of(one, ()) for one in args], sorted(options.items()), made))
     name = "".join(c if c.isalnum() or c in "._" else "" for c in f"{function.__module__}.{function.__name__}")
     return f"{name[-80:]}-{hashlib.sha256(whole.encode()).hexdigest()[:32]}"
 
@@ -85,9 +78,9 @@ def _of_function(function: Any, above: tuple[Any, ...]) -> str:
     if not isinstance(function, FunctionType) or function in above:
         raise Unknown
     if function not in _identities:
-        code, above = function.__code__, (*above, function)
+        code = function.__code__
         values = [*_closed(function), *(function.__defaults__ or ()), *_globals(code, function.__globals__)]
-        parts = [_text(code, function.__doc__), *(_of(value, above) for value in values)]
+        parts = [_text(code, function.__doc__), *(_of(value, (*above, function)) for value in values)]
         _identities[function] = hashlib.sha256("\n".join(parts).encode()).hexdigest()
     return _identities[function]
 
@@ -105,10 +98,7 @@ def _text(code: CodeType, documentation: str | None) -> str:
 
 
 def _globals(code: CodeType, scope: dict[str, Any]) -> Iterator[Any]:
-    """Yield values of the global names that code reads; of a module, the attributes that it takes.
-
-    Functions of math and NumPy do what they did.
-    """
+    """Yield values of the global names that code reads; of a module other than math and NumPy, of its attributes."""
     steps = [step for step in dis.get_instructions(code) if step.opname != "PRECALL"]
     for i, step in enumerate(steps):
         if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
@@ -128,9 +118,11 @@ def _of(value: Any, above: tuple[Any, ...]) -> str:
         return f"{type(value).__name__} {value!r}"
     if isinstance(value, np.ndarray) and value.dtype != object:
         return f"{value.dtype} {value.shape} {hashlib.sha256(np.ascontiguousarray(value).tobytes()).hexdigest()}"
-    if isinstance(value, tuple):
-        record = "" if type(value) is tuple else _of_class(type(value))
-        return f"{record}({','.join(_of(v, above) for v in value)})"
+    if isinstance(value, (tuple, types.BaseTuple)):  # of numba's types, whose own text leaves out names of fields
+        kind = getattr(value, "instance_class", tuple) if isinstance(value, types.BaseTuple) else type(value)
+        return f"{'' if kind is tuple else _of_class(kind)}({','.join(_of(one, above) for one in value)})"
+    if isinstance(value, types.Type):
+        return str(value)
     if isinstance(value, slice):
         return f"slice{_of((value.start, value.stop, value.step), above)}"
     if isinstance(value, Dispatcher):
@@ -142,8 +134,6 @@ def _of(value: Any, above: tuple[Any, ...]) -> str:
         return _of_function(value, above)
     if isinstance(value, type):
         return _of_class(value)
-    if isinstance(value, types.Type):
-        return _of_type(value)
     owner = (getattr(value, "__module__", None) or "").split(".")[0]
     if isinstance(value, np.ufunc) or owner in ("math", "builtins", "numpy") or value is math or value is np:
         return f"{owner} {value.__name__}"
@@ -151,22 +141,13 @@ def _of(value: Any, above: tuple[Any, ...]) -> str:
 
 
 def _of_class(value: type) -> str:
-    fields = getattr(value, "_fields", None)
-    if fields is not None:
-        return f"{value.__module__}.{value.__qualname__}{fields}"
+    if hasattr(value, "_fields"):
+        return f"{value.__module__}.{value.__qualname__}{value._fields}"
     if issubclass(value, enum.Enum):
         return f"{value.__qualname__}{[(one.name, one.value) for one in value]}"
     if value.__module__ in ("builtins", "numpy"):
         return value.__qualname__
     raise Unknown
-
-
-def _of_type(kind: Any) -> str:
-    """Return the text of a type of numba's with the names of fields, which its own text leaves out."""
-    if isinstance(kind, types.BaseTuple):
-        record = _of_class(kind.instance_class) if isinstance(kind, types.BaseNamedTuple) else ""
-        return f"{record}({','.join(map(_of_type, kind.types))})"
-    return str(kind)
 
 
 @cache
@@ -181,37 +162,27 @@ def _code_of_module(name: str) -> str:
 
 
 def load(key: str | None, made: Callable[[Any], Any]) -> Any:
-    """Return `made` of the content that is kept under a name; None if there is none that is whole."""
-    content = None if key is None else _read(key)
-    if content is None:
+    """Return `made` of the content that is kept under a name; None if there is none that is whole and ours."""
+    try:
+        path = _own_folder() / str(key)
+        if key is None or not stat.S_ISREG((found := os.lstat(path)).st_mode):
+            return None
+        if _is_foreign(found):
+            _warn_once(f"a compiled kernel is not used, since another user may have written it: {path}")
+            return None
+        if time.time() - found.st_mtime > DAY:
+            with suppress(OSError):
+                os.utime(path)
+        content = path.read_bytes()
+    except OSError:
         return None
     try:
         if content[:32] != hashlib.sha256(content[32:]).digest():
             raise ValueError
         return made(pickle.loads(content[32:]))
     except Exception:  # whatever rebuilding meets
-        _warn_once(f"a compiled kernel on disk is damaged, {folder() / str(key)}; it is compiled again")
+        _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled again")
         return None
-
-
-def _read(key: str) -> bytes | None:
-    """Return the file of a kernel, None where there is none that nobody else may have written."""
-    try:
-        path = _own_folder() / key
-        found = os.lstat(path)
-        if not stat.S_ISREG(found.st_mode):
-            return None
-        if _is_foreign(found):
-            raise Foreign(f"a compiled kernel is not used, since another user may have written it: {path}")
-        if time.time() - found.st_mtime > DAY:
-            with suppress(OSError):
-                os.utime(path)
-        return path.read_bytes()
-    except Foreign as error:
-        _warn_once(str(error))
-    except OSError:
-        pass
-    return None
 
 
 def save(key: str, content: Any) -> None:
@@ -228,21 +199,17 @@ def save(key: str, content: Any) -> None:
             os.unlink(part)
             raise
         _tidy()
-    except Foreign as error:
-        _warn_once(str(error))
     except OSError as error:
-        _warn_once(
-            f"compiled kernels cannot be kept in {folder()} ({error.strerror}), so every command compiles anew; set "
-            "NUMBA_CACHE_DIR to a folder that may be written"
-        )
+        if not isinstance(error, Foreign):
+            _warn_once(
+                f"compiled kernels cannot be kept in {folder()} ({error.strerror}), so every command compiles anew; "
+                "set NUMBA_CACHE_DIR to a folder that may be written"
+            )
 
 
 @contextmanager
 def locked(key: str | None) -> Iterator[None]:
-    """Hold the lock of a name until done or gone; where there is none, go on without.
-
-    Kernels call each other in no circle, so that no two processes wait for each other.
-    """
+    """Hold the lock of a name until done or gone: others wait, and then find what one has compiled."""
     stream = None
     if key is not None and fcntl is not None:
         with suppress(OSError):
@@ -276,15 +243,20 @@ def folder() -> Path:
     return home / "pirrht" / "kernels"
 
 
+class Foreign(OSError):
+    """Somebody else owns the folder of the cache, or may write to it; a line has been written about that."""
+
+
 def _own_folder() -> Path:
     """Make the folder of kernels, if need be; Foreign where somebody else may write there."""
     path = folder()
     path.mkdir(mode=0o755, parents=True, exist_ok=True)
     if _is_foreign(os.lstat(path)):
-        raise Foreign(
+        _warn_once(
             f"compiled kernels in {path} are not used, since another user may write there, so every command "
             "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
         )
+        raise Foreign
     return path
 
 
@@ -306,7 +278,6 @@ def _tidy() -> None:
 
 def _warn_once(line: str) -> None:
     """Once per process and kind; without a handler of the caller's own it goes to standard error as it is."""
-    kind = line.split(",")[0]
-    if kind not in _warned:
+    if (kind := line.split(",")[0]) not in _warned:
         _warned.add(kind)
-        _log.warning("pirrht: %s", line)
+        logging.getLogger("pirrht").warning("pirrht: %s", line)

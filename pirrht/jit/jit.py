@@ -1,12 +1,8 @@
 """Numeric functions as kernels; small ones become part of them and stay plain Python.
 
-Kernels that call one of several functions by address compile once, not once for each of them.
-
 Numba counts references whenever an array is taken out of a tuple, atomically and far more often than its optimiser can
 undo in a long function: 460 counts in the rollout loop made it five times slower. A kernel therefore takes arrays,
 which keeps them alive, and hands addresses of their elements to the functions that it calls in its loops.
-
-Compiled code runs without the interpreter lock, so that independent calls of it run on several threads.
 """
 
 from __future__ import annotations
@@ -14,12 +10,12 @@ from __future__ import annotations
 import ctypes
 import logging
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from functools import cache
-from itertools import count
-from threading import Barrier, Thread
+from itertools import count, pairwise
+from threading import Barrier, Event, Thread, get_ident
 from time import sleep
 from typing import Any, TypeVar
 
@@ -53,7 +49,7 @@ OPTIONS = {
 if linking:
     linking.keep_functions_of_numba(OPTIONS)
 as_tuple = (lambda values, count: tuple(values[:count])) if DISABLED else to_fixed_tuple  # the first of an array
-RETRY = 1e-3  # time between checks of the work that other threads have begun [s]
+RETRY = 1e-3  # time between checks of the work of other threads [s]
 
 
 def kernel(function: Callable[..., Any], **options: Any) -> Any:
@@ -71,17 +67,13 @@ def inlined(function: Callable[..., Any]) -> Any:
 def borrowing(function: Callable[..., Any], **options: Any) -> Any:
     """Compile a function that does not count who holds the arrays that it is given.
 
-    Counting is atomic: for one path, a kernel that is called would count the arrays of all its records twice. It makes
-    no arrays, and returns none (TypeError), since its caller would let go of what it never held.
+    It makes no arrays, and returns none (TypeError), since its caller would let go of what it never held.
     """
     return kernel(function, _nrt=False, **options)
 
 
 def part(function: Callable[..., Any]) -> Any:
-    """Compile a part of a long kernel: inlined, and `borrowing`.
-
-    A step of a path that is split into parts would otherwise take five times as long.
-    """
+    """Compile a part of a long kernel: inlined, and `borrowing`, else it would take five times as long."""
     return borrowing(function, forceinline=True)
 
 
@@ -157,19 +149,20 @@ def _accessors(name: str) -> tuple[Any, Any]:
     if DISABLED:
         return (lambda address, index: number(element(address, index).value)), put
 
+    def place(context: Any, builder: Any, given: Any) -> Any:
+        return builder.gep(builder.inttoptr(given[0], context.get_value_type(kind).as_pointer()), [given[1]])
+
     @intrinsic  # type: ignore[untyped-decorator]
     def load(typing_context: Any, address: Any, index: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            pointer = builder.inttoptr(given[0], context.get_value_type(kind).as_pointer())
-            return builder.load(builder.gep(pointer, [given[1]]))
+            return builder.load(place(context, builder, given))
 
         return kind(types.intp, types.intp), generate
 
     @intrinsic  # type: ignore[untyped-decorator]
     def store(typing_context: Any, address: Any, index: Any, value: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, given: Any) -> Any:
-            pointer = builder.inttoptr(given[0], context.get_value_type(kind).as_pointer())
-            builder.store(given[2], builder.gep(pointer, [given[1]]))
+            builder.store(given[2], place(context, builder, given))
             return context.get_dummy_value()
 
         return types.none(types.intp, types.intp, kind), generate
@@ -188,61 +181,55 @@ load_float32, _ = _accessors("float32")
 def mapped(work: Callable[[A], B], items: Iterable[A], threads: int) -> list[B]:
     """The results of a function for every item, in their order; the calling thread takes its share of them.
 
-    Waking a thread takes longer than a short call does, so that what has not begun when all is done is called off.
+    It ends when all are there, since waking a thread takes longer than a short call does. After an interruption it ends
+    when no thread is at work on any: they write to arrays of the caller.
     """
     given = list(items)
     if threads == 1 or len(given) < 2:
         return [work(item) for item in given]
     found: dict[int, B] = {}
-    inside: list[None] = []  # one of each thread that may be at work
-    turn, total = count(), len(given)  # a step of the first is atomic
+    errors: list[BaseException] = []
+    busy: set[int] = set()  # threads
+    turn, total, over = count(), len(given), Event()  # a step of the first is atomic
 
     def pull() -> None:
-        inside.append(None)
+        busy.add(get_ident())
         try:
             while (i := next(turn)) < len(given):
                 found[i] = work(given[i])
+        except BaseException as error:
+            errors.append(error)
         finally:
-            inside.pop()
+            busy.discard(get_ident())
+            if errors or len(found) == total:
+                over.set()
 
     try:
-        helpers = [_pool(threads - 1, os.getpid()).submit(pull) for _ in range(min(threads, total) - 1)]
+        for _ in range(min(threads, total) - 1):
+            _pool(threads - 1, os.getpid()).submit(pull)
         pull()
-        for helper in [helper for helper in helpers if not helper.cancel()]:
-            helper.result()
+        over.wait()
+        if errors:
+            raise errors[0]
     except BaseException:
-        _leave(given, inside)
+        while given or busy - {get_ident()}:
+            with suppress(BaseException):
+                given.clear()  # so that nothing more is begun
+                sleep(RETRY)
         raise
     return [found[i] for i in range(total)]
 
 
 def over_ranges(work: Callable[[int, int], None], count: int, threads: int) -> None:
     """Call a function (start, stop) for ranges that cover 0 to `count`, on several threads."""
-    if threads == 1:
-        work(0, count)
-        return
-    edges = [count * i // (2 * threads) for i in range(2 * threads + 1)]
-    mapped(lambda ends: work(*ends), zip(edges[:-1], edges[1:], strict=True), threads)
-
-
-def _leave(given: list[A], inside: Sequence[None]) -> None:
-    """Call off what has not begun and wait for the rest, whatever interrupts meanwhile: it writes to arrays of ours.
-
-    It waits for threads that are inside, not for those that were sent: a signal may strike while they are sent.
-    """
-    while given or inside:
-        with suppress(BaseException):
-            given.clear()
-            sleep(RETRY)
+    parts = 2 * threads if threads > 1 else 1
+    edges = [count * i // parts for i in range(parts + 1)]
+    mapped(lambda ends: work(*ends), pairwise(edges), threads)
 
 
 @cache
 def _pool(threads: int, process: int) -> ThreadPoolExecutor:
-    """A pool whose threads all wait for work.
-
-    Another thread begins them: a signal that strikes the main one while it does so would leave a thread that the pool
-    does not know, and that nobody ends when the process does.
-    """
+    """A pool whose threads all wait for work, begun by another thread than the main one, which signals strike."""
     pool, all_here = ThreadPoolExecutor(threads), Barrier(threads)
     starter = Thread(target=lambda: wait([pool.submit(all_here.wait) for _ in range(threads)]))
     starter.start()

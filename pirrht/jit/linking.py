@@ -62,7 +62,7 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     def finalize(self) -> None:
         """Link libraries of numba; other parts are named, and linked where an entry is made."""
         self._raise_if_finalized()
-        libraries = list(dict.fromkeys(self._linking_libraries))
+        libraries = dict.fromkeys(self._linking_libraries)
         self.parts = tuple(library for library in libraries if isinstance(library, PartLibrary))
         for library in libraries:
             self._reload_init.update(library._reload_init)
@@ -86,22 +86,19 @@ class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
     @classmethod
     def kept(cls, key: str, state: Any = None) -> PartLibrary | None:
         """Return the IR that is on disk under a name, with all parts that it links."""
-        if key not in _known:
-            state = state or cache.load(key, lambda data: data[0])
-            if state is None:
-                return None
-            name, bitcode, below, begin = state
-            parts = tuple(part for part in map(cls.kept, below) if part is not None)
-            if len(parts) < len(below):
-                return None
-            for one in begin:
-                one()
-            library = cls(cpu_target.target_context.codegen(), name)
-            library._final_module = binding.parse_bitcode(bitcode)
-            library.parts, library.key, library._finalized = parts, key, True
-            library._reload_init.update(begin)
-            _known[key] = library
-        return _known[key]
+        if key in _known or (state := state or cache.load(key, lambda data: data[0])) is None:
+            return _known.get(key)
+        name, bitcode, below, begin = state
+        parts = tuple(part for part in map(cls.kept, below) if part is not None)
+        if len(parts) < len(below):
+            return None
+        for one in begin:
+            one()
+        library = _known[key] = cls(cpu_target.target_context.codegen(), name)
+        library._final_module = binding.parse_bitcode(bitcode)
+        library.parts, library.key, library._finalized = parts, key, True
+        library._reload_init.update(begin)
+        return library
 
     def _get_module_for_linking(self) -> Any:
         """Return the IR of this function and of all that it calls."""
@@ -122,24 +119,20 @@ def _callers_first(library: PartLibrary) -> list[PartLibrary]:
     order: dict[PartLibrary, None] = {}
 
     def visit(one: PartLibrary) -> None:
-        if one not in order:
-            for part in one.parts:
+        for part in one.parts:
+            if part not in order:
                 visit(part)
-            order[one] = None
+        order[one] = None
 
     visit(library)
     return list(reversed(order))
 
 
 class Name:
-    """Represents the code of a part where numba expects a function that Python may call."""
+    """Represents the code of a part where numba expects a function that Python may call: calls find it by this."""
 
-
-def _registered(context: Any, described: Any, library: PartLibrary) -> Name:
-    """Return the name by which calls of a part find its code."""
-    name = Name()
-    context.insert_user_function(name, described, [library])
-    return name
+    def __init__(self, context: Any, described: Any, library: PartLibrary) -> None:
+        context.insert_user_function(self, described, [library])
 
 
 @register_pass(mutates_CFG=True, analysis_only=False)
@@ -149,17 +142,14 @@ class PartLowering(NativeLowering):  # type: ignore[misc]
     _name = LOWERING
 
     def run_pass(self, state: Any) -> bool:
-        """Lower into a `PartLibrary`, and register it for calls from other kernels.
-
-        The name of its code follows from the key: code on disk that calls it finds it, even where it was compiled anew.
-        """
+        """Lower into a `PartLibrary` whose code is named by its key, so that code on disk finds it."""
         if _keys[-1] is not None:
             state.func_id.unique_id = int(_keys[-1][-15:], 16)
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
         state.library.finalize()
-        state.cr = state.cr._replace(cfunc=_registered(state.targetctx, state.cr.fndesc, state.library))
+        state.cr = state.cr._replace(cfunc=Name(state.targetctx, state.cr.fndesc, state.library))
         return True
 
 
@@ -193,14 +183,11 @@ class Code(CPUDispatcher):  # type: ignore[misc]
         self.targetctx.refresh()  # else code from disk would find nothing of numba's runtime
         key = cache.key_of(self.py_func, self.kind, args, self.targetoptions, self.targetctx)
         with cache.locked(key):
-            with unbroken():
+            with unbroken:
                 result = cache.load(key, lambda data: self._rebuilt(key, data))
             if result is None:
-                # As numba's own dispatchers do; collecting garbage would take a sixth of the time.
-                with (
-                    event.trigger_event("numba:compile", data={"dispatcher": self, "args": args, "return_type": None}),
-                    without_garbage(),
-                ):
+                heard = {"dispatcher": self, "args": args, "return_type": None}  # as by numba's own dispatchers
+                with event.trigger_event("numba:compile", data=heard), without_garbage():
                     result = self._made(key, args)
                 if key is not None and (state := self._state(result)) is not None:
                     cache.save(key, state)
@@ -216,11 +203,7 @@ class Part(Code):
         super().__init__(function, {}, options | {"no_cpython_wrapper": True}, pipeline_class=PartCompiler)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """Return types of a call.
-
-        With a literal or a short whole number it is the call with any such number: otherwise a kernel would be compiled
-        once for 0, once for 2 and once for an index out of an array of 32 bits.
-        """
+        """Return types of a call; literals and short whole numbers are any such number, compiled once for all."""
         return super().get_call_template(tuple(map(_widened, args)), {name: _widened(kws[name]) for name in kws})
 
     def add_overload(self, result: CompileResult) -> None:
@@ -252,17 +235,14 @@ class Part(Code):
             return None
         return CompileResult(
             target_context=self.targetctx, typing_context=self.typingctx, library=library, fndesc=described,
-            signature=signature, entry_point=_registered(self.targetctx, described, library), objectmode=False,
+            signature=signature, entry_point=Name(self.targetctx, described, library), objectmode=False,
             lifted=(), typing_error=None, environment=None, type_annotation=None, call_helper=None, metadata=None,
             reload_init=(), referenced_envs=(),
         )  # fmt: skip
 
 
 class Entry(Code):
-    """A function as Python calls it: machine code of a part and all that it calls; kernels link the part.
-
-    With `by_address`, kernels can call its machine code too.
-    """
+    """A function as Python calls it: machine code of a part and all that it calls; with `by_address`, kernels too."""
 
     def __init__(self, function: Callable[..., Any], options: dict[str, Any], *, by_address: bool = False) -> None:
         super().__init__(function, {}, options)
@@ -292,7 +272,7 @@ class Entry(Code):
         library._reload_init.update(part.library._reload_init)
         environment = Environment.from_fndesc(described)
         ours = context.subtarget(enable_nrt=self.targetoptions["_nrt"], environment=environment, fndesc=described)
-        with unbroken():
+        with unbroken:
             ours.create_cpython_wrapper(library, described, environment, None, release_gil=True)
             if self.kind == "pointer":
                 ours.create_cfunc_wrapper(library, described, environment, None)
@@ -319,22 +299,14 @@ def register(function: Callable[..., Any], options: dict[str, Any]) -> None:
 
 
 def keep_functions_of_numba(options: dict[str, Any]) -> None:
-    """Make parts of numba's own functions on arrays and numbers, which it would compile anew in every process.
-
-    It saves a fifth of the time that kernels compile.
-    """
+    """Make parts of numba's functions on arrays and numbers, which saves a fifth of the time that kernels compile."""
     plain = _OverloadFunctionTemplate._get_jit_decorator
 
     def decorator(self: Any) -> Any:
         found = plain(self)
         if found is not jit or self._overload_func.__module__ not in KEPT:  # on other devices numba compiles them
             return found
-
-        def made(**given: Any) -> Callable[..., Any]:
-            """Make a part of a function that can be kept; others stay numba's."""
-            return lambda one: Part(one, options | given) if cache.identity(one) else found(**given)(one)
-
-        return made
+        return lambda **given: lambda one: Part(one, options | given) if cache.identity(one) else jit(**given)(one)
 
     _OverloadFunctionTemplate._get_jit_decorator = decorator
 

@@ -34,46 +34,36 @@ def waits(number: int) -> bool:
     return bool(_at_work)
 
 
-def _begin() -> None:
-    _at_work.append(None)
+class _Unbroken(event.Listener):  # type: ignore[misc]
+    """Lets signals wait during work: as a context, and as a listener to numba's passes."""
 
+    def __enter__(self) -> None:
+        _at_work.append(None)
 
-def _end() -> None:
-    _at_work.pop()
-    if not _at_work and _waiting:
-        numbers, _waiting[:] = _waiting[-1:], []  # before it is heeded: work of another thread may make it wait again
-        for number in numbers:  # none, where another thread ended its work at the same moment
-            interrupt_main(Signals(number))
+    def __exit__(self, *_: object) -> None:
+        _at_work.pop()
+        if not _at_work and _waiting:
+            numbers, _waiting[:] = _waiting[-1:], []  # first, since work of another thread may make it wait again
+            for number in numbers:  # none, where another thread ended its work at the same moment
+                interrupt_main(Signals(number))
 
-
-@contextmanager
-def unbroken() -> Iterator[None]:
-    """Let signals wait during some work."""
-    _begin()
-    try:
-        yield
-    finally:
-        _end()
-
-
-class _Passes(event.Listener):  # type: ignore[misc]
     def on_start(self, happening: Any) -> None:
         if happening.data["name"].startswith(LOWERING):
-            _begin()
+            self.__enter__()
 
     def on_end(self, happening: Any) -> None:
         if happening.data["name"].startswith(LOWERING):
-            _end()
+            self.__exit__()
 
 
-event.register("numba:run_pass", _Passes())
+unbroken = _Unbroken()
+event.register("numba:run_pass", unbroken)
 
 
 def count_from_chance() -> None:
-    """Let this process count what it compiles from a random number.
+    """Let this process count what it compiles from a random number, which numba puts into the names of code.
 
-    Numba puts its count into the names of code, and the linker takes the first code of a name. Numba's own functions,
-    compiled by two processes that count alike, would be mistaken for each other.
+    Else the linker would mistake functions of numba, compiled by two processes that count alike, for each other.
     """
     FunctionIdentity._unique_ids = count(randbits(BITS))
 
@@ -84,19 +74,14 @@ if hasattr(os, "register_at_fork"):  # not on Windows, where there is no fork
 
 
 def remember_types() -> None:
-    """Let numba search once for the templates of an operation, which depend on operation and types alone.
-
-    The search takes a fifth of the time that kernels compile.
-    """
+    """Let numba search once for the templates of an operation: that takes a fifth of the time that kernels compile."""
     known: dict[Any, Any] = {}
     plain = BaseFunction.get_call_type
 
     def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
         if kws or not all(isinstance(kind, VALUES) for kind in args):
             return plain(self, context, args, kws)
-        if (self, args) not in known:
-            known[self, args] = plain(self, context, args, kws)
-        return known[self, args]
+        return known.get((self, args)) or known.setdefault((self, args), plain(self, context, args, kws))
 
     BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]
 

@@ -3,14 +3,12 @@
 They depend only on (seed, sample, draw), never on the number of threads. Each sample owns a SplitMix64 sequence
 (Steele, Lea and Flood, OOPSLA 2014) that starts at a mix of seed and sample index. Of each 64 bits come two normals
 (Box and Muller, Ann. Math. Stat. 1958), in single precision and without tables or branches, so that whole vectors of
-them are drawn at once. Single precision suffices: with 31 bits the radius stands for all but 2^-32 of the law, up to
-6.66 deviations, and the rounding of a path is far below its noise.
+them are drawn at once. It suffices: with 31 bits the radius stands for all but 2^-32 of the law, up to 6.66 deviations.
 
 A bridge crosses a flat wall at distances c0 and c1 with probability exp(-2 c0 c1 / variance); the time of the first
 crossing is then drawn exactly.
 
-A vector holds twice as many numbers of single precision, and they are divided and rooted four times as fast. In a
-kernel a literal is double and makes all that meets it double, so constants of loops over lanes are named here.
+In a kernel a literal is double and makes all that meets it double, so constants of loops over lanes are named here.
 """
 
 from __future__ import annotations
@@ -23,9 +21,7 @@ from pirrht.jit.jit import inlined, kernel
 
 ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
 INFINITE = np.float32(np.inf)
-GOLDEN = np.uint64(0x9E3779B97F4A7C15)
-MIX_1 = np.uint64(0xBF58476D1CE4E5B9)
-MIX_2 = np.uint64(0x94D049BB133111EB)
+GOLDEN, MIX_1, MIX_2 = (np.uint64(v) for v in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 UNIT = 1.0 / 9007199254740992.0  # 2^-53
 UPPER, SIGN, BIT = np.uint64(32), np.uint32(0x80000000), np.uint32(1)
 STEP, FIRST = np.float32(2.0**-31), np.float32(2.0**-32)  # of the uniforms that become radii
@@ -39,8 +35,6 @@ C1, C2, C3, C4 = (np.float32((-1.0) ** k / math.factorial(2 * k)) for k in range
 FAR = 12.0  # exponents beyond this are taken as certain survival
 SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall next to it at least, since lines turn
 MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
-
-
 LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
 LN_2_HIGH, LN_2_LOW = np.float32(0.693359375), np.float32(-2.12194440e-4)  # their sum is log 2 beyond single precision
 E2, E3, E4, E5, E6 = (np.float32(1.0 / math.factorial(k)) for k in range(2, 7))
@@ -121,10 +115,7 @@ def normals(state):  # type: ignore[no-untyped-def]
 
 @inlined
 def fill_normals(state, count, out):  # type: ignore[no-untyped-def]
-    """The next state of a sequence after `count` times two standard normal numbers, written to out (2 count,) or more.
-
-    They are those of as many calls of `normals`, drawn many abreast.
-    """
+    """The next state after as many calls of `normals`, drawn many abreast and written to out (2 count,) or more."""
     for k in range(count):
         high, low = halves(state + GOLDEN * np.uint64(k + 1))
         out[2 * k], out[2 * k + 1] = normals_of(high, low)
@@ -140,18 +131,16 @@ def uniform(state):  # type: ignore[no-untyped-def]
 
 @kernel
 def first_crossing(c0, c1, deviation, state):  # type: ignore[no-untyped-def]
-    """Draw the share of the step at which a bridge from distance c0 > 0 first meets the wall, given that it does.
+    """Draw the share of the step at which a bridge from distance c0 > 0 to c1 [m] first meets the wall, if it does.
 
     In the clock s = t / (1 - t) the bridge is a Brownian motion with drift, so s is inverse Gaussian (drawn as by
-    Michael, Schucany and Haas, The American Statistician 1976); an end on the near side counts as its mirror image.
-    Args: distances at both ends (the second may be negative) and the standard deviation of the whole step [m],
-        and the random sequence. Returns: next state of the sequence, share.
+    Michael, Schucany and Haas, The American Statistician 1976); c1 < 0 counts as its mirror image. The deviation [m]
+    is that of the whole step. Returns: next state of the sequence, share.
     """
     shape = (c0 / deviation) ** 2
     state, z, _ = normals(state)
     state, u = uniform(state)
-    slope = abs(c1) / c0  # one over the mean of s
-    half = 0.5 * z * z / shape
+    slope, half = abs(c1) / c0, 0.5 * z * z / shape  # the first is one over the mean of s
     s = 1.0 / (slope + half + math.sqrt(half * (half + 2.0 * slope)))
     if slope > 0.0 and u * (1.0 + slope * s) > 1.0:
         s = 1.0 / (slope * slope * s)

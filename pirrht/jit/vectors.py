@@ -37,28 +37,24 @@ def copy_rows(source: NDArray[Any], out: NDArray[Any]) -> None:
 @kernel
 def solve(A, Y, X):  # type: ignore[no-untyped-def]
     """Solve A X = Y for small A (m, m) by elimination with row pivots; Y, X (m, k)."""
-    m, width = A.shape[0], Y.shape[1]
-    work = A.copy()
-    copy_rows(Y, X)
+    m, width = A.shape[0], A.shape[0] + Y.shape[1]
+    work = np.empty((m, width))  # both next to each other
+    copy_rows(A, work[:, :m])
+    copy_rows(Y, work[:, m:])
     for i in range(m):
         pivot = i
         for r in range(i + 1, m):
             if abs(work[r, i]) > abs(work[pivot, i]):
                 pivot = r
-        for c in range(m):
+        for c in range(width):
             work[i, c], work[pivot, c] = work[pivot, c], work[i, c]
-        for k in range(width):
-            X[i, k], X[pivot, k] = X[pivot, k], X[i, k]
         for r in range(m):
-            if r != i:
-                factor = work[r, i] / work[i, i]
-                for c in range(i, m):
-                    work[r, c] -= factor * work[i, c]
-                for k in range(width):
-                    X[r, k] -= factor * X[i, k]
+            factor = work[r, i] / work[i, i] if r != i else 0.0
+            for c in range(i, width):
+                work[r, c] -= factor * work[i, c]
     for i in range(m):
-        for k in range(width):
-            X[i, k] /= work[i, i]
+        for k in range(m, width):
+            X[i, k - m] = work[i, k] / work[i, i]
 
 
 @cache
@@ -75,10 +71,7 @@ def axpy(width: int) -> Any:
 
 @cache
 def matvec(count: int, width: int) -> Any:
-    """Return the function (out, rows, factors), of addresses, that writes sum_k factors_k rows_k.
-
-    There are `count` rows of `width` numbers, one after the other; the output overlaps none of them.
-    """
+    """Return the function (out, rows, factors), of addresses, that writes sum_k factors_k rows_k of `count` rows."""
 
     @part
     def multiply(out, rows, factors):  # type: ignore[no-untyped-def]
@@ -104,7 +97,7 @@ def _blended() -> Any:
         return plain
 
     @intrinsic  # type: ignore[untyped-decorator]
-    def blend(typing_context: Any, *kinds: Any) -> Any:
+    def blend(typing_context: Any, *_: Any) -> Any:
         def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             kind, places = ir.VectorType(ir.FloatType(), 4), [ir.Constant(ir.IntType(32), k) for k in range(4)]
 
@@ -113,9 +106,8 @@ def _blended() -> Any:
                 return builder.load(start, align=4), builder.load(builder.gep(start, places[1:2]), align=4)
 
             def fill(number: Any) -> Any:
-                empty = ir.Constant(kind, ir.Undefined)
-                one = builder.insert_element(empty, number, places[0])
-                return builder.shuffle_vector(one, empty, ir.Constant(ir.VectorType(ir.IntType(32), 4), None))
+                one = builder.insert_element(ir.Constant(kind, ir.Undefined), number, places[0])
+                return builder.shuffle_vector(one, one, ir.Constant(ir.VectorType(ir.IntType(32), 4), None))
 
             def between(low: Any, high: Any, share: Any) -> Any:
                 rest = builder.fsub(ir.Constant(ir.FloatType(), 1.0), share)
@@ -124,12 +116,11 @@ def _blended() -> Any:
             first, second, one, other, along = cgutils.unpack_tuple(builder, values[0])
             low, high = between(*rows(first), one), between(*rows(second), other)
             row = builder.fadd(low, builder.fmul(fill(along), builder.fsub(high, low)))
-            return context.make_tuple(
-                builder, signature.return_type, [builder.extract_element(row, place) for place in places]
-            )
+            numbers = [builder.extract_element(row, place) for place in places]
+            return context.make_tuple(builder, signature.return_type, numbers)
 
-        numbers = (types.intp, types.intp, *3 * [types.float32])
-        return types.UniTuple(types.float32, 4)(types.StarArgTuple(numbers)), generate
+        kinds = (types.intp, types.intp, *3 * [types.float32])
+        return types.UniTuple(types.float32, 4)(types.StarArgTuple(kinds)), generate
 
     return blend
 

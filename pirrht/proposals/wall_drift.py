@@ -152,7 +152,7 @@ class WallDrift:
         # A robot that reacts between plans may come closer than a rollout's step would let it.
         nearest = TUNING.constant_below if self.moving.J == 0 else TUNING.constant_below_moving
         closest = nearest * float(np.sqrt((B @ B.T).diagonal().max() * self.step))
-        return self.problem.dynamics.climbing_gain(x), closest
+        return self.problem.dynamics.control_gain(x) @ B.T, closest
 
 
 @kernel

@@ -89,8 +89,7 @@ class Cpu(NamedTuple):
 
     def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
         """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
-        states, _, steps = self._replayed(setup, tables, origin, number)
-        return states, steps
+        return self._replayed(setup, tables, origin, number)[::2]
 
     def controls(
         self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int

@@ -56,11 +56,11 @@ def ended_for(kind: KernelSpec) -> Any:
             z = other
             if j % 2 == 0:
                 state, z, other = normals(state)
-            column[j, 0] = z
+            column[j] = z
             noisy += (B[0, j] * ex + B[1, j] * ey) * (share * y[j] + spread * z)
         for j in range(m):
             along = (B[0, j] * ex + B[1, j] * ey) / size
-            y[j] = share * y[j] + spread * column[j, 0] + along * (to_rim - noisy)
+            y[j] = share * y[j] + spread * column[j] + along * (to_rim - noisy)
         for j in range(n):
             moved[j] = x[j]
             for k in range(m):

@@ -15,7 +15,7 @@ from pirrht.geometry.arcs import entry_of_piece
 from pirrht.geometry.field import border, clearance, interpolate, nearest_label, with_slope
 from pirrht.geometry.world import NEVER
 from pirrht.jit.jit import inlined, kernel
-from pirrht.jit.streams import FAR, MIN_VARIANCE, ONE, SIDEWAYS, first_crossing, normals, survival, uniform
+from pirrht.jit.streams import FAR, HALF, MIN_VARIANCE, ONE, SIDEWAYS, first_crossing, normals, survival, uniform
 from pirrht.outcome import Outcome
 from pirrht.rollouts.tuning import TUNING
 
@@ -195,7 +195,7 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
         [s/m^2].
     """
     wish = max(scale * near * near, least)
-    return rest if wish >= rest else min(wish, 0.5 * rest)
+    return rest if wish >= rest else min(wish, HALF * rest)
 
 
 @kernel

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.jit.jit import jitable, load_float64, part
-from pirrht.rollouts.step import KernelSpec
+from pirrht.rollouts.step import KernelSpec, planar
 from pirrht.rollouts.tables import FINER, law_columns, slope_of, tube_at, tube_of
 from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import wrapped
@@ -33,10 +33,9 @@ def straight_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-d
 @cache
 def aims(kind: KernelSpec) -> Any:
     """Build the kernel that writes `a` of every reference, of all modes."""
-    n, m, modes, rows, angles, noisy_position = kind.n, kind.m, kind.modes, kind.rows, kind.angles, kind.noisy_position
-    takes_law, gated, state_dependent_gain = kind.takes_law, kind.gated, kind.state_dependent_gain
-    moving = kind.moving is not None
-    fixed, homing_of = n - rows, kind.homing
+    n, m, modes, angles, noisy_position = kind.n, kind.m, kind.modes, kind.angles, kind.noisy_position
+    takes_law, gated, moving = kind.takes_law, kind.gated, kind.moving is not None
+    (_, along_noise), homing_of = planar(kind), kind.homing
     _, _, there, _, _, end, _, metric, _ = law_columns(n, modes)
 
     @part
@@ -96,14 +95,10 @@ def aims(kind: KernelSpec) -> Any:
     @part
     def along_tube(tables, scratch, g, goal, walls):  # type: ignore[no-untyped-def]
         """Write `a` of a tube, whose desirability is climbed."""
-        ways, x, B, stage = tables.ways, scratch.x, scratch.B, scratch.stage
-        px, py = np.float32(x[0]), np.float32(x[1])
+        ways, stage, px, py = tables.ways, scratch.stage, np.float32(scratch.x[0]), np.float32(scratch.x[1])
         stage[g] = tube_at(tube_of(ways, g), stage[g], ways.decay, goal, px, py, scratch.tube, 0, 1)
         sx, sy = slope_of(scratch.tube, 0, 1, walls)
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            scratch.a[g, j] = bx * sx + by * sy
+        along_noise(scratch.B, sx, sy, scratch.a, g)
 
     @part
     def along_law(setup, tables, scratch, g, at, headed):  # type: ignore[no-untyped-def]
@@ -119,23 +114,14 @@ def aims(kind: KernelSpec) -> Any:
         return True
 
     @part
-    def add_sequence(tables, scratch, g, i):  # type: ignore[no-untyped-def]
-        """Add the control sequence."""
-        for j in range(m):
-            if state_dependent_gain:
-                for k in range(m):
-                    scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
-            else:
-                scratch.a[g, j] += tables.drift[g, i, j]
-
-    @part
     def add(tables, scratch, g, i):  # type: ignore[no-untyped-def]
         """Add the control sequence, and wall drift where noise moves the position and neither tube nor law has it."""
         pushed = tables.ways.count[g] == 0 and (tables.law_length[g] == 0 or gated) and tables.wall_offset > 0.0
-        if i < tables.active[g]:
-            add_sequence(tables, scratch, g, i)
+        for j in range(m if i < tables.active[g] else 0):
+            for k in range(m):
+                scratch.a[g, j] += scratch.D[j, k] * tables.control[g, i, k]
         for j in range(m if noisy_position and pushed else 0):
-            scratch.a[g, j] += scratch.wall_drift[j]
+            scratch.a[g, j] += scratch.wall_drift[0, j]
 
     @part
     def aim(setup, tables, scratch, ratio, walls, h, at):  # type: ignore[no-untyped-def]

@@ -35,31 +35,32 @@ from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
-from pirrht.rollouts.tuning import TUNING
+from pirrht.systems.dynamics import no_drift
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, covariance_of, diffusion_of, length_for, motion, noise_for, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, length_for, motion, noise_for, planar, walls_for,
 )  # fmt: skip
 
 
 @cache
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
-    m, modes, has_laws, steps = kind.m, kind.modes, kind.takes_law and not kind.noisy_position, TUNING.abreast
+    m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.noisy_position
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
-    matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
+    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
+    even, steps = modes + modes % 2, kind.abreast
 
     @part
     def of_law(tables, scratch, g, h, i, dt):  # type: ignore[no-untyped-def]
         """Return the term of a law's step."""
-        law, drawn, a, white, off = tables.law, scratch.drawn, scratch.a, scratch.white, scratch.off
+        law, drawn, a, off = tables.law, scratch.drawn, scratch.a, scratch.off
         gained, row = 0.0, law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * g + scratch.stage[g])
         noise, size = scratch.fresh.ctypes.data + 8 * even * (i % steps), dt
         if g != h:  # from what was drawn under h, the noise that g would have had to draw
-            axpy(white.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
-            matvec(off.ctypes.data, row + 8 * inverse, white.ctypes.data)
+            axpy(off.ctypes.data, drawn.ctypes.data, 1.0, a.ctypes.data + 8 * a.shape[1] * g, -dt)
+            matvec(off.ctypes.data, row + 8 * inverse, off.ctypes.data)
             noise, size = off.ctypes.data, 1.0
         for j in range(modes):
             one = load_float64(noise, j)
@@ -88,59 +89,53 @@ def recorder(kind: KernelSpec) -> Any:
     With wall drift, the proposal control over a step is the mean of both ends, to second order: the next step adds the
     second half (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of drift.
     """
-    m, noisy_position, state_dependent_gain = kind.m, kind.noisy_position, kind.state_dependent_gain
-    gated, steady = kind.gated, kind.is_martingale
+    m, noisy_position, gated, steady = kind.m, kind.noisy_position, kind.gated, kind.is_martingale
 
     @part
-    def add_control(scratch, inverse, out, row, factor):  # type: ignore[no-untyped-def]
+    def add_control(scratch, out, row, factor):  # type: ignore[no-untyped-def]
         """Add a multiple of the control that belongs to `column`, of a, to a row of out (.., m)."""
-        column, carried = scratch.column, scratch.carried
-        if state_dependent_gain:
-            solve(scratch.D, column, carried)
         for j in range(m):
-            total = carried[j, 0]
-            if not state_dependent_gain:
-                total = 0.0
-                for k in range(m):
-                    total += inverse[j, k] * column[k, 0]
+            total = 0.0
+            for k in range(m):
+                total += scratch.inverse[j, k] * scratch.column[k]
             out[row, j] += factor * total
 
     @part
     def lead(scratch, h, counted, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
-        pushed, a = scratch.wall_drift, scratch.a
+        pushed, a = scratch.wall_drift[0], scratch.a
         for j in range(m):
             pushing = counted * pushed[j] if steady else pushed[j]
-            scratch.column[j, 0] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
+            scratch.column[j] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
             if without:
-                scratch.column[j, 0] -= pushing
+                scratch.column[j] -= pushing
 
     @part
-    def relax(keep, inverse, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
+    def relax(keep, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
         """Take off the half that is owed."""
         if owed > 0.0:
             lead(scratch, h, counted, False)
-            add_control(scratch, inverse, keep.now, 0, -0.5 * owed)
+            add_control(scratch, keep.now, 0, -0.5 * owed)
 
     @part
-    def record(keep, inverse, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
+    def record(keep, scratch, tables, h, where, until, inside):  # type: ignore[no-untyped-def]
         """Add a step of `until` seconds, the first also without wall drift; return the time that is owed."""
         (i, whole, first), column, y = where, scratch.column, scratch.y
         near_walls = noisy_position and tables.wall_offset > 0.0
         if i < keep.applied.shape[0]:
             for j in range(m):
-                column[j, 0] = y[j]
-            add_control(scratch, inverse, keep.applied, i, 1.0 / whole)
+                column[j] = y[j]
+            add_control(scratch, keep.applied, i, 1.0 / whole)
         if keep.now.shape[0] == 0 or i >= tables.window:
             return 0.0
         owes = near_walls and inside
         lead(scratch, h, tables.counted, False)
         for j in range(m):
-            column[j, 0] = y[j] - (0.5 if owes else 1.0) * until * column[j, 0]
-        add_control(scratch, inverse, keep.now, 0, 1.0)
+            column[j] = y[j] - (0.5 if owes else 1.0) * until * column[j]
+        add_control(scratch, keep.now, 0, 1.0)
         if first:
             lead(scratch, h, tables.counted, near_walls)
-            add_control(scratch, inverse, keep.now, 1, 1.0)
+            add_control(scratch, keep.now, 1, 1.0)
         return until if owes else 0.0
 
     return relax, record
@@ -163,20 +158,19 @@ class Scratch(NamedTuple):
     f: Array  # (n,) drift
     y: Array  # (m,) noise of the step under P
     G: Array  # (rows, m) G, or scratch where B = G s
-    D: Array  # (m, m) B^-1 G
+    D: Array  # (m, m) B^-1 G, which turns u into a
+    inverse: Array  # (m, m) its inverse
     B: Array  # (rows, m)
     a: Array  # (H, modes) a of every reference, of all modes
-    wall_drift: Array  # (m,) wall drift
+    wall_drift: Array  # (1, m)
     stage: NDArray[np.int64]  # (H,) cross-section of a tube, or row of a law
     lost: NDArray[np.bool_]  # (H,) whether a reference counts for nothing
-    column: Array  # (m, 1)
-    carried: Array  # (m, 1)
+    column: Array  # (m,)
     home: Array  # (m,) a beyond the last row of a law
-    white: Array  # (modes,) independent normals
     drawn: Array  # (modes,) noise of the step
     off: Array  # (modes,) independent normals that another reference would have had to draw for it [sqrt(s)]
     apart: Array  # (n,) state less the law's
-    fresh: Array  # normals of the next steps
+    fresh: Array  # independent normals of the next steps
     watch: Any  # notes on moving obstacles (`MovingKernels.watch`)
     walls: Array  # (J, WALL) of moving obstacles that are near
     side: Array  # (marks,) side of the ray of each moving marker on which the path is
@@ -190,19 +184,18 @@ SCRATCH: Any = Scratch
 @cache
 def scratch_for(kind: KernelSpec) -> Any:
     """Build the kernel (setup, tables) that makes the scratch."""
-    n, m, rows, modes, steps = kind.n, kind.m, kind.rows, kind.modes, TUNING.abreast
+    n, m, rows, modes, fresh = kind.n, kind.m, kind.rows, kind.modes, kind.abreast * (kind.modes + kind.modes % 2)
     watch = (kind.moving or NOTHING_MOVES).watch
 
     @kernel
     def scratch_of(setup, tables):  # type: ignore[no-untyped-def]
         H = tables.control.shape[0]
         return SCRATCH(
-            np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)),
-            np.empty((rows, m)), np.zeros((H, modes)), np.empty(m), np.empty(H, np.int64), np.empty(H, np.bool_),
-            np.empty((m, 1)), np.empty((m, 1)), np.zeros(m), np.zeros(modes), np.zeros(modes),
-            np.zeros(modes), np.zeros(n), np.zeros(steps * (modes + modes % 2)), watch(setup.world.moving),
-            np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]), np.empty(SPOT),
-            np.empty(NUMBERS, np.float32),
+            np.empty(n), np.empty(n), np.empty(n), np.empty(m), np.zeros((rows, m)), np.empty((m, m)), np.empty((m, m)),
+            np.empty((rows, m)), np.zeros((H, modes)), np.empty((1, m)), np.empty(H, np.int64), np.empty(H, np.bool_),
+            np.empty(m), np.zeros(m), np.zeros(modes), np.zeros(modes), np.zeros(n), np.zeros(fresh),
+            watch(setup.world.moving), np.empty((setup.world.moving.J, WALL)), np.empty(tables.marks.weight.shape[0]),
+            np.empty(SPOT), np.empty(NUMBERS, np.float32),
         )  # fmt: skip
 
     return scratch_of
@@ -212,12 +205,12 @@ def scratch_for(kind: KernelSpec) -> Any:
 def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     """Build kernels that simulate one path of any dynamics, and that make its scratch."""
     drift, q, n, noisy_position = kind.drift, kind.q, kind.n, kind.noisy_position
-    varying, varying_rate, state_dependent_gain = kind.varying, kind.varying_rate, kind.state_dependent_gain
-    drifting, curved_step, moving = kind.drifting, kind.curved_step, kind.moving is not None
-    begin_watch = (kind.moving or NOTHING_MOVES).begin
+    varying, state_dependent_gain = kind.diffusion_block is not None, kind.control_block is not None
+    varying_rate, drifting, curved_step = kind.varying_rate, drift is not no_drift, kind.curved_step
+    moving, begin_watch = kind.moving is not None, (kind.moving or NOTHING_MOVES).begin
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance, move = covariance_of(kind), motion(kind)
+    covariance, move = planar(kind)[0], motion(kind)
     length_of, push_of, draw = length_for(kind), walls_for(kind), noise_for(kind)
     aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
     relax, record = recorder(kind)
@@ -227,6 +220,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         """Set the scratch to the start of a path."""
         x = scratch.x
         copy_rows(setup.gain, scratch.D)
+        copy_rows(setup.inverse, scratch.inverse)
         copy_rows(setup.diffusion, scratch.B)
         scratch.f[:], scratch.wall_drift[:], scratch.stage[:] = 0.0, 0.0, 0
         scratch.lost[:] = False
@@ -246,6 +240,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         if state_dependent_gain:
             gain_at(x, p, scratch.G)
             solve(scratch.B, scratch.G, scratch.D)
+            solve(scratch.G, scratch.B, scratch.inverse)
         if drifting and not drifted:
             drift(x, p, scratch.f)
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
@@ -290,7 +285,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
-                relax(keep, setup.inverse, scratch, h, tables.counted, owed)
+                relax(keep, scratch, h, tables.counted, owed)
                 state = draw(tables, scratch, state, sign, h, i, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
@@ -301,7 +296,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
                 add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
-                owed = record(keep, setup.inverse, scratch, tables, h, where, until, exit == INSIDE)
+                owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share
                 done += until

@@ -50,18 +50,6 @@ def resolve(setup, weighed, k, random, f):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def likelihood(h, H, until, k, f, a, ratio, out):  # type: ignore[no-untyped-def]
-    """Write log dQ_g/dP of a path whose last step took a time `until` to out (H,)."""
-    y0, y1 = np.float64(f[Z0 + k]), np.float64(f[Z1 + k])
-    own = np.float64(ratio[row_of(h, 1) + k]) + np.float64(f[LOST + k])
-    for g in range(H):  # the others are kept as what they are more
-        row = row_of(g, 2)
-        a0, a1 = np.float64(a[row + k]), np.float64(a[row + L + k])
-        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
-        out[g] = own + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
-
-
-@inlined
 def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore[no-untyped-def]
     """Write to `paths` that the path of lane k ends, after a share of the lane's own step."""
     times, window, inverse = tables.times, tables.window, setup.inverse
@@ -73,7 +61,11 @@ def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore
         own = row_of(h, 2) + k
         n0, n1 = n0 + f[Z0 + k] - a[own] * until, n1 + f[Z1 + k] - a[own + L] * until
         span += np.float64(f[SPENT + k]) + until
-    likelihood(h, tables.drift.shape[0], until, k, f, a, ratio, paths.log_ratio[s])
+    y0, y1, total = np.float64(f[Z0 + k]), np.float64(f[Z1 + k]), np.float64(ratio[row_of(h, 1) + k]) + f[LOST + k]
+    for g in range(tables.drift.shape[0]):  # the others are kept as what they are more
+        a0, a1 = np.float64(a[row_of(g, 2) + k]), np.float64(a[row_of(g, 2) + L + k])
+        more = 0.0 if g == h else np.float64(ratio[row_of(g, 1) + k])
+        paths.log_ratio[s, g] = total + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
     paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
     for j in range(2):
@@ -180,11 +172,11 @@ def lead(setup, h, paths, f, a, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
+def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of some numbers, at most LANES, around reference h to rows of `paths` and any of `into`."""
     f, a, ratio, short, long, random, bits = scratch
     (H, T, _), n, B = tables.drift.shape, number.shape[0], single_matrix(setup.diffusion)
-    around, follows, wide = single(setup.world), tables.wall_offset > 0.0, setup.diffusion
+    follows, wide = tables.wall_offset > 0.0, setup.diffusion
     variance, rim = wide[0, 0] * wide[0, 0] + wide[0, 1] * wide[0, 1], TUNING.rim * setup.world.radius
     begin(tables, origin, h, rows[0], number, scratch)
     survey(around, f, short, LANES)
@@ -203,11 +195,7 @@ def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type
         move(h, B, f, a, full)
         cross(setup.cuts, f, long, full)
         survey(around, f, short, full)
-        if setup.bridge:
-            flagged = bridge(variance, tables.weighed, random, f, short, full)
-        else:
-            flagged = judge(around, f, short, full)
-        if flagged > 0:
+        if (bridge(variance, tables.weighed, f, short, full) if setup.bridge else judge(around, f, short, full)) > 0:
             n = end_flagged(setup, tables, h, n, into, scratch, paths)
         for k in range(n if into.shape[0] > 0 else 0):
             record(into, k, scratch)
@@ -217,7 +205,7 @@ def block(setup, tables, origin, h, rows, number, paths, into, scratch):  # type
 
 
 @kernel
-def blocks(setup, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
+def blocks(setup, around, tables, origin, number, start, stop, paths, into, scratch):  # type: ignore[no-untyped-def]
     """Simulate samples of the numbers from `start` to `stop`, which ascend, block by block."""
     h, s = 0, start
     while s < stop:
@@ -226,14 +214,14 @@ def blocks(setup, tables, origin, number, start, stop, paths, into, scratch):  #
         end = s
         while end < min(stop, s + LANES) and number[end] < tables.first[h + 1]:
             end += 1
-        block(setup, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
+        block(setup, around, tables, origin, h, (s, end), number[s:end], paths, into, scratch)
         s = end
 
 
 def sample(setup: Any, tables: Any, origin: Origin, start: int, stop: int, paths: Any) -> None:
     """Fill `paths` for a range of samples."""
     nowhere, scratch = np.empty((0, 0, 4), np.float32), scratch_of(len(tables.control))
-    blocks(setup, tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
+    blocks(setup, single(setup.world), tables, origin, np.arange(stop), start, stop, paths, nowhere, scratch)
 
 
 def replay(
@@ -242,6 +230,6 @@ def replay(
     """Write states (c, T+1, 2), controls carried (c, T, 2) and steps (c,) of samples of some numbers (c,)."""
     (H, T, m), c, order = tables.control.shape, len(number), np.argsort(number, kind="stable")
     into, paths = np.zeros((c, T, 4), np.float32), empty_paths(c, H, m)
-    blocks(setup, tables, origin, number[order], 0, c, paths, into, scratch_of(H))
+    blocks(setup, single(setup.world), tables, origin, number[order], 0, c, paths, into, scratch_of(H))
     states[:, 0], states[order, 1:], steps[order] = origin.x, into[:, :, :2], paths.steps
     applied[order] = into[:, :, 2:] @ setup.inverse.T / np.diff(tables.times)[:, None]

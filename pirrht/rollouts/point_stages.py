@@ -12,19 +12,17 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.geometry.field import Grid, bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
+from pirrht.geometry.field import bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, load_float32, load_float64, load_int64
-from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, bits_of, exponential, halves, logarithm, normals_of
+from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, halves, logarithm, normals_of
 from pirrht.outcome import Outcome
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, wall_slope
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, fitting, wall_slope
 from pirrht.rollouts.tables import NUMBERS, slope_of, tube_at
 from pirrht.rollouts.tuning import TUNING
 from pirrht.topology.crossings import FEW_MARKERS, key_of_step, turn_at_cut
 
 SLOW = len(Outcome)  # flag of lanes whose step is to be judged by `bridge_exit`
-FRAME: Any = Grid
-PLACE: Any = World
 FAR_PER, MIN_MISSED = np.float32(FAR), np.float32(1e-7)
 LANES, WIDE = TUNING.lanes, TUNING.vector
 L = LANES + WIDE  # from row to row: not a power of two, or rows would compete for the same places in the cache
@@ -54,6 +52,15 @@ def scratch_of(H: int) -> tuple[Any, ...]:
     return *numbers, short, long, aligned(L, np.uint64), aligned(2 * L, np.uint32)
 
 
+def single(world: World) -> World:
+    """Return a world with its numbers in single precision, as stages take it."""
+    names = ("x0", "y0", "spacing", "per", "left", "low", "right", "high")
+    numbers: dict[str, Any] = {name: np.float32(getattr(world.field, name)) for name in names}
+    goal: Any = tuple(map(np.float32, world.goal))
+    radius: Any = np.float32(world.radius)
+    return world._replace(field=world.field._replace(**numbers), goal=goal, radius=radius)
+
+
 @inlined
 def row_of(g, each):  # type: ignore[no-untyped-def]
     """Return the first place of a reference's rows, in bounds the compiler sees: else it loads lane by lane."""
@@ -64,19 +71,6 @@ def row_of(g, each):  # type: ignore[no-untyped-def]
 def lane(k):  # type: ignore[no-untyped-def]
     """Return a lane's number, in bounds the compiler sees."""
     return min(max(np.int64(k), 0), LANES)
-
-
-@inlined
-def single(arena):  # type: ignore[no-untyped-def]
-    """Copy an arena with its numbers in single precision."""
-    field = arena.field
-    frame = FRAME(
-        np.float32(field.x0), np.float32(field.y0), np.float32(field.spacing), np.float32(field.per),
-        field.nx, field.ny, field.stride, field.table, field.columns, field.shift,
-        field.nearest, field.second, field.label,
-        np.float32(field.left), np.float32(field.low), np.float32(field.right), np.float32(field.high),
-    )  # fmt: skip
-    return PLACE(frame, (np.float32(arena.goal[0]), np.float32(arena.goal[1])), np.float32(arena.radius), arena.moving)
 
 
 @inlined
@@ -95,11 +89,8 @@ def fit_steps(times, least, scale, rim, f, short, n):  # type: ignore[no-untyped
         f[LEFT + k] = whole if f[LEFT + k] <= ZERO else f[LEFT + k]
     for k in range(n):
         near = max(min(min(f[C0 + k], f[E0 + k]), max(f[G0 + k], rim)), ZERO)
-        left = f[LEFT + k]
-        wish = max(scale * near * near, least)
-        dt = left if wish >= left else min(wish, HALF * left)
-        f[DT + k], f[ROOT + k] = dt, math.sqrt(dt)
-        f[LEFT + k] = left - dt
+        dt = fitting(near, f[LEFT + k], least, scale)
+        f[DT + k], f[ROOT + k], f[LEFT + k] = dt, math.sqrt(dt), f[LEFT + k] - dt
 
 
 @inlined
@@ -266,36 +257,26 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def bridge(variance, weighed, random, f, short, n):  # type: ignore[no-untyped-def]
+def bridge(variance, weighed, f, short, n):  # type: ignore[no-untyped-def]
     """Flag the lanes whose step may have ended on its way, or that two walls weigh; how many. `variance` is per second.
 
-    Most lanes close to one wall survive for sure: exp(-e) <= (1 + e/16)^-16; or they are weighed by their survival.
+    Most lanes close to one wall are weighed by their survival at once.
     """
-    far, per, ulp, slow = np.float32(FAR * variance), np.float32(1.0 / (8.0 * variance)), np.float32(2.0**-24), 0
+    far, slow = np.float32(FAR * variance), 0
     for k in range(n):
         c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]
         dx, dy = f[NX + k] - f[X + k], f[NY + k] - f[Y + k]
         square, reach = dx * dx + dy * dy, far * f[DT + k]
         past = (e1 <= ZERO) | (g1 <= ZERO) | (c1 <= ZERO) | (TWO * e0 * e1 < reach) | (TWO * g0 * g1 < reach)
         past |= ((c0 + c1) * (c0 + c1) < square) | ((g0 + g1) * (g0 + g1) < square)
-        near = TWO * c0 * c1 < reach
+        near, doubt = TWO * c0 * c1 < reach, past
         if weighed:
             d = f[WALL + 3 * L + k]
-            beside = TWO * d * (d - math.sqrt(square)) < reach
-            doubt = past | (near & beside)
+            doubt |= near & (TWO * d * (d - math.sqrt(square)) < reach)
             missed = max(ONE - exponential(-TWO * max(c0 * c1, ZERO) * FAR_PER / reach), MIN_MISSED)
             f[LOG_SURVIVAL + k] += logarithm(missed) if near and not doubt else ZERO
         else:
-            state = random[k] + GOLDEN
-            u = np.float32(np.int32(bits_of(state) >> np.uint64(40))) * ulp + ulp  # no less than what `uniform` draws
-            term = ONE + max(c0 * c1, ZERO) * per / f[DT + k]
-            term *= term
-            term *= term
-            term *= term
-            term *= term
-            survives = u * term < term - TWO
-            doubt = past | (near & (not survives))
-            random[k] = state if near and not doubt else random[k]
+            doubt |= near
         short[FLAG + k] = SLOW if doubt else INSIDE
         slow += 1 if doubt else 0
     return slow

@@ -16,7 +16,7 @@ from pirrht.geometry.field import two_walls
 from pirrht.geometry.world import NOTHING_MOVES, MovingKernels, with_walls
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, part
-from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals, normals
+from pirrht.jit.streams import ONE, SIDEWAYS, ZERO, fill_normals
 from pirrht.jit.vectors import copy_row
 from pirrht.rollouts.first_exit import GOAL, facing, fitting, sweep_exit, turn_of, wall_slope
 from pirrht.rollouts.tables import law_columns
@@ -52,29 +52,19 @@ class KernelSpec(NamedTuple):
         return self.n if self.input_form else self.m
 
     @property
-    def drifting(self) -> bool:
-        """Tell whether its state moves by itself."""
-        return self.drift is not no_drift
-
-    @property
-    def varying(self) -> bool:
-        """Tell whether B varies with the state."""
-        return self.diffusion_block is not None
-
-    @property
-    def state_dependent_gain(self) -> bool:
-        """Tell whether B^-1 G, which turns u into a, varies with the state."""
-        return self.control_block is not None
-
-    @property
     def along_line(self) -> bool:
         """Tell whether its position moves to and fro along a line alone."""
-        return self.rows > self.m and self.noisy_position and not self.drifting
+        return self.rows > self.m and self.noisy_position and self.drift is no_drift
 
     @property
     def modes(self) -> int:
         """Modes of the noise of a step: m, and as many sways of paths that bend."""
         return 2 * self.m if self.curved_step else self.m
+
+    @property
+    def abreast(self) -> int:
+        """Steps whose noise is drawn at once."""
+        return 1 if self.noisy_position else TUNING.abreast
 
     @property
     def gated(self) -> bool:
@@ -87,8 +77,8 @@ class KernelSpec(NamedTuple):
 
         Then its optimal control is a martingale along its optimal paths (`proposals.wall_drift`).
         """
-        varies = self.drifting or self.varying or self.state_dependent_gain or self.varying_rate
-        return self.gated and not varies
+        constant = self.drift is no_drift and self.control_block is None and self.diffusion_block is None
+        return self.gated and constant and not self.varying_rate
 
     @property
     def takes_law(self) -> bool:
@@ -100,23 +90,18 @@ class KernelSpec(NamedTuple):
 def diffusion_of(kind: KernelSpec) -> Any:
     """Build the kernel (x, p, s, G, B) that writes B (rows, m) at x (n,) where it varies; G (n, m) is scratch."""
     block: Any = kind.diffusion_block
-    rows, m = kind.rows, kind.m
+    rows, m, input_form = kind.rows, kind.m, kind.input_form
 
     @borrowing
-    def through_inputs(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, G)
-        for i in range(rows):
+    def noise_at(x, p, s, G, B):  # type: ignore[no-untyped-def]
+        block(x, p, G if input_form else B)
+        for i in range(rows if input_form else 0):
             for j in range(m):
-                total = 0.0
+                B[i, j] = 0.0
                 for k in range(m):
-                    total += G[i, k] * s[k, j]
-                B[i, j] = total
+                    B[i, j] += G[i, k] * s[k, j]
 
-    @borrowing
-    def as_it_is(x, p, s, G, B):  # type: ignore[no-untyped-def]
-        block(x, p, B)
-
-    return through_inputs if kind.input_form else as_it_is
+    return noise_at
 
 
 @cache
@@ -167,24 +152,46 @@ def length_for(kind: KernelSpec) -> Any:
 
 
 @cache
+def planar(kind: KernelSpec) -> tuple[Any, Any]:
+    """Build kernels of B's rows of the position: (B) for the covariance (xx, xy, yy) per second, and B' s for a row."""
+    m, fixed = kind.m, kind.n - kind.rows
+
+    @part
+    def row(B, j):  # type: ignore[no-untyped-def]
+        return B[0 - fixed, j] if fixed <= 0 else 0.0, B[1 - fixed, j] if fixed <= 1 else 0.0
+
+    @part
+    def covariance(B):  # type: ignore[no-untyped-def]
+        xx, xy, yy = 0.0, 0.0, 0.0
+        for j in range(m):
+            bx, by = row(B, j)
+            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
+        return xx, xy, yy
+
+    @part
+    def along_noise(B, sx, sy, out, g):  # type: ignore[no-untyped-def]
+        """Write B' s of a slope (x, y) [1/m] to row g of out (.., m or more)."""
+        for j in range(m):
+            bx, by = row(B, j)
+            out[g, j] = bx * sx + by * sy
+
+    return covariance, along_noise
+
+
+@cache
 def walls_for(kind: KernelSpec) -> Any:
     """Build the kernel that writes the drift of the two nearest walls, B' grad log psi there, and returns those."""
-    m, fixed, moving = kind.m, kind.n - kind.rows, kind.moving is not None
+    moving, (_, along_noise) = kind.moving is not None, planar(kind)
 
     @part
     def push_of(tables, scratch, arena, cov, close):  # type: ignore[no-untyped-def]
-        x, B = scratch.x, scratch.B
-        c, wx, wy, d, vx, vy = two_walls(arena.field, x[0], x[1])
+        c, wx, wy, d, vx, vy = two_walls(arena.field, scratch.x[0], scratch.x[1])
         widest, shift = np.float32(0.5 * math.sqrt(max(cov[0], cov[2]))), np.float32(tables.set_back)
         walls = (max(c + shift, widest), wx, wy, max(d + shift, widest), vx, vy)
         if moving and close > 0:
             walls = with_walls(walls, scratch.walls, close, np.float64(widest))
-            _, wx, wy, _, vx, vy = walls
-        sx, sy = wall_slope(walls[0], wx, wy, walls[3], vx, vy, tables.wall_offset)
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            scratch.wall_drift[j] = bx * sx + by * sy
+        sx, sy = wall_slope(*walls, tables.wall_offset)
+        along_noise(scratch.B, sx, sy, scratch.wall_drift, 0)
         return walls
 
     return push_of
@@ -193,33 +200,17 @@ def walls_for(kind: KernelSpec) -> Any:
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    m, modes, noisy_position, steps = kind.m, kind.modes, kind.noisy_position, TUNING.abreast
-    shape = law_columns(kind.n, modes)[3]
-    matvec, axpy, even = vectors.matvec(modes, modes), vectors.axpy(modes), modes + modes % 2
-
-    @part
-    def one_by_one(scratch, state):  # type: ignore[no-untyped-def]
-        """Draw independent normals for a step; return the stream and their address."""
-        white = scratch.white
-        for j in range(0, modes, 2):
-            state, white[j], other = normals(state)
-            if j + 1 < modes:
-                white[j + 1] = other
-        return state, white.ctypes.data
-
-    @part
-    def abreast(scratch, state, i):  # type: ignore[no-untyped-def]
-        """Draw those of several steps at once, since no other draws come between theirs."""
-        fresh = scratch.fresh
-        if i % steps == 0:
-            state = fill_normals(state, steps * even // 2, fresh)
-        return state, fresh.ctypes.data + 8 * even * (i % steps)
+    m, modes, noisy_position = kind.m, kind.modes, kind.noisy_position
+    shape, even, steps = law_columns(kind.n, modes)[3], modes + modes % 2, kind.abreast
+    matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
     @part
     def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
         """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
-        law, drawn, stage, a = tables.law, scratch.drawn, scratch.stage, scratch.a
-        state, source = one_by_one(scratch, state) if noisy_position else abreast(scratch, state, i)
+        law, drawn, stage, a, fresh = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.fresh
+        if i % steps == 0:  # those of several steps at once where no other draws come between
+            state = fill_normals(state, steps * even // 2, fresh)
+        source = fresh.ctypes.data + 8 * even * (i % steps)
         if stage[h] < tables.law_length[h] and not noisy_position:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
@@ -233,23 +224,6 @@ def noise_for(kind: KernelSpec) -> Any:
 
 
 @cache
-def covariance_of(kind: KernelSpec) -> Any:
-    """Build the kernel (B) of the covariance (xx, xy, yy) of the position per second."""
-    m, fixed = kind.m, kind.n - kind.rows
-
-    @part
-    def covariance(B):  # type: ignore[no-untyped-def]
-        xx, xy, yy = 0.0, 0.0, 0.0
-        for j in range(m):
-            bx = B[0 - fixed, j] if fixed <= 0 else 0.0
-            by = B[1 - fixed, j] if fixed <= 1 else 0.0
-            xx, xy, yy = xx + bx * bx, xy + bx * by, yy + by * by
-        return xx, xy, yy
-
-    return covariance
-
-
-@cache
 def motion(kind: KernelSpec) -> Any:
     """Build the kernel that writes where a step leads to `moved`.
 
@@ -257,10 +231,15 @@ def motion(kind: KernelSpec) -> Any:
     until then, how much its path bends [rad], and the covariance of the position per second.
     """
     n, m, rows, fixed = kind.n, kind.m, kind.rows, kind.n - kind.rows
-    drift, drifting, stratonovich, noisy_position = kind.drift, kind.drifting, kind.stratonovich, kind.noisy_position
-    varying, curved_step = kind.varying, kind.curved_step
+    drift, stratonovich, noisy_position, curved_step = (
+        kind.drift,
+        kind.stratonovich,
+        kind.noisy_position,
+        kind.curved_step,
+    )
+    drifting, varying = drift is not no_drift, kind.diffusion_block is not None
     noise_at: Any = diffusion_of(kind) if varying else drift
-    covariance = covariance_of(kind)
+    covariance = planar(kind)[0]
 
     @part
     def shaken(scratch, share):  # type: ignore[no-untyped-def]
@@ -284,11 +263,11 @@ def motion(kind: KernelSpec) -> Any:
             return
         ahead = scratch.apart
         for k in range(m):
-            scratch.column[k, 0] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
+            scratch.column[k] = math.copysign(SWAY * math.sqrt(y[k] * y[k] + dt), y[k])
         copy_row(moved, ahead)
         for j in range(rows):
             for k in range(m):
-                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k, 0]
+                mean, spread = SWAY * B[j, k] * scratch.drawn[m + k], B[j, k] * scratch.column[k]
                 moved[fixed + j] -= mean + spread
                 ahead[fixed + j] -= mean - spread
         drift(moved, p, f)

@@ -56,28 +56,21 @@ class Setup(NamedTuple):
     marks: RayTable  # of the steps of a guide among moving obstacles
 
 
-class Snapshot(NamedTuple):
-    """The world as a plan takes it: one value, shared by all that plan with it."""
-
-    setup: Setup
-    homology: Homology  # classes of paths, in space and time where obstacles move
-
-
 @dataclass(slots=True)
 class PredictedWorld:
     """Holder of the snapshot that sampler, proposals and guides share; one assignment replaces it for all of them."""
 
-    snapshot: Snapshot
+    snapshot: tuple[Setup, Homology]
 
     @property
     def setup(self) -> Setup:
         """Scene and problem as rollouts need them."""
-        return self.snapshot.setup
+        return self.snapshot[0]
 
     @property
     def homology(self) -> Homology:
         """Classes of paths, in space and time where obstacles move."""
-        return self.snapshot.homology
+        return self.snapshot[1]
 
     @property
     def moving(self) -> bool:
@@ -85,27 +78,7 @@ class PredictedWorld:
         return bool(self.setup.world.moving.J > 0)
 
 
-class Section(NamedTuple):
-    """Columns of a cross-section."""
-
-    x: float  # point on the reference [m]
-    y: float
-    tx: float  # unit normal in the direction of travel
-    ty: float
-    first: float  # offset of the first node to the left [m]
-    per_meter: float  # nodes per meter [1/m]
-
-
-class Node(NamedTuple):
-    """Columns of a node."""
-
-    gx: float  # grad log psi without the part of the walls [1/m]
-    gy: float
-    left: float  # reach of the walls to the left and right, as `push_of` takes it [m]
-    right: float
-
-
-PLACE, KNOWN = len(Section._fields), len(Node._fields)
+PLACE, KNOWN = 6, 4  # columns of cross-sections and of nodes (`DesirabilityTubes`)
 NUMBERS = KNOWN + 2  # of `slope_of`
 
 
@@ -113,8 +86,11 @@ class DesirabilityTubes(NamedTuple):
     """Tubes around H references, of at most C cross-sections with J nodes each, as plain arrays for kernels."""
 
     count: NDArray[np.int64]  # type: ignore[assignment]  # (H,) cross-sections, the first at the start; 0: no tube
-    place: NDArray[np.float32]  # (H, C, 6) `Section`
-    slope: NDArray[np.float32]  # (H, C, J, 4) `Node`
+    # (H, C, 6): point on the reference [m], unit normal in the direction of travel, offset of the first node to the
+    # left [m], nodes per meter [1/m]
+    place: NDArray[np.float32]
+    # (H, C, J, 4): grad log psi without the part of the walls [1/m]; reach of walls to the left and right [m]
+    slope: NDArray[np.float32]
     decay: float  # k, of psi per meter in the open [1/m]
 
 
@@ -142,9 +118,7 @@ class ProposalTables(NamedTuple):
     law: Array  # (H, T FINER, width): `LawRows`
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
-    law_weight: float = (
-        1.0  # share of a law that tells how the control changes near the start, where walls push besides
-    )
+    law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
     counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
 
@@ -303,7 +277,8 @@ def tube_at(tube, s, decay, goal, x, y, out, at, each):  # type: ignore[no-untyp
 def slope_of(f, at, each, walls):  # type: ignore[no-untyped-def]
     """Return grad log psi [1/m] from the numbers f[at + each * i], without branches; single precision suffices.
 
-    These are `Node`, interpolated, and the direction of travel. walls: `two_walls`, none closer than they may push.
+    These are a row of `DesirabilityTubes.slope`, interpolated, and the direction of travel. walls: `two_walls`, none
+    closer than they may push.
     """
     gx, gy, left, right = f[at], f[at + each], f[at + 2 * each], f[at + 3 * each]
     tx, ty = f[at + 4 * each], f[at + 5 * each]
@@ -318,8 +293,5 @@ def slope_of(f, at, each, walls):  # type: ignore[no-untyped-def]
 def slope_along(tubes, g, goal, x, y, walls, out):  # type: ignore[no-untyped-def]
     """Write grad log psi [1/m] at (x, y) [m] in tube g to out (2,); goal's centre [m] and walls as of `slope_of`."""
     x, y, numbers, tube = np.float32(x), np.float32(y), np.empty(NUMBERS, np.float32), tube_of(tubes, g)
-    stage, before = 0, -1
-    while stage > before:
-        before = stage
-        stage = tube_at(tube, before, tubes.decay, goal, x, y, numbers, 0, 1)
+    tube_at(tube, 0, tubes.decay, goal, x, y, numbers, 0, 1)
     out[0], out[1] = slope_of(numbers, 0, 1, walls)

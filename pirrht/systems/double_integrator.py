@@ -24,33 +24,17 @@ def _quartic(T, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _from_above(low, a, b, c):  # type: ignore[no-untyped-def]
-    """The root of T^4 - c T^2 - b T - a beyond `low`, from where on it is convex; a, c >= 0."""
-    T = max(max((3.0 * a) ** 0.25, np.cbrt(max(3.0 * b, 0.0))), math.sqrt(3.0 * c))
-    T = max(T, 1.001 * low)
-    for _ in range(60):  # a few do, where the quartic is convex
-        slope = (4.0 * T * T - 2.0 * c) * T - b
-        if slope <= 0.0:
+def _root(low, high, a, b, c):  # type: ignore[no-untyped-def]
+    """The root between `low`, where the quartic is negative, and `high`: Newton's steps, halves where they leave."""
+    T = high
+    for _ in range(100):  # a few do
+        value, slope = _quartic(T, a, b, c), (4.0 * T * T - 2.0 * c) * T - b
+        low, high = (low, T) if value > 0.0 else (T, high)
+        step = value / slope if slope > 0.0 else np.inf
+        if min(abs(step), high - low) <= PRECISE * T:
             break
-        step = _quartic(T, a, b, c) / slope
-        T -= step
-        if step <= PRECISE * T:
-            break
+        T = T - step if low < T - step < high else 0.5 * (low + high)
     return T
-
-
-@kernel
-def _within(low, high, a, b, c):  # type: ignore[no-untyped-def]
-    """The root between `low`, where the quartic is negative, and `high`, where it is positive."""
-    for _ in range(100):
-        T = 0.5 * (low + high)
-        if _quartic(T, a, b, c) > 0.0:
-            high = T
-        else:
-            low = T
-        if high - low <= PRECISE * high:
-            break
-    return 0.5 * (low + high)
 
 
 @kernel
@@ -58,27 +42,25 @@ def best_duration(q, A, B, C):  # type: ignore[no-untyped-def]
     """The duration T > 0 [s] of least J(T) = q T + A / T^3 + B / T^2 + C / T, and that J [cost]; A, C >= 0."""
     a, b, c = 3.0 * A / q, 2.0 * B / q, C / q
     b = -b if b == 0.0 else b
-    # Extrema of the quartic: 4 T^3 - 2 c T - b = 0, three if the discriminant is positive.
+    bend = math.sqrt(c / 6.0)  # from here on the quartic is convex
+    # Extrema of the quartic: 4 T^3 - 2 c T - b = 0, three if the discriminant is positive, the first of them negative.
     if c * c * c > 3.375 * b * b:
-        radius = 2.0 * math.sqrt(c / 6.0)
-        angle = math.acos(max(-1.0, min(1.0, 0.5 * b / (c * math.sqrt(c / 6.0) * (2.0 / 3.0))))) / 3.0
-        last = radius * math.cos(angle)
-        middle = radius * math.cos(angle - 4.0 * math.pi / 3.0)
-        first = radius * math.cos(angle - 2.0 * math.pi / 3.0)
-        middle, first = max(middle, first), min(middle, first)
+        angle = math.acos(max(-1.0, min(1.0, 0.75 * b / (c * bend)))) / 3.0
+        middle, last = 2.0 * bend * math.cos(angle - 2.0 * math.pi / 3.0), 2.0 * bend * math.cos(angle)
     else:
         half = 0.125 * b
         root = math.sqrt(max(half * half - c * c * c / 216.0, 0.0))
-        last = np.cbrt(half + root) + np.cbrt(half - root)
-        middle, first = -1.0, -1.0
+        middle, last = -1.0, np.cbrt(half + root) + np.cbrt(half - root)
     best, T = np.inf, 0.0
     if middle > 0.0 and _quartic(middle, a, b, c) > 0.0:
-        T = _within(max(first, 0.0), middle, a, b, c)
+        T = _root(0.0, middle, a, b, c)
         best = q * T + ((A / T + B) / T + C) / T
     if not (middle > 0.0 and last > 0.0 and _quartic(last, a, b, c) > 0.0):
-        bend = math.sqrt(c / 6.0)  # from here on the quartic is convex
-        steep = bend > last and _quartic(bend, a, b, c) > 0.0
-        other = _within(max(last, 0.0), bend, a, b, c) if steep else _from_above(max(last, bend), a, b, c)
+        low = max(last, bend)
+        high = max(max((3.0 * a) ** 0.25, np.cbrt(max(3.0 * b, 0.0))), max(math.sqrt(3.0 * c), 1.001 * low))
+        if bend > last and _quartic(bend, a, b, c) > 0.0:
+            low, high = max(last, 0.0), bend
+        other = _root(low, high, a, b, c)
         cost = q * other + ((A / other + B) / other + C) / other
         if cost < best:
             best, T = cost, other
@@ -93,10 +75,10 @@ def coasting(x, p, out):  # type: ignore[no-untyped-def]
 
 @jitable
 def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Begin the best motion from x (4,) into the goal's disc, at any velocity there; written to out (2,).
+    """Begin the best motion from x (4,) into the goal's disc, at any velocity there; written to out (2,) [1/sqrt(s)].
 
-    With D = p1 - p0 and lambda R^-1 = b^2 it is a = 3 (D - v T) / T^2, here in units of the noise b [1/sqrt(s)]. p1 is
-    where coasting enters the disc; if it misses that, a point as far off the middle as a share of the radius.
+    With D = p1 - p0 it is 3 (D - v T) / T^2 over the noise b. p1 is where coasting enters the disc; if it misses that,
+    a point as far off the middle as a share of the radius.
     """
     dx, dy, b = aim[0] - x[0], aim[1] - x[1], B[0, 0]
     speed = x[2] * x[2] + x[3] * x[3]

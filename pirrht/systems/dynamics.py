@@ -1,9 +1,8 @@
 """Controlled diffusions `dx = f(x) dt + G(x) u dt + B(x) dw` with noise and control in one channel (paper eq. 1).
 
 In the paper's partition the state is x = [x_m; x_c]: control and noise enter x_c only, through the square blocks G_c
-and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states, through the columns of one matrix: B
-= G s. Increments in noise units are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u, and the likelihood ratio is one
-of m numbers per step.
+and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any states: B = G s. Increments in noise units
+are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u.
 """
 
 from __future__ import annotations
@@ -26,18 +25,13 @@ from pirrht.jit.jit import inlined, jitable
 class HomingTuning(NamedTuple):
     """Numbers of the controls by which samples home that outlive their proposal."""
 
-    # Share of the goal's radius that is aimed at: the rim itself is missed under noise.
-    aim: float = 0.9
+    aim: float = 0.9  # share of the goal's radius that is aimed at: the rim itself is missed under noise
     # Turn rate per heading error, and acceleration per error of the speed [1/s]: faster than noise turns robots.
     gain: float = 3.0
-    # A rover drives where the disc lies less than pi / 2 over this to the side: faster it would circle around it.
-    narrow: float = 3.0
-    # A rover's turn rate at most, in those that the rate of cost asks for.
-    rover_turn: float = 1.5
-    # A car's turn rate at most, in turn rates whose noise costs as much as time.
-    steepest: float = 6.0
-    # Share of the cruising speed at which a car with inertia turns.
-    slowest: float = 0.2
+    narrow: float = 3.0  # a rover drives where the disc lies less than pi / 2 over this aside, or it would circle it
+    rover_turn: float = 1.5  # a rover's turn rate at most, in those that the rate of cost asks for
+    steepest: float = 6.0  # a car's turn rate at most, in turn rates whose noise costs as much as time
+    slowest: float = 0.2  # share of the cruising speed at which a car with inertia turns
 
 
 HOMING = HomingTuning()
@@ -75,10 +69,9 @@ class Dynamics(ABC):
     """A planar system whose first two states are the position [m].
 
     `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out` and
-    compile with numba; `p` is `parameters`. Blocks may be arrays instead: then they are constant and rollouts take the
-    fast path. Instead of both blocks a system may declare `input_matrix` and `input_noise`. `states` names the
-    components: "x" and "y" [m] first, then "heading" [rad], "vx", "vy", "speed" [m/s], "t" [s] or whatever else the
-    system has, but no "z".
+    compile with numba; `p` is `parameters`. Blocks may be arrays instead: then they are constant. Instead of both
+    blocks a system may declare `input_matrix` and `input_noise`. `states` names the components: "x" and "y" [m] first,
+    then "heading" [rad], "vx", "vy", "speed" [m/s], "t" [s] or whatever else the system has, but no "z".
     """
 
     n: int  # states
@@ -88,12 +81,10 @@ class Dynamics(ABC):
     drift: Callable[..., None]  # f, out (n,) [state/s]
     control_block: Array | Callable[..., None]  # G_c, (m, m) [state/s per control]
     diffusion_block: Array | Callable[..., None]  # B_c, (m, m) [state/sqrt(s)]
-    # The input form: G, (n, m) [state/s per control], an array or a function (x, p, out), and s, (m, m)
-    # [control sqrt(s)], an array with an inverse.
-    input_matrix: Array | Callable[..., None] | None = None
-    input_noise: Array | None = None
-    # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's, whose steps take G from their
-    # start. Both are one where no column of B = G s changes along itself, as noise along a heading does not.
+    input_matrix: Array | Callable[..., None] | None = None  # G, (n, m) [state/s per control]
+    input_noise: Array | None = None  # s, (m, m) [control sqrt(s)], with an inverse
+    # Whether the equation is Stratonovich's, whose steps take f and G half-way, or Ito's. Both are one where no column
+    # of B = G s changes along itself, as noise along a heading does not.
     stratonovich: bool = False
     # Optional: what samples do that outlive their guide, (x, p, B, aim, radius, rate, out) -> None, compiled by numba:
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
@@ -130,9 +121,7 @@ class Dynamics(ABC):
     @cached_property
     def noisy_position(self) -> bool:
         """Tell whether noise acts on the position itself: then exits need a Brownian bridge, else a sweep."""
-        if self.input_form:
-            return any(bool(np.any(self.G_c(x)[:2])) for x in self._some_states())
-        return self.n - self.m < 2
+        return any(np.any(self.G_c(x)[:2]) for x in self._some_states()) if self.input_form else self.n - self.m < 2
 
     @property
     def drifting_away(self) -> bool:
@@ -154,19 +143,9 @@ class Dynamics(ABC):
         return np.asarray(2.0 * np.pi * (np.arange(1, 6)[:, None] * np.sqrt(2.0 + np.arange(self.n)) % 1.0 - 0.5))
 
     @cached_property
-    def position(self) -> tuple[int, int]:
-        """Indices of x and y [m] in a state (n,)."""
-        return self.states.index("x"), self.states.index("y")
-
-    @cached_property
     def angles(self) -> tuple[int, ...]:
         """Indices of the headings [rad] in a state (n,)."""
         return tuple(i for i, name in enumerate(self.states) if name == "heading")
-
-    @cached_property
-    def clock(self) -> int | None:
-        """Index of the time [s] in a state (n,), if it is one of the components."""
-        return self.states.index("t") if "t" in self.states else None
 
     def difference(self, x: Array, y: Array) -> Array:
         """x - y of states (..., n), headings from -pi to pi [rad], (..., n)."""
@@ -178,8 +157,7 @@ class Dynamics(ABC):
     def state_of(self, pose: Array) -> Array:
         """The state (n,) at x, y [m] and heading [rad] (3,); whatever else it has is zero."""
         x = np.zeros(self.n)
-        x[list(self.position)] = pose[:2]
-        x[list(self.angles)] = pose[2]
+        x[:2], x[list(self.angles)] = pose[:2], pose[2]
         return x
 
     def box(self, scene: Scene) -> tuple[Array, Array]:
@@ -187,13 +165,12 @@ class Dynamics(ABC):
         upper = np.ones(self.n)
         upper[list(self.angles)] = np.pi
         lower = -upper
-        lower[list(self.position)], upper[list(self.position)] = scene.lower, scene.upper
+        lower[:2], upper[:2] = scene.lower, scene.upper
         return lower, upper
 
     def f(self, x: Array) -> Array:
         """Passive drift at x (n,), (n,) [state/s]."""
-        out = np.zeros(self.n)
-        self.drift(x, self.parameters, out)
+        self.drift(x, self.parameters, out := np.zeros(self.n))
         return out
 
     def G_c(self, x: Array) -> Array:
@@ -202,49 +179,37 @@ class Dynamics(ABC):
 
     def B_c(self, x: Array) -> Array:
         """Rows of B at x (n,) that are not zero for good, (rows, m) [state/sqrt(s)]."""
-        if self.input_noise is not None:
-            return np.asarray(self.G_c(x) @ self.input_noise)
-        return self._block(self.diffusion_block, x)
+        if self.input_noise is None:
+            return self._block(self.diffusion_block, x)
+        return np.asarray(self.G_c(x) @ self.input_noise)
+
+    def noise_form(self, x: Array) -> tuple[Array, Array]:
+        """Matrices (m, m) by which a control u and noise enter together: G_c and B_c, in input form I and s."""
+        return (self.G_c(x), self.B_c(x)) if self.input_noise is None else (np.eye(self.m), self.input_noise)
 
     def noise_gain(self, x: Array) -> Array:
         """D (m, m) of a = D u, the control u in noise units at x (n,) [1/sqrt(s) per control]."""
-        if self.input_noise is not None:
-            return np.asarray(np.linalg.inv(self.input_noise))
-        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x)))
+        G, B = self.noise_form(x)
+        return np.asarray(np.linalg.solve(B, G))
 
     def control_gain(self, x: Array) -> Array:
         """Inverse of `noise_gain` at x (n,), (m, m) [control sqrt(s)]."""
-        if self.input_noise is not None:
-            return np.asarray(self.input_noise, dtype=float)
-        return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x)))
+        return np.asarray(np.linalg.solve(*self.noise_form(x)))
 
     def to_noise(self, x: Array, u: Array) -> Array:
         """Controls u (..., m) at x (n,) in noise units, a (..., m) [1/sqrt(s)]."""
-        column = np.asarray(u)[..., None]
-        if self.input_noise is not None:
-            return np.asarray(np.linalg.solve(self.input_noise, column)[..., 0])
-        return np.asarray(np.linalg.solve(self.B_c(x), self.G_c(x) @ column)[..., 0])
+        G, B = self.noise_form(x)
+        return np.asarray(np.linalg.solve(B, G @ np.asarray(u)[..., None])[..., 0])
 
     def input_of(self, x: Array, a: Array) -> Array:
         """The control u (m,) at x (n,) of one in noise units (m,) [1/sqrt(s)]."""
-        if self.input_noise is not None:
-            return np.asarray(self.input_noise @ a)
-        return np.asarray(np.linalg.solve(self.G_c(x), self.B_c(x) @ a))
+        return self.control_gain(x) @ a
 
     def inputs_of(self, states: Array, a: Array) -> Array:
         """Controls u (k, m) at states (k, n) of those in noise units (k, m) [1/sqrt(s)]."""
-        if self.input_noise is not None:
-            return np.asarray(a @ self.input_noise.T)
-        if isinstance(self.control_block, np.ndarray) and isinstance(self.diffusion_block, np.ndarray):
-            return np.asarray(np.linalg.solve(self.control_block, self.diffusion_block @ a.T).T)
+        if self.constant or self.input_form:
+            return a @ self.control_gain(np.zeros(self.n)).T
         return np.array([self.input_of(*pair) for pair in zip(states, a, strict=True)]).reshape(a.shape)
-
-    def climbing_gain(self, x: Array) -> Array:
-        """lambda R^-1 G' at x (n,), (m, rows): the control that a slope of log psi asks for, per slope."""
-        if self.input_noise is not None:
-            return np.asarray(self.input_noise @ self.B_c(x).T)
-        B = self.B_c(x)
-        return np.asarray(np.linalg.solve(self.G_c(x), B @ B.T))
 
     def idle(self, x: Array) -> Array:
         """`rate` at x (n,) without control and noise, (m,) [state/s]: f_c, or in input form nothing."""
@@ -264,20 +229,16 @@ class Dynamics(ABC):
 
         A Stratonovich equation takes f and G of its middle.
         """
-        if self.input_form:
-            rate, middle = self.rate(x, u, dw, dt), x
-            if self.stratonovich:
-                middle = x + 0.5 * dt * (self.f(x) + self.G_c(x) @ rate)
-            return np.asarray(x + dt * (self.f(middle) + self.G_c(middle) @ rate))
-        dx = self.f(x) * dt
-        dx[self.n - self.m :] = self.rate(x, u, dw, dt) * dt
-        return np.asarray(x + dx)
+        rate = self.rate(x, u, dw, dt)
+        if not self.input_form:
+            return np.asarray(x + dt * np.append(self.f(x)[: self.n - self.m], rate))
+        middle = x + 0.5 * dt * (self.f(x) + self.G_c(x) @ rate) if self.stratonovich else x
+        return np.asarray(x + dt * (self.f(middle) + self.G_c(middle) @ rate))
 
     def _block(self, block: Array | Callable[..., None], x: Array) -> Array:
         if isinstance(block, np.ndarray):
             return block
-        out = np.zeros((self.rows, self.m))
-        block(x, self.parameters, out)
+        block(x, self.parameters, out := np.zeros((self.rows, self.m)))
         return out
 
 
@@ -286,11 +247,6 @@ def no_drift(x, p, out):  # type: ignore[no-untyped-def]
     """f = 0 at x (n,), written to out (n,) [state/s]."""
     for i in range(out.shape[0]):
         out[i] = 0.0
-
-
-def _check_noise(b: float) -> None:
-    if not (np.isfinite(b) and b > 0):
-        raise OptionError(f"the noise b is {b:g}; path integrals need a positive number")
 
 
 def check_positive(owner: object, *names: str) -> None:
@@ -314,7 +270,7 @@ class IsotropicNoise(Dynamics):
     parameters = np.zeros(0)
 
     def __post_init__(self) -> None:
-        _check_noise(self.b)
+        check_positive(self, "b")
 
     @cached_property
     def control_block(self) -> Array:  # type: ignore[override]

@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import HOMING, Dynamics, _check_noise, ahead, beyond_disc, check_positive, no_drift
+from pirrht.systems.dynamics import HOMING, Dynamics, ahead, beyond_disc, check_positive, no_drift
 
 
 @jitable
@@ -56,8 +56,7 @@ class Rover(Dynamics):
     homing = staticmethod(towards_goal)
 
     def __post_init__(self) -> None:
-        _check_noise(self.b)
-        check_positive(self, "turning")
+        check_positive(self, "b", "turning")
 
     @cached_property
     def input_noise(self) -> Array:  # type: ignore[override]

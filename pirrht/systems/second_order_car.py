@@ -17,8 +17,7 @@ CRUISE = 1.0  # speed at which a meter costs least [m/s]
 @jitable
 def rolling(x, p, out):  # type: ignore[no-untyped-def]
     """f = [v cos theta, v sin theta, 0, 0] at x (4,), written to out (4,) [m/s, m/s, rad/s, m/s^2]."""
-    out[0], out[1] = x[3] * math.cos(x[2]), x[3] * math.sin(x[2])
-    out[2], out[3] = 0.0, 0.0
+    out[0], out[1], out[2], out[3] = x[3] * math.cos(x[2]), x[3] * math.sin(x[2]), 0.0, 0.0
 
 
 @jitable
@@ -34,9 +33,7 @@ def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-de
     If it reverses towards the goal it goes on so.
     """
     dx, dy = aim[0] - x[0], aim[1] - x[1]
-    way = 1.0
-    if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0:
-        way = -1.0
+    way = -1.0 if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0 else 1.0
     beyond = beyond_disc(way * dx, way * dy, x[2], radius)
     out[0] = HOMING.gain * beyond / B[0, 0]
     out[1] = HOMING.gain * (way * CRUISE * max(HOMING.slowest, math.cos(beyond)) - x[3]) / B[1, 1]

@@ -10,15 +10,13 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import jitable
-from pirrht.systems.dynamics import HOMING, Dynamics, _check_noise, beyond_disc, check_positive
+from pirrht.systems.dynamics import HOMING, Dynamics, beyond_disc, check_positive
 
 
 @jitable
 def unicycle_drift(x, p, out):  # type: ignore[no-untyped-def]
     """f = [V cos theta, V sin theta, 0] at x (3,), written to out (3,) [m/s, m/s, rad/s], with p = [V], (1,)."""
-    out[0] = p[0] * np.cos(x[2])
-    out[1] = p[0] * np.sin(x[2])
-    out[2] = 0.0
+    out[0], out[1], out[2] = p[0] * np.cos(x[2]), p[0] * np.sin(x[2]), 0.0
 
 
 @jitable
@@ -50,8 +48,7 @@ class Unicycle(Dynamics):
     homing = staticmethod(turn_home)
 
     def __post_init__(self) -> None:
-        _check_noise(self.b)
-        check_positive(self, "V", "rho")
+        check_positive(self, "V", "rho", "b")
 
     @cached_property
     def parameters(self) -> Array:  # type: ignore[override]

@@ -26,10 +26,10 @@ def _normals(blocks, scratch):  # type: ignore[no-untyped-def]
 
 
 @njit(nogil=True, error_model="numpy")
-def _steps(arena, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
+def _steps(around, cuts, H, noise, blocks, scratch):  # type: ignore[no-untyped-def]
     """The same with the step, its class, one look-up, the exit at its end and H likelihood ratios; no path ends."""
     f, a, ratio, short, long, random, bits = scratch
-    around, B, goal = single(arena), single_matrix(noise * np.eye(2)), arena.goal
+    B, goal = single_matrix(noise * np.eye(2)), around.goal
     f[DT : DT + L], f[ROOT : ROOT + L] = STEP, STEP**0.5
     for _ in range(blocks):
         f[X:SIGN], ratio[:] = 0.0, 0.0
@@ -51,7 +51,9 @@ def normals(samples: int, threads: int) -> int:
 
 def steps(arena: World, cuts: object, classes: int, samples: int, threads: int) -> int:
     """Simulate `samples` paths of 60 steps that nothing ends; number of steps."""
-    return _on(threads, samples, classes, lambda blocks, scratch: _steps(arena, cuts, classes, 0.01, blocks, scratch))
+    return _on(
+        threads, samples, classes, lambda blocks, scratch: _steps(single(arena), cuts, classes, 0.01, blocks, scratch)
+    )
 
 
 def _on(threads: int, samples: int, classes: int, work) -> int:  # type: ignore[no-untyped-def]

@@ -25,7 +25,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.proposals.proposal import Batch
-from pirrht.rollouts.tables import PredictedWorld, Snapshot
+from pirrht.rollouts.tables import PredictedWorld
 from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario
@@ -75,9 +75,8 @@ def rollouts(scenario: Scenario) -> dict[str, tuple[float, float]]:
     batch, among = plan_batch(scenario)
     alone, nothing = copy(among), MovingObstacleArrays.of(replace(scenario.loaded.scene, movers=()))
     alone.proposals = copy(among.proposals)
-    alone.proposals.world = PredictedWorld(
-        Snapshot(among.setup._replace(world=among.setup.world._replace(moving=nothing)), among.homology)
-    )
+    world = among.setup.world._replace(moving=nothing)
+    alone.proposals.world = PredictedWorld((among.setup._replace(world=world), among.homology))
     one = replace(batch, proposals=batch.proposals[:1]).counting([1000])
     work: dict[str, Callable[[int], Any]] = {
         "none": lambda k: alone.rollout(batch, k),

@@ -81,12 +81,8 @@ def spread(problem: Problem, x: Array) -> float:
     dynamics = problem.dynamics
     if not dynamics.noisy_position:
         return 0.0
-    if dynamics.input_form:
-        B = np.asarray(dynamics.B_c(x))[list(dynamics.position)]
-        return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0]))
-    first = dynamics.n - dynamics.m
-    rows = np.asarray(dynamics.B_c(x))[[i - first for i in dynamics.position if i >= first]]
-    return float(np.sum(rows**2)) / 2.0
+    B = np.asarray(dynamics.B_c(x))[: 2 - dynamics.n + dynamics.rows]
+    return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
 
 
 def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:

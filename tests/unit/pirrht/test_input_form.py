@@ -41,16 +41,16 @@ def system(**changes: Any) -> Dynamics:
     ("changes", "told"),
     [
         ({"input_noise": None}, "input_noise missing; a Dynamics declares .*input_matrix, input_noise"),
-        ({"input_noise": np.eye(3)}, r"input_noise is \(3, 3\); with m = 2 it must be \(2, 2\)"),
+        ({"input_noise": np.eye(3)}, r"input_noise is \(3, 3\); with n = 3, m = 2 it must be \(2, 2\)"),
         ({"input_noise": 0.5}, "input_noise is a float; it must be an array: s is constant"),
         ({"input_noise": np.diag([0.5, 0.0])}, r"input_noise is \[\[0.5, 0.0\], .*it must have an inverse"),
         ({"input_matrix": np.eye(2)}, r"input_matrix is \(2, 2\); with n = 3, m = 2 it must be \(3, 2\)"),
         ({"input_matrix": "G"}, "input_matrix is a str; it must be an array or a function"),
-        ({"input_matrix": Driven.input_matrix}, r"input_matrix\(x, p, out\) does not fill an out of \(3, 2\)"),
-        ({"control_block": np.eye(2)}, "both control_block and input_matrix are declared; leave one form out"),
+        ({"input_matrix": Driven.input_matrix}, r"input_matrix\(x, p, out\) cannot be called without self"),
+        ({"control_block": np.eye(2)}, "control_block belongs to the paper's form; leave it out"),
         (
             {"input_matrix": None, "control_block": np.eye(2), "diffusion_block": np.eye(2)},
-            "input_noise belongs to the input form; declare an input_matrix, or leave it out",
+            "input_noise belongs to the input form; leave it out, or declare an input_matrix",
         ),
         (
             {"input_matrix": None, "input_noise": None, "stratonovich": True, "control_block": np.eye(2)}

@@ -67,7 +67,7 @@ REFUSED = {
     "a name twice": ({"states": ("x", "y", "vx", "vx")}, r"name each once, as in states ="),
     "no control": ({"m": 0}, "m is 0; of 4 states at least 1 and at most 4"),
     "more controls than states": ({"m": 5}, "m is 5; of 4 states"),
-    "a block of G": ({"control_block": np.eye(3)}, r"control_block is \(3, 3\); with m = 2 it must be \(2, 2\)"),
+    "a block of G": ({"control_block": np.eye(3)}, r"control_block is \(3, 3\); with n = 4, m = 2 it must be \(2, 2\)"),
     "a list": (
         {"control_block": [[1.0, 0.0], [0.0, 1.0]]},
         "control_block is a list; it must be an array or a function",
@@ -79,7 +79,10 @@ REFUSED = {
         {"drift": lambda self, x, p, out: None},
         r"drift\(x, p, out\) cannot be called .* make it a @staticmethod",
     ),
-    "a row of B": ({"diffusion_block": np.ones(2)}, r"diffusion_block is \(2,\); with m = 2 it must be \(2, 2\)"),
+    "a row of B": (
+        {"diffusion_block": np.ones(2)},
+        r"diffusion_block is \(2,\); with n = 4, m = 2 it must be \(2, 2\)",
+    ),
 }
 
 
@@ -151,10 +154,9 @@ def test_a_system_that_says_what_its_states_are_is_accepted() -> None:
     assert posed(system(states=("x", "y", "heading", "t"))).temperature == pytest.approx(0.01)
 
 
-def test_position_headings_and_clock_follow_from_the_names_of_the_states() -> None:
+def test_headings_states_and_bounds_follow_from_the_names_of_the_states() -> None:
     trailer = system(n=5, states=("x", "y", "speed", "heading", "t"))
-    assert (trailer.position, trailer.angles, trailer.clock) == ((0, 1), (3,), 4)
-    assert (SingleIntegrator().angles, Unicycle().angles, Unicycle().clock) == ((), (2,), None)
+    assert (trailer.angles, SingleIntegrator().angles, Unicycle().angles) == ((3,), (), (2,))
     np.testing.assert_array_equal(trailer.state_of(SCENE.start), [1.0, 2.0, 0.0, 0.3, 0.0])
     np.testing.assert_array_equal(SingleIntegrator().state_of(SCENE.start), SCENE.start[:2])
     np.testing.assert_array_equal(Unicycle().state_of(SCENE.start), SCENE.start)

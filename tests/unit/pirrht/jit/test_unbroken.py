@@ -28,8 +28,8 @@ def heard() -> Iterator[list[str]]:
 
 
 def test_a_signal_waits_until_the_outermost_work_is_done_and_comes_once(heard: list[str]):
-    with patches.unbroken():
-        with patches.unbroken():
+    with patches.unbroken:
+        with patches.unbroken:
             signal.raise_signal(signal.SIGINT)
             signal.raise_signal(signal.SIGINT)
         assert heard == ["waits", "waits"]
@@ -42,14 +42,14 @@ def test_a_signal_that_another_thread_makes_wait_again_is_not_forgotten(monkeypa
 
     def main_thread(number: int) -> None:
         if not heeded:
-            patches._begin()
+            patches.unbroken.__enter__()
         heeded.append("waits" if patches.waits(number) else "heeded")
 
     monkeypatch.setattr(patches, "interrupt_main", main_thread)
-    with patches.unbroken():
+    with patches.unbroken:
         assert patches.waits(signal.SIGINT)
     assert heeded == ["waits"]
-    patches._end()
+    patches.unbroken.__exit__()
     assert heeded == ["waits", "heeded"]
 
 
@@ -60,7 +60,7 @@ def test_a_signal_without_any_work_is_heeded_at_once(heard: list[str]):
 
 def test_work_that_fails_lets_signals_through_again(heard: list[str]):
     def failing() -> float:
-        with patches.unbroken():
+        with patches.unbroken:
             signal.raise_signal(signal.SIGINT)
             return 1.0 / 0.0
 
