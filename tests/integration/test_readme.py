@@ -62,14 +62,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("reader")
     for name, text in models().items():
         (place / f"{name}.xml").write_text(text)
-    for file in (ROOT / "scripts" / "examples").iterdir():
+    for file in (ROOT / "scripts" / "examples" / "systems").iterdir():
         if file.is_file():
             shutil.copy(file, place)
     balloon, boat = (
         next(t for p in PAGES for t in blocks(p, "python") if f"class {n}(" in t) for n in ("Balloon", "Boat")
     )
     (place / "balloon.py").write_text(balloon)
-    system = next(text for text in blocks(named("bring-your-own.md"), "") if text.startswith("BOAT = "))
+    system = next(text for text in blocks(named("own-robot.md"), "") if text.startswith("BOAT = "))
     steps = boat[: boat.index("loaded = load(")]
     (place / "my_boat.py").write_text(f"{steps}\nfrom sim.systems import System\n\n{system}")
     cells = np.full((100, 120), 254, np.uint8)
