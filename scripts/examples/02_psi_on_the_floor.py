@@ -12,9 +12,8 @@ ARROWS = "→↗↑↖←↙↓↘"
 for b in (0.1, 0.3):
     problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2 * np.eye(2))
     exact = Desirability.of(problem, FreeSpace.of(scene))
-    print(
-        f"\noptimal direction at b = {b:g} (# is a wall, G the goal); v at the start: {exact.value(scene.start[:2]):.3f}"
-    )
+    v = exact.value(scene.start[:2])
+    print(f"\noptimal direction at b = {b:g} (# is a wall, G the goal); v at the start: {v:.3f}")
     for y in np.arange(4.75, 0.0, -0.25):
         row = ""
         for x in np.arange(0.25, 6.0, 0.25):
