@@ -18,16 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-CHECKED = (
-    "pirrht",
-    "sim/cli",
-    "sim/options",
-    "scripts/examples",
-    "docs",
-    "README.md",
-    "CHANGELOG.md",
-    "CONTRIBUTING.md",
-)
+CHECKED = ("pirrht", "scripts/examples", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
 OPTIONS = ("sim", "scripts")  # below these messages name options
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.
