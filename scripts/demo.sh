@@ -3,5 +3,5 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-prepare "."
+prepare ".[sim]"
 pirrht run slit --record slit.rrd "$@"

@@ -1,6 +1,6 @@
 # Sourced by the other scripts: a virtual environment in .venv with this package installed.
 
-prepare() { # what to install, such as "." or ".[test]"
+prepare() { # what to install, such as ".[sim]"
     local python="${PYTHON:-python3}"
     if [ ! -x .venv/bin/python ]; then
         "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' ||

@@ -55,11 +55,10 @@ PAIRS = {
 }
 HEAD = """# Gallery
 
-<!-- Made by scripts/gallery.py of the scenes themselves; a test holds the two against each other. -->
+<!-- Made by scripts/gallery.py of the scenes themselves; a test compares both. -->
 
-Every built-in scene, driven once with seed 0 at its own noise. The first picture shows the robot after 45 % of the
-drive, with the references of all classes, thicker the more probable they are; the second is the whole drive in four
-seconds.
+Each built-in scene with seed 0 and its own noise: the robot after 45 % of the run, with references as thick as they are
+probable, and the whole run. `pirrht run SCENE --record FILE.rrd` records one.
 """
 
 
@@ -112,14 +111,13 @@ def value_map(file: Path) -> None:
 
 
 def page() -> str:
-    """docs/gallery.md: every scene with its sentence, its picture and its drive."""
+    """Return docs/gallery.md: every scene with its sentence and its pictures."""
     parts = [HEAD]
     for name in scene_names():
         known = load(name)
         parts.append(
             f"\n## {name}\n\n{known.about}\n\n"
-            f"![{name}, under way](gallery/{name}.webp) ![{name}, the drive](gallery/{name}-drive.webp)\n\n"
-            f"```\npirrht run {name} --record {name}.rrd\n```\n"
+            f"![{name} after 45 %](gallery/{name}.webp) ![{name}, run](gallery/{name}-drive.webp)\n"
         )
     return "".join(parts)
 

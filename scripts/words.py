@@ -1,6 +1,6 @@
-"""Hold the standard terms in names, docstrings, comments and messages of the method.
+"""Hold the standard terms in names, docstrings, comments and messages of the method, and in the documents.
 
-    python scripts/words.py [PATH...]    # default: the package pirrht; exit 1 where a retired term is found
+    python scripts/words.py [PATH...]    # default: `CHECKED`; exit 1 where a retired term is found
 
 Each line of the output is `file:line: term: use instead`. Docstrings begin with a verb or an equation and refer to no
 neighbour. Messages of a library name no option of a command line.
@@ -18,7 +18,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
-UNCHECKED: tuple[str, ...] = ()  # packages in which some names are still to follow
+CHECKED = ("pirrht", "scripts/examples", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+OPTIONS = ("sim", "scripts")  # below these messages name options
 
 # Retired names of classes, functions, parameters, attributes, constants and modules.
 NAMES = {
@@ -100,8 +101,19 @@ class Finding(NamedTuple):
     instead: str
 
 
-def findings(source: str, stem: str = "") -> list[Finding]:
-    """Return retired terms of a module's source, by lines; `stem` is the module's own name."""
+def prose_findings(text: str) -> list[Finding]:
+    """Return retired phrases of a Markdown text outside of its code, by lines."""
+    plain = re.sub(r"^```.*?^```|`[^`\n]*`", lambda code: "\n" * code[0].count("\n"), text, flags=re.S | re.M)
+    return sorted(set(_phrases(1, plain)))
+
+
+def findings(source: str, stem: str = "", *, options: bool = False) -> list[Finding]:
+    """Return retired terms of a module's source, by lines.
+
+    Args:
+        stem: the module's own name.
+        options: whether its messages may name options of the command line.
+    """
     tree = ast.parse(source)
     found = [Finding(line, name, _NAMES[name]) for name, line in [(stem, 1), *_defined(tree)] if name in _NAMES]
     documented = {}
@@ -112,7 +124,7 @@ def findings(source: str, stem: str = "") -> list[Finding]:
             found += _form(constant.lineno, documented[constant])
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             found += _phrases(node.lineno, node.value)
-            if node not in documented:
+            if node not in documented and not options:
                 found += [Finding(node.lineno, flag, "what the option sets") for flag in FLAG.findall(node.value)]
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
         if token.type == tokenize.COMMENT:
@@ -154,12 +166,12 @@ def _phrases(line: int, text: str) -> Iterator[Finding]:
 def main(paths: list[str]) -> int:
     """Print retired terms of files and folders; return 1 where there are some."""
     count = 0
-    for path in [Path(one).resolve() for one in paths] or [ROOT / "pirrht"]:
-        for file in sorted(path.rglob("*.py")) if path.is_dir() else [path]:
-            name = file.relative_to(ROOT).as_posix()
-            if not paths and name.startswith(UNCHECKED):
-                continue
-            for line, term, instead in findings(file.read_text(), file.stem):
+    for path in [Path(one).resolve() for one in paths] or [ROOT / one for one in CHECKED]:
+        for file in sorted([*path.rglob("*.py"), *path.rglob("*.md")]) if path.is_dir() else [path]:
+            name, text = file.relative_to(ROOT).as_posix(), file.read_text()
+            options = name.startswith(OPTIONS)
+            found = prose_findings(text) if file.suffix == ".md" else findings(text, file.stem, options=options)
+            for line, term, instead in found:
                 print(f"{name}:{line}: {term}: {instead}")
                 count += 1
     return int(count > 0)

@@ -27,10 +27,26 @@ def main(argv: Sequence[str] | None = None) -> int:
             from sim.cli import parser
 
             arguments = parser.read(argv)
+            _check_installed()
             from sim.cli import commands
         return commands.COMMANDS[arguments.command](arguments)
 
     return ending.ended(command, process=argv is None)
+
+
+def _check_installed() -> None:
+    """Refuse to run without the packages of the extra `sim`.
+
+    Raises:
+        OptionError: names the missing package, and the command that installs it.
+    """
+    from importlib.util import find_spec
+
+    from pirrht.errors import OptionError
+
+    missing = [name for name in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(name) is None]
+    if missing:
+        raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
 
 
 def _die_quietly() -> None:

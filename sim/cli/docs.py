@@ -1,4 +1,4 @@
-"""The reference of the command line as a page of the documentation: `python -m sim.cli.docs` writes docs/cli.md."""
+"""Write docs/cli.md, the reference of the command line: `python -m sim.cli.docs`."""
 
 from __future__ import annotations
 
@@ -6,42 +6,44 @@ import sys
 from pathlib import Path
 
 from pirrht.files import replaced
-from sim.cli.parser import COMMANDS, default_of, meaning
+from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
 from sim.options.record import Option, shown
+from sim.options.settings import SINGLE
 from sim.options.table import NUMERICS, options_of
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
 COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
-<!-- Made by `python -m sim.cli.docs` of the table in sim/options; a test holds the two against each other. -->
+<!-- Made by `python -m sim.cli.docs` of the table in sim/options; a test compares both. -->
 
-```
-pirrht COMMAND [options]
-pirrht COMMAND --help
-pirrht --version
-```
+`pirrht COMMAND --help` lists the options used daily, `--help-all` lists all. Exit status: 0 success; 1 a run that
+ended in a collision or time-out, or a sweep with errors; 2 bad input, explained in one line; 130 an interruption.
 
-Exit status: 0 success, 1 a drive that ended in a collision or a time-out, or a sweep with errors, 2 bad input (one line
-on standard error says what was wrong and what would have worked), 130 an interruption.
-
-Who wins: the command line over a preset, that over the defaults of a scene, those over the defaults of what moves. A
-scene's defaults are custom numerics of its MJCF, `<custom><numeric name="pirrht_noise" data="0.1"/></custom>`; options
-that may stand there are marked with \N{BULLET} below, and `-` becomes `_`.
+Precedence: command line, preset, scene, robot. A scene sets options marked \N{BULLET} by custom numerics, such as
+`<custom><numeric name="pirrht_noise" data="0.1"/></custom>`, where `-` becomes `_`.
 """
+SHARED = "plan, run, play, estimate, sweep"
 
 
 def page() -> str:
-    """The page as Markdown."""
-    parts = [HEAD]
+    """Return the page as Markdown: options that commands share once, then those of each command."""
+    shared = [option for option in options_of("run") if set(SINGLE) <= set(option.commands)]
+    robots = f"\n```\n{robots_text()}\n```\n\n```\n{PRESETS_TEXT}\n```\n"
+    parts = [HEAD, f"\n## Options of {SHARED}\n", *_tables(shared), robots]
     for command, (text, _) in COMMANDS.items():
         parts.append(f"\n## pirrht {command}\n\n{text[0].upper()}{text[1:]}.\n")
-        options = options_of(command)
-        for group in dict.fromkeys(option.group for option in options):
-            rows = [_row(option) for option in options if option.group == group]
-            title = f"**{group[0].upper()}{group[1:]}**\n\n" if group else ""
-            parts.append(f"\n{title}{COLUMNS}" + "\n".join(rows) + "\n")
+        parts += _tables([option for option in options_of(command) if option not in shared])
     return "".join(parts)
+
+
+def _tables(options: list[Option]) -> list[str]:
+    """Return a table for each group of options."""
+    tables = []
+    for group in dict.fromkeys(option.group for option in options):
+        title = f"**{group[0].upper()}{group[1:]}**\n\n" if group else ""
+        tables.append(f"\n{title}{COLUMNS}" + "\n".join(_row(o) for o in options if o.group == group) + "\n")
+    return tables
 
 
 def _row(option: Option) -> str:
@@ -50,7 +52,7 @@ def _row(option: Option) -> str:
     typed = option.flag if option.positional else f"{option.flag} {metavar}".rstrip()
     short = f"-{option.short}, " if option.short else ""
     mark = " \N{BULLET}" if option.name in NUMERICS and NUMERICS[option.name].dest == option.dest else ""
-    cells = (f"`{short}{typed}{several}`{mark}", meaning(option), default_of(option), _values(option))
+    cells = (f"`{short}{typed}{several}`{mark}", option.text, default_of(option), _values(option))
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
@@ -61,8 +63,7 @@ def _values(option: Option) -> str:
         return "required" if option.required else ""
     whole = option.kind is int
     low, high = ((shown(int(b)) if whole else f"{b:g}") for b in (option.bounds.low, option.bounds.high))
-    extra = ", or `inf`" if option.bounds.infinite else ""
-    return f"{low} to {high}{extra}: {option.bounds.why}"
+    return f"{low} to {high}" + (", or `inf`" if option.bounds.infinite else "")
 
 
 def main() -> int:

@@ -1,4 +1,4 @@
-"""The command `pirrht`: its parser, made of the table of options, and what becomes of errors."""
+"""Parse the command line of `pirrht` by the table of options."""
 
 from __future__ import annotations
 
@@ -12,53 +12,56 @@ from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
 from sim.options.record import Option
+from sim.options.settings import DRIVES
 from sim.options.table import check, gone, options_of
 from sim.recording.columns import explained
-from sim.settings import Settings
+from sim.settings import PRESETS, Settings
 from sim.systems import named, names
 
-EXPLAINED = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
-ORDER = (
-    "Defaults are those of the robot's system; a scene's own (custom numerics pirrht_NAME) win over these,\n"
-    "a preset over both, and the command line over all."
-    + "".join(
-        f"\n{', '.join(name.replace('_', '-') for name in system.own)} of a {system.robots} are its own "
-        "in scenes that are meant for other robots."
-        for system in map(named, names())
-        if system.own
-    )
-)
+METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
+PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {preset.text}" for name, preset in PRESETS.items())
+ORDER = "Precedence: command line, preset, scene (custom numerics pirrht_NAME), robot."
 PLAYED = (
-    "in the window: double-click the robot, an obstacle or the goal, and drag it with Ctrl and the right button;\n"
-    "  8 and 9: less noise, more; Home: back to the start once a drive has ended\n"
-    'a script: [{"at": 0.5, "push": [VX, VY], "for": 0.3}, {"at": 1, "move": "goal", "to": [X, Y]},\n'
+    "window: double-click the robot, an obstacle or the goal, and drag it with Ctrl and the right button;\n"
+    "  8 and 9: less noise, more; Home: start again\n"
+    'script: [{"at": 0.5, "push": [VX, VY], "for": 0.3}, {"at": 1, "move": "goal", "to": [X, Y]},\n'
     '  {"at": 1, "move": "NAME OF AN OBSTACLE", "by": [DX, DY]}, {"at": 2, "noise": 0.3}]'
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
 
-COMMANDS: dict[str, tuple[str, str]] = {  # what the help says of each, and at its end
-    "demo": ("little and much noise in the scene slit, one after the other, and what to make of them", ""),
-    "scenes": ("list the built-in scenes: robot, noise, how many bodies move, and a sentence on each", ""),
-    "plan": ("grow the tree and print one row per homology class", ORDER),
+
+def robots_text() -> str:
+    """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
+    columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
+    rows = [("robot", "unit of --noise", "state", *columns)]
+    for system in map(named, names()):
+        if system.robots:
+            values = [f"{getattr(system.settings, name):g}" for name in columns]
+            rows.append((system.robots, system.noise_in, system.coordinates, *values))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+
+
+COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--help-all`
+    "demo": ("run the scene slit with little and with much noise, and explain the results", ""),
+    "scenes": ("list the built-in scenes: robot, noise, moving obstacles, and a sentence on each", ""),
+    "plan": ("grow the tree and print one row per homology class", ""),
     "run": (
-        "plan, then drive; exit status 0 goal, 1 collision or time-out, 2 bad input",
-        f"{ORDER}\n\n{EXPLAINED}\n\nfigures of a drive, as its summary and --json tell them:\n{figures()}",
+        "plan and run; exit status 0 goal, 1 collision or time-out, 2 bad input",
+        f"{METHODS_TEXT}\n\nresults of a run, in its summary and --json:\n{figures()}",
     ),
-    "play": (
-        "drive in a window of MuJoCo's: push the robot, move goal and obstacles, change the noise; exit status as run",
-        f"{ORDER}\n\n{PLAYED}\n\n{EXPLAINED}",
-    ),
-    "estimate": ("what the controller would do at one state", f"{ORDER}\n\n{EXPLAINED}"),
-    "sweep": ("many seeds, methods and noise levels: a table, a dataset", f"{ORDER}\n\n{EXPLAINED}"),
-    "report": ("sum up a sweep: intervals, comparisons on equal seeds, pictures", ""),
+    "play": ("run in MuJoCo's viewer: push the robot, move goal and obstacles, change the noise", PLAYED),
+    "estimate": ("estimate value, control and class shares at a state", METHODS_TEXT),
+    "sweep": ("run many seeds, methods and noise levels: a table, a dataset", METHODS_TEXT),
+    "report": ("summarise a sweep: intervals, comparisons on equal seeds, pictures", ""),
     "warm": ("compile kernels ahead, so that the first command of a robot does not have to", ""),
     "export": ("turn a recording into a table: Parquet or NumPy", f"{TABLE}\n{explained()}"),
-    "import": ("turn a Gazebo world, a ROS map, a mesh or the motions of DynaBARN into a scene", ""),
+    "import": ("turn a Gazebo world, a ROS map, a mesh or DynaBARN's motions into a scene", ""),
 }
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Raises an error of one line."""
 
     def error(self, message: str) -> NoReturn:
         """Raise the OptionError of a command line that cannot be read."""
@@ -68,7 +71,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """A command line, checked as far as that goes without a scene; None: the words that this process was started with.
+    """Read a command line, checked as far as possible without a scene; None: the arguments of this process.
 
     Raises:
         OptionError: it cannot be read, or an option has a value that cannot work.
@@ -95,28 +98,58 @@ def _is_number(word: str) -> bool:
         return False
 
 
+class _Help(argparse.Action):
+    """Print the help of a command and exit; `const` is the name of the command, and whether to list all options."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        """Print to standard output."""
+        print(help_of(*self.const))
+        parser.exit()
+
+
 def parser() -> argparse.ArgumentParser:
-    """The parser of all commands."""
+    """Build the parser of all commands."""
     whole = Parser(
         prog="pirrht",
-        description="Topology-guided path integral control (PI-RRHT*): plan with FCL, drive in MuJoCo, watch in Rerun.",
+        description="Topology-guided path integral control (PI-RRHT*): FCL plans, MuJoCo simulates, Rerun records.",
     )
     whole.add_argument("--version", action="version", version=f"pirrht {pirrht.__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for name, (text, end) in COMMANDS.items():
-        one = commands.add_parser(
-            name, help=text, description=text, epilog=end or None, formatter_class=argparse.RawDescriptionHelpFormatter
-        )
-        groups: dict[str, Any] = {"": one}
-        for option in options_of(name):
-            if option.group not in groups:
-                groups[option.group] = one.add_argument_group(option.group)
-            _add(groups[option.group], option)
+    for name, (text, _) in COMMANDS.items():
+        _fill(commands.add_parser(name, help=text, add_help=False), name, everything=True)
     return whole
 
 
+def help_of(name: str, everything: bool) -> str:
+    """Return the help of a command, with its common options or with all."""
+    text, more = COMMANDS[name]
+    takes_scene = name in DRIVES
+    notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
+    notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
+    end = "\n\n".join(note for note in notes if note)
+    scene = "SCENE ..." if name == "sweep" else "SCENE"
+    one = Parser(
+        prog=f"pirrht {name}", usage=f"pirrht {name} {scene} [options]" if takes_scene else None, add_help=False,
+        description=text, epilog=end or None, formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    _fill(one, name, everything or not takes_scene)
+    return one.format_help().rstrip()
+
+
+def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
+    """Give the parser of a command its options; `everything` or the common ones only."""
+    groups: dict[str, Any] = {"": one}
+    for option in options_of(name):
+        if everything or option.common:
+            if option.group not in groups:
+                groups[option.group] = one.add_argument_group(option.group)
+            _add(groups[option.group], option)
+    one.add_argument("-h", "--help", action=_Help, nargs=0, const=(name, False), help=argparse.SUPPRESS)
+    one.add_argument("--help-all", action=_Help, nargs=0, const=(name, True), help=argparse.SUPPRESS)
+
+
 def _add(group: Any, option: Option) -> None:
-    """Give a parser an option; None stands for what was not said, unless it is no number and has a default."""
+    """Give a parser an option; None stands for a missing number and for a missing option without a default."""
     words: dict[str, Any] = {"help": helped(option).replace("%", "%%")}
     if option.kind is bool:
         words |= {"action": "store_true" if option.sets else "store_false"}
@@ -133,36 +166,21 @@ def _add(group: Any, option: Option) -> None:
 def helped(option: Option) -> str:
     """Return the help of an option: its meaning, then its default."""
     known = default_of(option)
-    return f"{meaning(option)}; default: {known}" if known else meaning(option)
-
-
-def meaning(option: Option) -> str:
-    """An option's text, and what it is of each kind of robot, alike ones together."""
-    told: dict[str, list[str]] = {}
-    for system in map(named, names() if option.of_robots else ()):
-        if system.robots and getattr(system, option.of_robots):
-            told.setdefault(getattr(system, option.of_robots), []).append(system.robots)
-    of_each = ", ".join(f"{what} of a {' or '.join(robots)}" for what, robots in told.items())
-    return f"{option.text}: {of_each}" if of_each else option.text
+    return f"{option.text}; default: {known}" if known else option.text
 
 
 def default_of(option: Option) -> str:
-    """An option's default in words: of every system, and whether a scene may say otherwise; empty if it has none."""
-    scene = ", or the scene's" if option.numeric else ""
+    """Return an option's default in words; empty if it has none."""
     if option.kind is bool or option.positional or option.required:
         return ""
-    if option.role != "setting" or option.default is not None:
-        known = option.unset or ("" if option.default is None else _worded(option.default))
-        return f"{known}{scene}" if known and not option.unset else known
-    if option.unset:
-        return option.unset
-    if not hasattr(Settings, option.dest):
-        return ""
-    heeding = [named(name) for name in names() if not option.special or option.dest in named(name).heeds]
-    values = {system.robots: _worded(getattr(system.settings, option.dest)) for system in heeding if system.robots}
-    alike = len(set(values.values())) == 1
-    known = next(iter(values.values())) if alike else ", ".join(f"{who} {value}" for who, value in values.items())
-    return f"{known}{scene}" if known else ""
+    if option.unset or option.role != "setting" or option.default is not None or not hasattr(Settings, option.dest):
+        return option.unset or _worded(option.default)
+    values = {
+        _worded(getattr(system.settings, option.dest))
+        for system in map(named, names())
+        if system.robots and (not option.special or option.dest in system.heeds)
+    }
+    return values.pop() if len(values) == 1 else "the robot's"
 
 
 def _worded(value: Any) -> str:

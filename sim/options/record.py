@@ -50,11 +50,11 @@ class Option:
     bounds: Bounds | None = None
     default: Any = None  # of what is no setting; those have theirs in `Settings` and in systems
     unset: str = ""  # what the help says of a default that is None
-    of_robots: str = ""  # attribute of systems that tells, for the help, what this is of each one's robots
     attribute: str = ""  # name in `Settings` and in parsed arguments; empty: as `name`
     sets: bool = True  # what a flag sets
     short: str = ""  # another way to type it
     positional: bool = False
+    common: bool = False  # whether `--help` of a command with a scene lists it, not only `--help-all`
     required: bool = False
     role: str = "command"  # "setting" of a run, "task" (scene and robot), or of the "command" alone
     methods: tuple[str, ...] = ()  # the only methods that heed it; empty: all

@@ -74,8 +74,12 @@ class Dataset:
             ) from None
         except (OSError, ValueError, RecursionError) as error:
             raise OptionError(f"{file}: cannot be read ({error}); remove it and start the sweep again") from None
-        if not isinstance(found, dict) or found.get("format") != parts.FORMAT:
-            raise OptionError(f"{file}: not written by this version of pirrht; choose another folder")
+        if not isinstance(found, dict) or found.get("format") != parts.DATASET_FORMAT:
+            theirs = found.get("format") if isinstance(found, dict) else None
+            raise OptionError(
+                f"{file}: dataset format {theirs}; pirrht {pirrht.__version__} reads format {parts.DATASET_FORMAT}: "
+                "choose another folder"
+            )
         flaw = manifests.flaw(found)
         if flaw:
             raise OptionError(f"{file} is damaged: {flaw}; put a copy back, or choose another folder")
@@ -100,8 +104,6 @@ class Dataset:
                 raise self._other(f"holds {strange[0]} and no manifest.json, so it is no sweep's")
             return
         known, asked = self.manifest(), plain(settings)
-        if known["version"] != pirrht.__version__:
-            raise self._other(f"was made by pirrht {known['version']} and this is {pirrht.__version__}")
         for name in {**known["settings"], **asked}:
             before, now = known["settings"].get(name), asked.get(name)
             if before != now:
@@ -136,7 +138,7 @@ class Dataset:
             known = self.manifest() if (self.folder / "manifest.json").exists() else {}
             everything = [*known.get("asked", []), *map(plain, wishes)]
             content = {
-                "format": parts.FORMAT,
+                "format": parts.DATASET_FORMAT,
                 "version": pirrht.__version__,
                 "libraries": {name: _version(name) for name in LIBRARIES},
                 "settings": plain(settings),

@@ -44,7 +44,7 @@ timing_deadline_misses int64   1   plans that took longer than the period
 timing_plan_seconds    float64 s   wall time of tree and references without compiling; the runs of a scene share it
 timing_drive_seconds   float64 s   wall time of the drive without compiling
 """
-FORMAT = 1
+DATASET_FORMAT = 2  # raised when rows of different versions would not be comparable
 
 
 def _column(line: str) -> Column:
@@ -92,7 +92,7 @@ def schema() -> Any:
     fields = [
         pa.field(c.name, pa.type_for_alias(c.kind), metadata={"unit": c.unit, "description": c.text}) for c in COLUMNS
     ]
-    return pa.schema(fields, metadata={"pirrht": json.dumps({"format": FORMAT, "version": pirrht.__version__})})
+    return pa.schema(fields, metadata={"pirrht": json.dumps({"format": DATASET_FORMAT, "version": pirrht.__version__})})
 
 
 def read(file: Path) -> Any:

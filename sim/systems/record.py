@@ -104,7 +104,9 @@ class System:
             return {}
         if name not in PRESETS:
             raise OptionError(f"--preset is {name!r}; it must be one of {', '.join(PRESETS)}")
-        return {**PRESETS[name], "samples": self.paper_samples}
+        _, fixed, factors = PRESETS[name]
+        own = {"samples": self.paper_samples} if name == "paper" else {}
+        return {**fixed, **own, **{one: round(by * getattr(self.settings, one)) for one, by in factors.items()}}
 
     def problem(self, scene: Any, settings: Settings) -> Any:
         """The `pirrht.Problem` in a `pirrht.Scene`.

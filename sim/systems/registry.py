@@ -51,7 +51,7 @@ SYSTEMS = (
         heeds=("noise", "speed"),
         paper_samples=200,
         robots="puck",
-        noise_in="in m/sqrt(s)",
+        noise_in="m/sqrt(s)",
     ),
     System(
         name="unicycle",
@@ -72,7 +72,7 @@ SYSTEMS = (
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
         robots="unicycle",
-        noise_in="in rad/sqrt(s)",
+        noise_in="rad/sqrt(s)",
     ),
     System(
         name="double_integrator",
@@ -84,7 +84,7 @@ SYSTEMS = (
         paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, its paths a pace of their own
         robots="hover",
-        noise_in="in m/s/sqrt(s)",
+        noise_in="m/s/sqrt(s)",
     ),
     System(
         name="rover",
@@ -97,7 +97,7 @@ SYSTEMS = (
         paper_samples=300,
         own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
         robots="rover",
-        noise_in="in m/sqrt(s) of the speed, and the turn rate's is twice the number in rad/sqrt(s)",
+        noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),
     System(
         name="second_order_car",
@@ -111,7 +111,7 @@ SYSTEMS = (
         paper_samples=300,
         own=("noise", "vertices", "samples", "dt", "period"),
         robots="car",
-        noise_in="in both rad/sqrt(s) and m/s/sqrt(s)",
+        noise_in="rad/sqrt(s), m/s/sqrt(s)",
     ),
 )
 _known: dict[str, System] = {system.name: system for system in SYSTEMS}

@@ -1,4 +1,4 @@
-"""The examples of docs/bring-your-own.md are short, and go wherever the robots of the house go."""
+"""The examples of docs/own-robot.md are short, and go wherever the robots of the house go."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from commands import call, told
 from repository import ROOT
 from thoroughly import thorough
 
-EXAMPLES = ROOT / "scripts" / "examples"
-DOCS = (ROOT / "docs" / "bring-your-own.md").read_text()
+EXAMPLES = ROOT / "scripts" / "examples" / "systems"
+DOCS = (ROOT / "docs" / "own-robot.md").read_text()
 WIND = ("--system", "wind:BALLOON")
 TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
 SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
@@ -36,7 +36,7 @@ def test_an_example_takes_fewer_than_forty_lines_and_says_how_it_is_run(file):
     assert len(text.splitlines()) < 40
     command = re.search(r"pirrht run .*", text)
     assert command is not None
-    assert f"`{command.group()}`" in DOCS
+    assert f"\n{command.group()}\n" in DOCS
 
 
 def test_numbers_of_the_tug_are_those_of_its_file():

@@ -1,4 +1,4 @@
-"""The boat of docs/bring-your-own.md, registered in ten lines, goes wherever the robots of the house go."""
+"""The boat of docs/own-robot.md, registered in ten lines, goes wherever the robots of the house go."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 from commands import call, told
 from repository import ROOT, environment
 
-PAGE = (ROOT / "docs" / "bring-your-own.md").read_text()
+PAGE = (ROOT / "docs" / "own-robot.md").read_text()
 CLASSES = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
 HULL = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
 SYSTEM = """

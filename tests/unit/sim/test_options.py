@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 from dataclasses import fields
 from pathlib import Path
 
@@ -157,20 +158,38 @@ def test_no_option_of_a_command_is_there_twice_and_its_help_says_it(command, cap
     assert len({option.dest for option in options}) == len(options)
     with pytest.raises(SystemExit):
         main([command, "--help"])
-    told = capsys.readouterr().out
-    assert all((option.metavar if option.positional else option.flag) in told for option in options)
-
-
-def test_help_tells_the_default_of_each_robot_and_that_a_scene_wins(capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "400")
+    short = capsys.readouterr().out
     with pytest.raises(SystemExit):
-        main(["run", "--help"])
-    told = capsys.readouterr().out
-    assert "puck 0.01, unicycle 0.1, hover 0.05, rover 0.05, car 0.1, or the scene's" in told
+        main([command, "--help-all"])
+    full = capsys.readouterr().out
+    typed = {option.metavar if option.positional else option.flag: option.common for option in options}
+    assert all(flag in full for flag in typed)
+    assert all(flag in short for flag, common in typed.items() if common)
+
+
+def test_the_help_of_run_fits_on_a_screen_and_names_what_people_use_daily(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    lines = parser.help_of("run", everything=False).splitlines()
+    assert len(lines) <= 60
+    daily = (
+        "robot start goal noise speed seed method samples vertices preset real-time record view video png json help-all"
+    )
+    assert not [name for name in daily.split() if f"--{name}" not in "\n".join(lines)]
+
+
+def test_the_help_has_a_row_for_each_robot_and_the_precedence_of_settings():
+    text = parser.help_of("run", everything=False)
     for name in names():
-        assert f"{named(name).robots} {named(name).settings.noise:g}" in told
-    assert "a scene's own (custom numerics pirrht_NAME) win over these" in told
-    assert "noise, vertices, samples, dt, period of a hover are its own in scenes that are meant for other" in told
+        assert f"{named(name).settings.samples}" in re.search(rf"^{named(name).robots} .*$", text, re.M).group(0)
+    assert "Precedence: command line, preset, scene (custom numerics pirrht_NAME), robot." in text
+
+
+@pytest.mark.parametrize("preset", ["fast", "accurate"])
+def test_a_preset_scales_the_numbers_of_each_robot(preset):
+    for robot, samples, vertices in (("puck", 200, 1000), ("unicycle", 300, 2000)):
+        chosen = prepare("slit", robot=robot, preset=preset).settings
+        factor = PRESETS[preset].factors["samples"]
+        assert (chosen.samples, chosen.vertices) == (factor * samples, PRESETS[preset].factors["vertices"] * vertices)
 
 
 def test_the_page_of_the_command_line_is_up_to_date():
@@ -192,7 +211,7 @@ def test_what_identifies_a_dataset_is_what_results_depend_on():
 
 
 def test_the_papers_preset_is_what_options_say_of_it():
-    assert PRESETS["paper"].keys() == {
+    assert PRESETS["paper"].fixed.keys() == {
         *("dt", "period", "exit", "steps", "weights", "guide", "allocation", "draws", "between"),
     }
     assert prepare("slit", preset="paper").settings.samples == 200

@@ -1,6 +1,6 @@
 """A balloon that a wind carries and gusts shake, more along the wind than across: both states are actuated.
 
-cd scripts/examples && pirrht run slit --system wind:BALLOON
+cd scripts/examples/systems && pirrht run slit --system wind:BALLOON
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """A tug of 20 kg that two thrusters push through water, which brakes it: velocity is state, force is control.
 
-cd scripts/examples && pirrht run slit --robot tug.xml --system tug:TUG
+cd scripts/examples/systems && pirrht run slit --robot tug.xml --system tug:TUG
 """
 
 import numpy as np

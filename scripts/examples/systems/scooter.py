@@ -1,6 +1,6 @@
 """A scooter with two inputs, speed and turn rate, and noise on both; it may stand, and turn on the spot.
 
-cd scripts/examples && pirrht run slit --robot unicycle --system scooter:SCOOTER
+cd scripts/examples/systems && pirrht run slit --robot unicycle --system scooter:SCOOTER
 """
 
 import numpy as np
