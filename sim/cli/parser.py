@@ -33,7 +33,7 @@ TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):
 def robots_text() -> str:
     """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
     columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
-    rows = [("robot", "unit of --noise", "state", *columns)]
+    rows: list[tuple[str, ...]] = [("robot", "unit of --noise", "state", *columns)]
     for system in map(named, names()):
         if system.robots:
             values = [f"{getattr(system.settings, name):g}" for name in columns]
