@@ -44,6 +44,26 @@ Law = Callable[[Array, float], Array]  # control (m,) at a state (n,), a time si
 class Plan:
     """Decision at one state, made by `Controller.plan`, `Mppi.plan` or `Optimal.plan`.
 
+    Attributes:
+        state: where it was made, (n,).
+        times: ends of the control sequence's steps, from 0, (T+1,) [s].
+        references: best known path of every class, cheapest first; empty for methods that have none.
+        ids: class of each reference, relative to the start of the run.
+        estimate: of psi, v and u by samples; None in a fallback, and for methods without samples.
+        fallback: why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not.
+        stops: whether the robot can; one that cannot takes the longest free path where it is blocked.
+        replay: simulates samples again for the control sequence and for pictures.
+        instead: controls of a fallback without noise, (T, m) [control].
+        law: control (m,) [control] at a state (n,) and a time since the plan [s]; None: the control sequence is held.
+        push: wall drift (m,) [control] of a held control, at a state (n,) and a time since the plan [s].
+        shares: weight of every class under the law, from 0 to 1.
+        followed: the one class that the control follows; None: all.
+        classes: names of the references' classes by additive key.
+        time: of the run, at which the plan starts [s].
+        exact: v at the state [cost], where it is known without samples.
+        space: the free space, for pictures.
+        movers: moving obstacles as predicted, on the run's clock.
+
     Examples:
         The control now is `plan.control` (m,), a little later it is `plan.at(x, s)`:
 
@@ -52,24 +72,24 @@ class Plan:
         Plan(at (0.5, 2.5): control (0.94, -0.0617), v 10.93 +- 0.015, 3 classes, most weight 0,0 (66 %))
     """
 
-    state: Array  # where it was made, (n,)
-    times: Array  # ends of the control sequence's steps, from 0, (T+1,) [s]
-    references: tuple[Reference, ...]  # best known path of every class, cheapest first; empty for methods without
-    ids: tuple[str, ...]  # class of each reference, relative to the start of the run
-    estimate: Estimate | None  # of psi, v and u by samples; None in a fallback, and for methods without samples
-    fallback: str | None  # why the robot is blocked and brakes: "no reference" or "no survivor"; None if it is not
-    stops: bool = True  # whether the robot can; one that cannot takes the longest free path where it is blocked
-    replay: Replay | None = None  # simulates samples again for the control sequence and for pictures
-    instead: Array | None = None  # controls of a fallback without noise, (T, m) [control]
-    law: Law | None = None  # control at a state and a time since the plan; None: the control sequence is held
-    push: Law | None = None  # wall drift (m,) [control] of a held control
-    shares: dict[str, float] | None = None  # weight of every class under the law, from 0 to 1
-    followed: str | None = None  # the one class that the control follows; None: all
-    classes: Mapping[int, str] = field(default_factory=dict)  # names of the references' classes by additive key
-    time: float = 0.0  # of the run, at which the plan starts [s]
-    exact: float | None = None  # v at the state [cost], where it is known without samples
-    space: FreeSpace | None = None  # the free space, for pictures
-    movers: tuple[Mover, ...] = ()  # moving obstacles as predicted, on the run's clock
+    state: Array
+    times: Array
+    references: tuple[Reference, ...]
+    ids: tuple[str, ...]
+    estimate: Estimate | None
+    fallback: str | None
+    stops: bool = True
+    replay: Replay | None = None
+    instead: Array | None = None
+    law: Law | None = None
+    push: Law | None = None
+    shares: dict[str, float] | None = None
+    followed: str | None = None
+    classes: Mapping[int, str] = field(default_factory=dict)
+    time: float = 0.0
+    exact: float | None = None
+    space: FreeSpace | None = None
+    movers: tuple[Mover, ...] = ()
 
     def __repr__(self) -> str:
         value = f"blocked, {self.fallback}" if self.fallback else f"v {self.exact or np.nan:.4g}"

@@ -237,8 +237,11 @@ class Allocation:
             shares = self.shares.get(one.name, np.empty(0))
             if len(shares) != len(added) + 1:
                 shares = np.full(len(added) + 1, 1.0 / (len(added) + 1))
-            counts = [round(share * one.count) for share in shares[1:]]
-            first.append(replace(one, count=one.count - sum(counts)))
+            counts, left = [], one.count - 1
+            for share in shares[1:]:
+                counts.append(min(round(share * one.count), left))
+                left -= counts[-1]
+            first.append(replace(one, count=left + 1))
             more += [replace(one, lead=lead, count=count) for lead, count in zip(added, counts, strict=True) if count]
         return first + more
 

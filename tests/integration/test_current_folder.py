@@ -103,7 +103,7 @@ def test_what_compiles_ahead_imports_nothing_from_there(project: Path, monkeypat
     real = subprocess.Popen
     monkeypatch.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command))
     monkeypatch.setattr(warm.cache, "kept", lambda: True)
-    monkeypatch.setattr(warm.cache, "noted", lambda name: False)
+    monkeypatch.setattr(warm.cache, "load", lambda name, made: None)
     monkeypatch.setattr(warm, "notice", lambda note=warm.Notice(): note)  # noqa: B008
     system = warm.named("single_integrator")
     warm.begin(system, system.problem(BOX, system.settings))

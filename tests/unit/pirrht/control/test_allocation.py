@@ -19,24 +19,24 @@ def asked(*rows: tuple[str, int]) -> list[Proposal]:
     return [Proposal(lead=tape(), count=count, name=name) for name, count in rows]
 
 
-def test_classes_that_are_worth_more_than_a_few_samples_have_some_beside_their_guides_and_none_is_lost():
+def test_classes_that_are_worth_more_than_a_few_samples_have_some_next_to_their_guides_and_none_is_lost():
     ways = [tape(), tape(), tape()]
     allocation = Allocation()
-    allocation.shares["b"] = 0.2
-    found = allocation.split(asked(("a", 700), ("b", 50), ("c", 30)), ways.__getitem__)
+    allocation.shares["b"] = np.array([0.8, 0.2])
+    found = allocation.split(asked(("a", 700), ("b", 50), ("c", 30)), lambda k: [ways[k]])
     assert [(one.name, one.count) for one in found] == [("a", 350), ("b", 40), ("c", 30), ("a", 350), ("b", 10)]
     assert [one.lead for one in found[3:]] == ways[:2]
 
 
 @pytest.mark.parametrize("count", [2, 8, 30])
 def test_equal_counts_are_split_however_few_samples_there_are(count):
-    found = Allocation().split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    found = Allocation().split(asked(("a", count), ("b", count)), lambda k: [tape()])
     assert [one.count for one in found] == [count // 2] * 4
 
 
 @pytest.mark.parametrize(("count", "kept"), [(1, [1, 1]), (2, [1, 1, 1, 1])])
 def test_a_guide_keeps_a_sample_of_its_own(count, kept):
     allocation = Allocation()
-    allocation.shares |= {"a": 0.85, "b": 0.85}
-    found = allocation.split(asked(("a", count), ("b", count)), [tape(), tape()].__getitem__)
+    allocation.shares |= {"a": np.array([0.15, 0.85]), "b": np.array([0.15, 0.85])}
+    found = allocation.split(asked(("a", count), ("b", count)), lambda k: [tape()])
     assert [one.count for one in found] == kept

@@ -49,7 +49,9 @@ def estimate(x, *, law_weight=1.0, **classes):
     logs = {name: log for name, (log, _) in classes.items()}
     total = np.logaddexp.reduce(list(logs.values()))
     return SimpleNamespace(
-        rollouts=SimpleNamespace(x0=np.array(x, dtype=float), tables=SimpleNamespace(law_weight=law_weight)),
+        rollouts=SimpleNamespace(
+            origin=SimpleNamespace(x=np.array(x, dtype=float)), tables=SimpleNamespace(law_weight=law_weight)
+        ),
         log_psi=float(total),
         class_weights={name: float(np.exp(log - total)) for name, log in logs.items()},
         class_controls={name: np.array(u) for name, (_, u) in classes.items()},

@@ -112,7 +112,7 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, 
 @pytest.mark.parametrize("command", ["run", "estimate", "sweep"])
 def test_every_method_is_explained_on_the_command_line(command: str, capsys):
     with pytest.raises(SystemExit):
-        cli.main([command, "--help"])
+        cli.main([command, "--help-all"])
     text = capsys.readouterr().out
     for name, what in METHODS.items():
         assert any(line.split()[0] == name and what in line for line in text.splitlines() if line.strip())

@@ -35,9 +35,11 @@ def test_a_sweep_under_other_settings_is_refused_with_the_difference(dataset, se
     Dataset(dataset.folder).check(SETTINGS, {**SCENES, "new": "89"})
 
 
-def test_another_version_of_the_program_is_refused(dataset, monkeypatch):
+def test_another_version_of_the_program_opens_a_dataset_of_its_format_and_refuses_others(dataset, monkeypatch):
     monkeypatch.setattr(module.pirrht, "__version__", "9.9")
-    with pytest.raises(OptionError, match=r"pirrht 0.* and this is 9\.9"):
+    Dataset(dataset.folder).check(SETTINGS, SCENES)
+    monkeypatch.setattr(module.parts, "DATASET_FORMAT", 99)
+    with pytest.raises(OptionError, match=r"pirrht 9\.9 reads format 99"):
         Dataset(dataset.folder).check(SETTINGS, SCENES)
 
 
