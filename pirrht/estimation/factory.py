@@ -188,8 +188,6 @@ class ProposalFactory:
             marks=homology.rays(x, times + batch.time),
             law_weight=wall_drift.linear_law_weight(scales.noise, near) if self.pointlike and moving else 1.0,
         )  # fmt: skip
-        # What counts of a law by its value at the start: nothing of a steady point's, but for the bias of walls.
-        tables = tables._replace(counted=0.0 if self.is_martingale else tables.law_weight)
         for h, proposal in enumerate(batch.proposals):
             proposal.lead.pack(tables, h)
         busy = np.any(tables.control != 0.0, axis=2)

@@ -12,8 +12,8 @@ only passive noise has a likelihood ratio: there L is not used. Without moving o
 noise moves a mass early or late; with them the row that is due. Beyond the last one `Dynamics.homing` takes over.
 
 The control now is the mean of what paths apply on top of the fast-changing part of their proposal control, which is
-taken at the start. Among moving obstacles that is only a share of a point's linear law (`counted`), since close to
-walls the law changes faster than the optimal control, and mostly nothing of a steady one (`proposals.wall_drift`).
+taken at the start. Among moving obstacles that is only a share of a point's linear law (`law_weight`), since close to
+walls the law changes faster than the optimal control, and nothing of a steady one (`proposals.wall_drift`).
 Every step queries the moving obstacles near it; it ends when the motion of one changes that is near a noisy position.
 """
 
@@ -87,7 +87,7 @@ def recorder(kind: KernelSpec) -> Any:
     """Build kernels that add a step's control, and the proposal's part of it, to means over steps of the grid.
 
     With wall drift, the proposal control over a step is the mean of both ends, to second order: the next step adds the
-    second half (`owed`). Among moving obstacles a share `counted` of a point's law is taken, of a steady one of drift.
+    second half (`owed`). Among moving obstacles it is `law_weight` of a point's law, and nothing of a steady one's.
     """
     m, noisy_position, gated, steady = kind.m, kind.noisy_position, kind.gated, kind.is_martingale
 
@@ -101,20 +101,21 @@ def recorder(kind: KernelSpec) -> Any:
             out[row, j] += factor * total
 
     @part
-    def lead(scratch, h, counted, without):  # type: ignore[no-untyped-def]
+    def lead(scratch, h, law_weight, without):  # type: ignore[no-untyped-def]
         """Write the fast-changing part of the proposal control to `column`, perhaps without wall drift."""
         pushed, a = scratch.wall_drift[0], scratch.a
         for j in range(m):
-            pushing = counted * pushed[j] if steady else pushed[j]
-            scratch.column[j] = pushing + counted * (a[h, j] - pushed[j]) if gated else a[h, j]
+            scratch.column[j] = pushed[j] + law_weight * (a[h, j] - pushed[j]) if gated else a[h, j]
             if without:
-                scratch.column[j] -= pushing
+                scratch.column[j] -= pushed[j]
+            if steady:
+                scratch.column[j] = 0.0
 
     @part
-    def relax(keep, scratch, h, counted, owed):  # type: ignore[no-untyped-def]
+    def relax(keep, scratch, h, law_weight, owed):  # type: ignore[no-untyped-def]
         """Take off the half that is owed."""
         if owed > 0.0:
-            lead(scratch, h, counted, False)
+            lead(scratch, h, law_weight, False)
             add_control(scratch, keep.now, 0, -0.5 * owed)
 
     @part
@@ -129,12 +130,12 @@ def recorder(kind: KernelSpec) -> Any:
         if keep.now.shape[0] == 0 or i >= tables.window:
             return 0.0
         owes = near_walls and inside
-        lead(scratch, h, tables.counted, False)
+        lead(scratch, h, tables.law_weight, False)
         for j in range(m):
             column[j] = y[j] - (0.5 if owes else 1.0) * until * column[j]
         add_control(scratch, keep.now, 0, 1.0)
         if first:
-            lead(scratch, h, tables.counted, near_walls)
+            lead(scratch, h, tables.law_weight, near_walls)
             add_control(scratch, keep.now, 1, 1.0)
         return until if owes else 0.0
 
@@ -285,7 +286,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
-                relax(keep, scratch, h, tables.counted, owed)
+                relax(keep, scratch, h, tables.law_weight, owed)
                 state = draw(tables, scratch, state, sign, h, i, dt)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.

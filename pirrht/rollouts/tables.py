@@ -119,7 +119,6 @@ class ProposalTables(NamedTuple):
     law_length: NDArray[np.int64]  # (H,) rows that the law has, then `Dynamics.homing`; 0: no law
     marks: RayTable  # moving markers by which classes of paths differ
     law_weight: float = 1.0  # share of a law that tells how the control changes near the start, where walls push too
-    counted: float = 1.0  # share of it that counts as it is at the start in the control now
 
 
 class LawRows(NamedTuple):
