@@ -48,8 +48,8 @@ def ends_of_arms(
     again, around = np.isin(rows, hugging), points[hugging, None] + 0.5 * spacing * np.vstack([np.zeros(2), ARMS])
     free_by = domain.clearance(around.reshape(-1, 2)).reshape(around.shape[:2])
     best = np.argmax(np.where(domain.goal.contains(around), -np.inf, free_by), axis=1)
-    beside = around[np.searchsorted(hugging, rows[again]), best[np.searchsorted(hugging, rows[again])]]
-    ends[again], at_goal[again] = _cut(domain, beside, heads[again])
+    starts = around[np.searchsorted(hugging, rows[again]), best[np.searchsorted(hugging, rows[again])]]
+    ends[again], at_goal[again] = _cut(domain, starts, heads[again])
     return ends, at_goal
 
 

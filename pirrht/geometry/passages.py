@@ -25,6 +25,7 @@ from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, border, cell_of, clearance, interpolate
+from pirrht.geometry.rectangles import root_of
 from pirrht.geometry.tuning import TUNING
 from pirrht.jit.jit import inlined, kernel
 
@@ -294,14 +295,6 @@ def _fill(field, place, side, stride, radius, value):  # type: ignore[no-untyped
 
 
 @inlined
-def _find(root, p):  # type: ignore[no-untyped-def]
-    while root[p] != p:
-        root[p] = root[root[p]]
-        p = root[p]
-    return p
-
-
-@inlined
 def _next_square(squares, p, di, dj):  # type: ignore[no-untyped-def]
     """Return the square (di, dj) from square p; -1 where an empty page meets another kind."""
     side, (rows, columns), empty = squares.side, squares.first.shape, squares.empty
@@ -333,7 +326,7 @@ def _sweep(squares, order, steps, least, root, found):  # type: ignore[no-untype
             q = _next_square(squares, p, steps[s, 0], steps[s, 1])
             if q < 0 or root[q] < 0:
                 continue
-            one, other = _find(root, p), _find(root, q)
+            one, other = root_of(root, p), root_of(root, q)
             if one == other:
                 continue
             deep, deeper = abs(value[one] - value[p]), abs(value[other] - value[p])

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pirrht.jit.jit import kernel
+from pirrht.jit.jit import inlined, kernel
 
 Cells = NDArray[np.bool_]
 Rectangles = NDArray[np.int64]
@@ -97,16 +97,16 @@ def _cover(along, across, first, end, low, high):  # type: ignore[no-untyped-def
     """Cover the lines from `first` to `end`, each from `low` to `high`; return whether that is new to any cell."""
     new = False
     for line in range(first, end):
-        at = _find(along[line], low)
+        at = root_of(along[line], low)
         while at < high:
             along[line, at], across[at, line] = at + 1, line + 1
             new = True
-            at = _find(along[line], at)
+            at = root_of(along[line], at)
     return new
 
 
-@kernel
-def _find(links, at):  # type: ignore[no-untyped-def]
+@inlined
+def root_of(links, at):  # type: ignore[no-untyped-def]
     """Return the first place from `at` on that links to itself; the path there is halved."""
     while links[at] != at:
         links[at] = links[links[at]]
