@@ -161,6 +161,12 @@ def _faults(d: Dynamics) -> Iterator[str]:
         )
     if not 1 <= m <= n:
         yield f"m is {m}; of {n} states at least 1 and at most {n} are actuated"
+    yield from _faults_of_arrays(d, shapes)
+    yield from _faults_of_functions(d)
+
+
+def _faults_of_arrays(d: Dynamics, shapes: dict[str, tuple[int, ...]]) -> Iterator[str]:
+    """Find arrays that are of the other form, or whose kind, shape or determinant is wrong."""
     for what in ("control_block", "diffusion_block") if d.input_form else ("input_noise", "stratonovich"):
         if getattr(d, what, None) is not None and getattr(d, what) is not False:
             form, remedy = ("paper's", "out") if d.input_form else ("input", "out, or declare an input_matrix")
@@ -171,11 +177,15 @@ def _faults(d: Dynamics) -> Iterator[str]:
             kinds = "an array or a function" if functions else "an array: s is constant"
             yield f"{what} is a {type(value).__name__}; it must be {kinds}"
         if isinstance(value, np.ndarray) and value.shape != shape:
-            yield f"{what} is {value.shape}; with n = {n}, m = {m} it must be {shape}"
+            yield f"{what} is {value.shape}; with n = {d.n}, m = {d.m} it must be {shape}"
     s = d.input_noise
     if s is not None and not (np.all(np.isfinite(s)) and abs(np.linalg.det(s)) > 0.0):
         yield f"input_noise is {s.tolist()}; it must have an inverse, so that noise acts on every input"
-    filling: dict[str, tuple[int, ...]] = {"drift": (n,), "input_matrix": (n, m)}
+
+
+def _faults_of_functions(d: Dynamics) -> Iterator[str]:
+    """Find functions that cannot be called, fail, or write no finite numbers."""
+    n, filling = d.n, {"drift": (d.n,), "input_matrix": (d.n, d.m)}
     for what, shape in filling.items() if callable(d.input_matrix) else [("drift", (n,))]:
         function, filled = getattr(d, what), []
         if inspect.ismethod(function):
