@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -304,3 +305,10 @@ def test_few_effective_samples_are_said(capsys):
     words = ["estimate", "slit", "--at", "1", "2.5", "--method", "mppi", "--classes", "1", "--repeat", "2"]
     assert main([*words, "--samples", "2"]) == 0
     assert "effective sample size (ESS) below 10 in 2 of 2 repeats" in capsys.readouterr().out
+
+
+def test_without_a_package_of_the_simulation_a_command_says_what_installs_it(monkeypatch, capsys):
+    real = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))
+    assert main(["scenes"]) == 2
+    assert capsys.readouterr().err == "pirrht: mujoco is missing; install it with `pip install 'pirrht[sim]'`\n"

@@ -12,7 +12,7 @@ EXAMPLES = sorted((ROOT / "scripts" / "examples").glob("*.py"))
 SHOWN = {  # a line of what an example prints
     "01_first_plan": "b = 0.3: v = 12.",
     "02_psi_on_the_floor": "GGG",
-    "03_mppi_beside": "pi-rrht  reached the goal in 3 of 3 runs",
+    "03_mppi_comparison": "pi-rrht  reached the goal in 3 of 3 runs",
     "04_own_scene": "exit status 0",
     "05_own_robot": "class 0,0",
     "06_own_controller": "b = 0.1: 10 of 10 reach the goal",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from wider import Wider
 
 from pirrht import (
     Controller,
@@ -16,25 +17,13 @@ from pirrht import (
     SingleIntegrator,
     StraightLine,
 )
-from pirrht.proposals.proposal import ProposalControl, Wrapped
+from pirrht.proposals.proposal import ProposalControl
 from pirrht.rollouts.tables import LawRows
 from sim.scenario import prepare
 
-SCALE = 1.05
-
-
-class Wider(Wrapped):
-    def pack(self, leads, h):
-        super().pack(leads, h)
-        modes = self.guide.modes.shape[1]
-        law = LawRows.of(leads, h, len(self.guide.metric), modes)
-        law.deviation[:] *= SCALE
-        law.inverse[:] /= SCALE
-        law.log_det[:] += modes * np.log(SCALE)
-
 
 def wider(x: np.ndarray, default: ProposalControl) -> ProposalControl | None:
-    return None if default.guide is None else Wider(default)
+    return None if default.guide is None else Wider(default, 1.05)
 
 
 def test_wider_noise_joins_each_class_and_leaves_the_value_as_it_is():
@@ -56,6 +45,17 @@ def test_wider_noise_joins_each_class_and_leaves_the_value_as_it_is():
 
 WALLS = [[2.2, 0.6, 2.6, 2.2], [2.2, 2.8, 2.6, 4.4]]
 TASK = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.5, 0.25), "robot_radius": 0.15}
+START = np.array(TASK["start"])
+
+
+def driver(**options) -> Controller:
+    """Of a point between two walls."""
+    scene = Scene.from_boxes(WALLS, **TASK)
+    problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
+    space = FreeSpace.of(scene)
+    tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
+    tree.grow(200)
+    return Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1), **options)
 
 
 class Recorder:
@@ -73,33 +73,18 @@ class Recorder:
 
 
 def test_proposals_and_backend_stay_after_a_new_map():
-    scene = Scene.from_boxes(WALLS, **TASK)
-    problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
-    space, asked = FreeSpace.of(scene), []
-    tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(200)
-    plain = Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1))
+    plain, asked = driver(), []
     backend = Recorder(plain.path_integral.backend)
-    controller = Controller(
-        problem, space, tree, Sampling(samples=60), propose=[lambda x, default: asked.append(default)],
-        backend=backend, rng=np.random.default_rng(1),
-    )  # fmt: skip
-    first = controller.plan(scene.start[:2])
-    assert np.array_equal(first.control, plain.plan(scene.start[:2]).control)
+    controller = driver(propose=[lambda x, default: asked.append(default)], backend=backend)
+    assert np.array_equal(controller.plan(START).control, plain.plan(START).control)
     before = len(asked), backend.calls
     controller.update(Scene.from_boxes([*WALLS, [3.4, 2.2, 3.8, 2.8]], **TASK))
-    controller.plan(scene.start[:2])
+    controller.plan(START)
     assert len(asked) > before[0] > 0
     assert backend.calls > before[1] > 0
 
 
 def test_a_law_of_a_point_among_static_obstacles_is_refused_with_what_works():
-    scene = Scene.from_boxes(WALLS, **TASK)
-    problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
-    space = FreeSpace.of(scene)
-    tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(100)
-    controller = Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1))
-    tables = controller.plan(scene.start[:2]).estimate.rollouts.tables
+    tables = driver().plan(START).estimate.rollouts.tables
     with pytest.raises(OptionError, match="write a control sequence or a tube"):
         LawRows.of(tables, 0, 2, 2)

@@ -2,43 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from benchmarks import mass_line
 from benchmarks.mass_on_line import mass_on_line
 from guides import best
+from wider import Wider
 
-from pirrht.arrays import Array
 from pirrht.proposals.guide import LinearFeedback
-from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
-from pirrht.rollouts.tables import LawRows, ProposalTables
+from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.motion import running_cost
 
 B, SEED, STATE = 0.3, 5, (0.5, 0.3)  # noise, seed of the samples, position and velocity on the line
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Wider(ProposalControl):
-    """Feedback around a guide, under noise whose deviations are larger by a factor."""
-
-    feedback: LinearFeedback
-    scale: float
-
-    def __call__(self, x: Array, s: float) -> Array:
-        """Return the control (m,) of the guide's feedback at x (n,)."""
-        return self.feedback(x, s)
-
-    def pack(self, leads: ProposalTables, h: int) -> None:
-        """Write the law of the feedback with a covariance of scale^2 times its own."""
-        self.feedback.pack(leads, h)
-        modes, n = self.feedback.guide.modes.shape[1], len(self.feedback.guide.metric)
-        law = LawRows.of(leads, h, n, modes)
-        law.deviation[:] *= self.scale
-        law.inverse[:] /= self.scale
-        law.log_det[:] += modes * np.log(self.scale)
 
 
 @pytest.mark.parametrize("counts", [(0, 6000), (3000, 3000)], ids=["alone", "mixture"])
