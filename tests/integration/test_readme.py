@@ -17,11 +17,11 @@ import pytest
 import trimesh
 from documents import NAMES, PAGES, blocks, commands, links, models, named
 from repository import ROOT, environment
+from sim.cli.demo import LEVELS, sentences
 
 import pirrht
 from sim import cli
 from sim.cli import parser
-from sim.cli.demo import LEVELS, sentences
 from sim.mjcf import load, scene_names
 
 WORLD = """<sdf version="1.6"><world name="posts"><model name="post"><static>true</static><pose>-2.2 8 0 0 0 0</pose>

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
+from sim.options.table import refuse_idle
 
 from sim.cli import main
 from sim.mjcf import scene_names
-from sim.options.table import refuse_idle
 
 NARROW = "".join(
     f'<geom name="{name}" type="box" pos="5 {y} 0.5" size="0.1 2.4 0.5"/>'

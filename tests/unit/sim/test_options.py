@@ -13,6 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mjcf_samples import FLOOR, SITES, mjcf
 from repository import ROOT
+from sim.options.record import Option
+from sim.options.table import BY_SETTING, IDENTIFYING, OPTIONS, check, options_of
 
 import pirrht
 from pirrht.control.baselines import Mppi
@@ -20,8 +22,6 @@ from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim import settings
 from sim.cli import docs, main, parser
-from sim.options.record import Option
-from sim.options.table import BY_SETTING, IDENTIFYING, OPTIONS, check, options_of
 from sim.scenario import prepare
 from sim.settings import PRESETS, Settings
 from sim.systems import named, names

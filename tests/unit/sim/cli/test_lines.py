@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from sim.cli.estimate_command import touching
 
 from sim.cli import tables
-from sim.cli.estimate_command import touching
 from sim.scenario import prepare
 
 
