@@ -94,15 +94,10 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
-    from sim.sweeps import grid as grids
     from sim.sweeps import sweep as engine
 
     check_outputs(arguments, "json")
-    given = vars(arguments)
-    grid = grids.parse(
-        scenes=arguments.scenes, methods=arguments.methods, noise=arguments.noise, seeds=arguments.seeds,
-        task=options.scene_options(given), given=options.settings("sweep", given),
-    )  # fmt: skip
+    grid = grid_of(arguments)
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
@@ -120,16 +115,36 @@ def sweep(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         runs = counted(len(records), "run")
         print(f"{path_text(arguments.output)}: {runs}, {len(errors)} of them ended with an error")
+    for line in error_lines(errors, stored=arguments.output is not None):
+        print(line, file=sys.stderr)
+    return 1 if errors else 0
+
+
+def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
+    """The most frequent errors of runs, and how to try again; empty without any."""
+    if not errors:
+        return []
     known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
-    lines = [f"{counted(len(errors), 'run')} ended with an error:"] if errors else []
+    lines = [f"{counted(len(errors), 'run')} ended with an error:"]
     lines += [f"  {count} x {printable(error)}" for error, count in known[:SHOWN_ERRORS]]
     if len(known) > SHOWN_ERRORS:
         lines.append(f"  and {counted(len(known) - SHOWN_ERRORS, 'other error')}")
-    if errors and arguments.output is not None:
-        lines.append("the same command with --again repeats them")
-    for line in lines:
-        print(line, file=sys.stderr)
-    return 1 if errors else 0
+    return lines + (["the same command with --again repeats them"] if stored else [])
+
+
+def grid_of(arguments: argparse.Namespace) -> Any:
+    """The grid of a command line.
+
+    Raises:
+        OptionError: an option that cannot work, or too many runs.
+    """
+    from sim.sweeps import grid
+
+    given = vars(arguments)
+    return grid.parse(
+        scenes=arguments.scenes, methods=arguments.methods, noise=arguments.noise, seeds=arguments.seeds,
+        task=options.scene_options(given), given=options.settings("sweep", given),
+    )  # fmt: skip
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:

@@ -167,16 +167,16 @@ def play(arguments: argparse.Namespace) -> int:
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
     with ExitStack() as stack:
         stack.callback(game.close)
-        shown = None if arguments.headless else window.Window(game.plant).start()
-        if shown is not None:
-            stack.callback(shown.close)
+        screen = None if arguments.headless else window.Window(game.plant).start()
+        if screen is not None:
+            stack.callback(screen.close)
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
         live = stack.enter_context(Live(arguments, game))
-        tally = _played(game, None, shown, live)
-        while shown is not None and shown.open:
-            start = _next_start(game, shown, tally.outcome)
+        tally = _played(game, None, screen, live)
+        while screen is not None and screen.open:
+            start = _next_start(game, screen, tally.outcome)
             if start is not None:
-                tally = _played(game, start, shown, live)
+                tally = _played(game, start, screen, live)
     if tally.last is None:
         return 1
     tables.summary(tally.drive())
@@ -198,7 +198,7 @@ def _check_display() -> None:
         ) from None
 
 
-def _played(game: Any, start: Any, shown: Any, live: Live) -> episode.Tally:
+def _played(game: Any, start: Any, screen: Any, live: Live) -> episode.Tally:
     """The results of one run."""
     tally = episode.Tally(game.scenario.settings.period)
     with closing(game.drive(start)) as frames:
@@ -207,12 +207,12 @@ def _played(game: Any, start: Any, shown: Any, live: Live) -> episode.Tally:
             if news:
                 tqdm.write(news)
             live.log(frame, news)
-            if shown is not None and not shown.open:
+            if screen is not None and not screen.open:
                 break
     return tally
 
 
-def _next_start(game: Any, shown: Any, outcome: Outcome) -> Any:
+def _next_start(game: Any, screen: Any, outcome: Outcome) -> Any:
     """Wait for the start (n,) of the next run; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
@@ -221,17 +221,17 @@ def _next_start(game: Any, shown: Any, outcome: Outcome) -> Any:
     from sim.play import events
 
     tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
-    shown.home = False
-    while shown.open:
+    screen.home = False
+    while screen.open:
         time.sleep(POLL)
         moved = any(isinstance(one, events.Move) and one.what == events.GOAL for one in tuple(game.plant.asked))
-        if not (moved or shown.home):
+        if not (moved or screen.home):
             continue
         try:
-            return game.again(home=shown.home or outcome is Outcome.COLLISION)
+            return game.again(home=screen.home or outcome is Outcome.COLLISION)
         except (PirrhtError, NoReference) as error:
             tqdm.write(str(error))
-            shown.home = False
+            screen.home = False
     return None
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sim.options.settings import SEED
 
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
+from sim.settings import SEED
 from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
 
 levels = st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=6, unique=True)
