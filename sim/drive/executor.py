@@ -29,8 +29,7 @@ from sim.drive.plant import Advance, Control, Loop, LoopPlant
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
-from sim.mjcf.mocap import Mocap
-from sim.mjcf.sweep import Sweep
+from sim.mjcf.mocap import Mocap, Sweep
 from sim.systems import named
 
 FOOTPRINT = "robot/footprint"  # geom of every robot
@@ -88,8 +87,7 @@ class Executor(LoopPlant):
         mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
         self._stance.place(self._data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
-            self._mocap.start(time, self._loop.step)
-            self._mocap.step(self._data, 0)
+            self._mocap.place(self._data, time)
         mujoco.mj_step1(self._model, self._data)
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
@@ -103,7 +101,7 @@ class Executor(LoopPlant):
             self._joints[:] = self._data.qpos
         mujoco.mj_step2(self._model, self._data)
         if self._mocap is not None:
-            self._mocap.step(self._data, self._loop.steps)
+            self._mocap.place(self._data, self.time)
         mujoco.mj_step1(self._model, self._data)
         self._state = self._stance.read(self._data, x)
         return self._state

@@ -20,7 +20,7 @@ from sim.drive.executor import Executor
 from sim.drive.odometer import Frame, Odometer
 from sim.drive.plant import Advance, Control
 from sim.mjcf.coordinates import rolls
-from sim.mjcf.loose import PREFIX
+from sim.mjcf.edits import PREFIX
 from sim.play.driver import Builder, Built, Live
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.world import World, loose_bodies

@@ -21,7 +21,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Scene
 from sim.mjcf.dressed import dress
-from sim.mjcf.loose import PREFIX
+from sim.mjcf.edits import PREFIX
 from sim.play.drive import ROBOT, Disturbed, Snapshot
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.world import loose_bodies

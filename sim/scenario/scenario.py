@@ -25,7 +25,7 @@ from sim.drive import episode, realtime
 from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
 from sim.drive.plant import Analytic, Plant
-from sim.mjcf.covered import covered
+from sim.mjcf.motions import goal_blocker
 from sim.scenario.required_limit import required_limit
 from sim.scenario.task import Task
 
@@ -104,7 +104,7 @@ class Scenario(Task):
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why = covered(self.loaded.scene)
+            why = goal_blocker(self.loaded.scene)
             if why is None and waits and self.moving:
                 return []
             if why is None:
