@@ -15,7 +15,6 @@ from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from sim.cli import tables
-from sim.drive import episode
 from sim.drive.episode import Frame
 from sim.files import check_writable, write_json
 from sim.play import events, window
@@ -59,39 +58,37 @@ def play(arguments: argparse.Namespace, scenario: Scenario, built: Built) -> int
             stack.callback(seen.close)
             _say(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
         live = stack.enter_context(Live(arguments, game))
-        start, tally = None, _drive(game, None, seen, live)
+        start, last = None, _drive(game, None, seen, live)
         while seen is not None and seen.open:
-            start = _again(game, seen, tally.outcome)
+            start = _again(game, seen, None if last is None else last.outcome)
             if start is not None:
-                tally = _drive(game, start, seen, live)
-    if tally.last is None:
+                last = _drive(game, start, seen, live)
+    if last is None:
         return 1
-    drive = tally.drive()
+    drive = last.metrics.result()
     tables.summary(drive, None)
     if arguments.json:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
         write_json(arguments.json, {**run_json(scenario, [], drive.json()), "events": done})
-    return 0 if tally.outcome is Outcome.GOAL else 1
+    return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _drive(game: Play, start: Any, seen: window.Window | None, live: Live) -> episode.Tally:
-    """One drive; what it came to."""
-    tally = episode.Tally(game.scenario.settings.period)
-    frames = game.drive(start)
+def _drive(game: Play, start: Any, seen: window.Window | None, live: Live) -> Frame | None:
+    """Run once, and return the last frame; None if there is none."""
+    frame, frames = None, game.drive(start)
     try:
         for frame in frames:
-            news = tally.add(frame)
-            if news:
-                _say(news)
-            live.log(frame, news)
+            if frame.news:
+                _say(frame.news)
+            live.log(frame, frame.news)
             if seen is not None and not seen.open:
                 break
     finally:
         frames.close()
-    return tally
+    return frame
 
 
-def _again(game: Play, seen: window.Window, outcome: Outcome) -> Any:
+def _again(game: Play, seen: window.Window, outcome: Outcome | None) -> Any:
     """Wait for the start (n,) of the next run; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the

@@ -25,8 +25,7 @@ from sim.cli.shared import (
     unforeseen,
 )
 from sim.drawing.colors import title
-from sim.drive import episode
-from sim.drive.truth import Witness
+from sim.drive.truth import ExactReference
 from sim.files import write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
@@ -44,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     film = _film(arguments, scenario)
     with solving() as progress:
         truth = scenario.truth(progress) if arguments.truth else None
-    witness = None if truth is None else Witness(truth)
+    exact = None if truth is None else ExactReference(truth)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
@@ -54,7 +53,6 @@ def run(arguments: argparse.Namespace) -> int:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
     warm.finish("sample")
-    tally = episode.Tally(settings.period)
     if settings.grow and not settings.real_time and tree is not None and settings.grow > tree.size:
         say(f"--grow {settings.grow}: the drive waits while the tree of {tree.size} vertices grows between two plans")
     bar = progress_bar("drive", settings.max_time, "s")
@@ -62,20 +60,21 @@ def run(arguments: argparse.Namespace) -> int:
     recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
     with closing(frames), recorder or nullcontext(), bar:
         for frame in frames:
-            news = tally.add(frame)
-            known = None if witness is None else witness.add(frame.plan)
+            known = None if exact is None else exact.add(frame.plan)
             if recorder is not None:
-                recorder.log(frame, news, known)
+                recorder.log(frame, frame.news, known)
             if film is not None:
                 film.add(frame, driver.path_integral)
-            if news and frame.outcome is None:  # how it ended is in the summary
-                bar.write(news)
+            if frame.news and frame.outcome is None:  # how it ended is in the summary
+                bar.write(frame.news)
             bar.update(round(frame.end_time - bar.n, 6))
-            bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
+            bar.set_postfix_str(
+                f"class {title(frame.metrics.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False
+            )
         if recorder is not None:
             _wait(recorder)
-    drive = tally.drive()
-    result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
+    drive = frame.metrics.result()
+    result = {**drive.json(), **({} if exact is None else {"truth": exact.result()})}
     tables.summary(drive, result.get("truth"))
     if truth is not None:
         unforeseen(scenario)
@@ -95,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
-    return 0 if tally.outcome is Outcome.GOAL else 1
+    return 0 if frame.outcome is Outcome.GOAL else 1
 
 
 def _wait(recorder: Any) -> None:
