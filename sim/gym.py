@@ -34,8 +34,8 @@ from sim.drive.metrics import EpisodeMetrics, Frame, Period
 from sim.drive.result import DriveResult
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
-from sim.options import table
 from sim.scenario import prepare
+from sim.settings import BY_SCENE
 from sim.sweeps import runs, scores
 from sim.sweeps.runs import Job
 
@@ -46,6 +46,7 @@ except ImportError:
     raise OptionError("environments need Gymnasium; install it with `pip install 'pirrht[gym]'`") from None
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
+SETTINGS = ("noise", "period", "max_time", "plant", "phi")  # of a run, that an environment has
 
 Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
 
@@ -58,8 +59,8 @@ class Drive(gymnasium.Env[Array, Array]):
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
             but learners like a finite one.
-        options: options of `pirrht run`: robot, system, radius, margin, start, goal, workspace, freeze, without, and
-            noise, period, max_time, plant, phi, by default those of scene and robot.
+        options: fields of `SceneOptions` but preset, and noise b, period [s], max_time [s], plant and phi of
+            `Settings`; without them the scene or the robot decides.
 
     Raises:
         SceneError, OptionError: with one line for a person.
@@ -75,12 +76,14 @@ class Drive(gymnasium.Env[Array, Array]):
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        options = {name: value for name, value in options.items() if value is not None}
-        options["freeze"] = options.get("freeze") or None
-        task, given = table.task(options), {name: v for name, v in options.items() if name not in table.TASKS}
+        given = {name: options.pop(name) for name in SETTINGS if options.get(name) is not None}
+        task = {name: options.pop(name, None) for name in BY_SCENE if name != "preset"} | {"preset": None}
+        task["freeze"] = task["freeze"] or None
+        if strange := options.keys() - set(SETTINGS):
+            raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment")
         s = self.scenario = prepare(scene, **task, given=given)
-        noise, key = given.get("noise"), {"task": runs.frozen(task), "given": runs.frozen(given)}
-        self.job = Job(scene=str(scene), method="", noise=noise, seed=0, **key)
+        parts = runs.frozen(task), runs.frozen(given)
+        self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self._plant, d = s.plant(), s.problem.dynamics
         self.render_mode = None
@@ -167,7 +170,6 @@ class Drive(gymnasium.Env[Array, Array]):
 def score(
     policy: Policy | Callable[[int], Policy],
     *,
-    scene: str | Path = "slit",
     seeds: Iterable[int],
     method: str,
     anew: bool = False,
@@ -183,7 +185,7 @@ def score(
             that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
         seeds: one run each, whole numbers from 0 on.
         method: its name in tables and reports.
-        environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
+        environment: a wrapped `Drive`; without it one of `options` is made.
         into: folder of a sweep (`pirrht sweep -o`) that the runs are added to, so that `pirrht report` shows the
             method next to ours; made if there is none. Task, plant and time limit must be the sweep's.
         again: replace runs of the same method, scene, noise and seed that the folder holds; without it they are
@@ -196,7 +198,7 @@ def score(
         OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
             runs cannot be added to.
     """
-    env = Drive(scene, **options) if environment is None else environment
+    env = Drive(**options) if environment is None else environment
     drive = env.unwrapped
     assert isinstance(drive, Drive)
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise)

@@ -24,8 +24,8 @@ def _solid(kind: Kind, size: tuple[float, float, float], x: float, y: float) -> 
 
 
 ROOM = Scene(
-    name="rehearsal", lower=np.zeros(2), upper=np.full(2, 4.0), obstacles=(_solid(Kind.BOX, (0.3, 0.3, 0.3), 2.0, 2.6),),
-    goal=Goal(center=np.array([3.3, 2.0]), radius=0.3), start=np.array([0.7, 2.0, 0.0]), robot_radius=0.2,
+    name="rehearsal", lower=np.zeros(2), upper=np.full(2, 4.0), robot_radius=0.2, start=np.array([0.7, 2.0, 0.0]),
+    obstacles=(_solid(Kind.BOX, (0.3, 0.3, 0.3), 2.0, 2.6),), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
 )  # fmt: skip
 _WALKER = Mover(
     name="walker", solids=(_solid(Kind.CYLINDER, (0.2, 0.3, 0.0), 0.0, 0.0),),

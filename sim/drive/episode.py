@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import closing
 
 import numpy as np
@@ -22,14 +22,13 @@ MOST_VERTICES = 1_000_000  # of a tree that grows during a run: some GiB of memo
 
 def run(
     plant: Plant, policy: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int | None = None,
-    growing: Callable[[int], None] | None = None, clock: Clock | None = None,
+    clock: Clock | None = None,
 ) -> Generator[Frame]:  # fmt: skip
     """Drive from start until the goal, a collision or max_time [s].
 
     Args:
         grow: vertices that the policy's tree gains per period, until it has MOST_VERTICES; None: none, by a clock as
             many as there is time for.
-        growing: called with the number of vertices while it grows, in simulated time.
         clock: goes on while plans are made (`realtime`); None: the plant waits for them.
 
     Raises:
@@ -38,7 +37,7 @@ def run(
     plant.reset(start)
     metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time)
     if clock is None:
-        periods = _in_turn(plant, policy, rng, grow or 0, growing)
+        periods = _in_turn(plant, policy, rng, grow or 0)
     else:
         periods = realtime.periods(plant, policy, rng, clock, grow=grow, max_time=max_time)
     with closing(periods):
@@ -49,9 +48,7 @@ def run(
                 return
 
 
-def _in_turn(
-    plant: Plant, policy: Policy, rng: np.random.Generator, grow: int, growing: Callable[[int], None] | None
-) -> Generator[Period]:
+def _in_turn(plant: Plant, policy: Policy, rng: np.random.Generator, grow: int) -> Generator[Period]:
     """Plan and drive by turns."""
     policy.begin(plant.state)
     while True:
@@ -63,4 +60,4 @@ def _in_turn(
         policy.observe(advance.states, advance.time)
         yield Period(plan=plan, advance=advance, seconds=seconds, vertices=vertices, run=policy.run)
         if policy.tree is not None and grow:
-            policy.tree.grow(min(vertices + grow, MOST_VERTICES), progress=growing)
+            policy.tree.grow(min(vertices + grow, MOST_VERTICES))

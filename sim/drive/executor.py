@@ -2,10 +2,10 @@
 
 Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever the method
 and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or where noise enters through the inputs
-`ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a step of MuJoCo is then the Euler-Maruyama step of the equation,
-and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then that of the
-equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the equation alone
-takes that of its start. Wheels with slow servos follow it up to their lag; models/robots/diffdrive.xml says how far.
+`ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a step of MuJoCo is then the Euler-Maruyama step of the
+equation, and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then
+that of the equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the
+equation alone takes that of its start. Wheels with slow servos follow it up to their lag (models/robots/diffdrive.xml).
 A step of white noise may be longer than a wall is thick: what is between two steps counts as well as their ends.
 Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
 """

@@ -105,11 +105,8 @@ class Live(Policy):
         if self._requested is None:
             return None
         at, future = self._requested
-        if self._latency is None:
-            late = now == inf or future.done()
-        else:
-            late = now >= at + self._latency - 1e-9
-        if not late:
+        due = inf if self._latency is None else at + self._latency - 1e-9
+        if now < due and not (self._latency is None and future.done()):
             return None
         self._requested = None
         return future.result()

@@ -33,8 +33,9 @@ from sim.drive.metrics import Frame
 from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.covered import covered
+from sim.plan_size import Size, check
 from sim.scenario.required_limit import required_limit
-from sim.settings import Settings, Size, check
+from sim.settings import Settings
 from sim.systems import System, refuse
 
 WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
@@ -324,13 +325,11 @@ class Scenario:
         return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
-        self, plant: Plant, driver: Policy, growing: Callable[[int], None] | None = None, *,
-        start: Array | None = None, rng: np.random.Generator | None = None,
-    ) -> Generator[Frame]:  # fmt: skip
+        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None
+    ) -> Generator[Frame]:
         """Run, as fast as it goes or in real time; one frame per control period.
 
         Args:
-            growing: called with the number of vertices while the tree grows between two plans.
             start: state (n,); None: the scene's.
             rng: the plant's noise; None: that of the settings' seed.
 
@@ -339,4 +338,4 @@ class Scenario:
         """
         s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
         clock = Clock() if s.real_time else None
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, growing=growing, clock=clock)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock)
