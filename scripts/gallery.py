@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from pirrht.files import replaced
-from sim.cli.demo import WAYS
+from sim.cli.commands import DEMO_PATHS
 from sim.cli.parser import Parser
 from sim.film.film import Film
 from sim.mjcf import load, scene_names
@@ -50,7 +50,7 @@ class Pair:
 
 
 PAIRS = {
-    "opening": Pair(scene="slit", noises=NOISES, ways=WAYS),
+    "opening": Pair(scene="slit", noises=NOISES, ways=DEMO_PATHS),
     "closing_door-noise": Pair(scene="closing_door", noises=NOISES, ways=DASHES, note=NOTE),
 }
 HEAD = """# Gallery

@@ -24,19 +24,16 @@ def check_writable(path: Path, option: str) -> None:
             path is a folder, a disk, or a pipe that nobody reads.
     """
     found = checked_name(path, option)
-    name = f"{option} {path_text(path)}"
-    if found is not None and stat.S_ISDIR(found.st_mode):
-        raise OptionError(f"{name} is a folder; give the path of a file")
-    if found is not None and stat.S_ISBLK(found.st_mode):
-        raise OptionError(f"{name} is a disk; give the path of a file")
-    if found is not None and stat.S_ISFIFO(found.st_mode) and not has_reader(path):
+    name, folder, straight = f"{option} {path_text(path)}", target_of(path).parent, takes_as_it_comes(path)
+    mode = 0 if found is None else found.st_mode
+    if stat.S_ISDIR(mode) or stat.S_ISBLK(mode):
+        raise OptionError(f"{name} is a {'folder' if stat.S_ISDIR(mode) else 'disk'}; give the path of a file")
+    if stat.S_ISFIFO(mode) and not has_reader(path):
         raise OptionError(f"{name} is a pipe that nobody reads; start its reader first, or give the path of a file")
-    folder = target_of(path).parent
-    straight = takes_as_it_comes(path)
     if not straight and not folder.is_dir():
         raise OptionError(f"{name}: the folder {path_text(folder)} does not exist; create it first")
     if (not straight and not os.access(folder, os.W_OK)) or (found is not None and not os.access(path, os.W_OK)):
-        raise OptionError(f"{name} may not be written; choose another place or mend the permissions")
+        raise OptionError(f"{name} may not be written; choose another place or fix the permissions")
 
 
 def checked_name(path: Path, option: str) -> os.stat_result | None:
@@ -58,14 +55,15 @@ def checked_name(path: Path, option: str) -> os.stat_result | None:
 
 def refused(option: str, path: Path, error: OSError | ValueError) -> OptionError:
     """Make the error where the system refuses a path that an option names, or what is done with it."""
-    reason = getattr(error, "strerror", None) or error
-    return OptionError(f"{option} {_short(path)}: {reason}; choose another place")
+    text = path_text(path)
+    short = text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"
+    return OptionError(f"{option} {short}: {getattr(error, 'strerror', None) or error}; choose another place")
 
 
 def write_json(path: Path, value: Any) -> None:
     """Write JSON so that the old file stays until the new one is complete."""
     text = json.dumps(plain(value), indent=2, allow_nan=False) + "\n"
-    sys.stdout.flush()  # what was said before comes first where both go to one place
+    sys.stdout.flush()  # lines come first where both go to one place
     with replaced(path, "--json") as stream:
         stream.write(text.encode())
 
@@ -76,16 +74,6 @@ def plain(value: Any) -> Any:
         return {str(k): plain(v) for k, v in value.items()}
     if isinstance(value, (list, tuple)):
         return [plain(v) for v in value]
-    if isinstance(value, np.ndarray):
+    if isinstance(value, (np.ndarray, np.generic)):
         return plain(value.tolist())
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-def _short(path: Path) -> str:
-    """A path that fits a line, with its beginning and end."""
-    text = path_text(path)
-    return text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"
+    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -18,7 +18,7 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,9 +36,9 @@ from sim.drive.result import DriveResult
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
+from sim.settings import BY_SCENE
 from sim.sweeps import runs, scores
 from sim.sweeps.runs import Job
-from sim.systems import System
 
 try:
     import gymnasium
@@ -47,6 +47,7 @@ except ImportError:
     raise OptionError("environments need Gymnasium; install it with `pip install 'pirrht[gym]'`") from None
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
+SETTINGS = ("noise", "period", "max_time", "plant", "phi")  # of a run, that an environment has
 
 Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
 
@@ -56,11 +57,11 @@ class Drive(gymnasium.Env[Array, Array]):
 
     Args:
         scene: built-in name or MJCF file.
-        robot, system, radius, margin, start, goal, workspace, freeze, without: as the options of `pirrht run`.
-        noise: b; None: what the scene or the robot says, and likewise period [s], max_time [s], plant and phi.
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
             but learners like a finite one.
+        options: fields of `SceneOptions` but preset, and noise b, period [s], max_time [s], plant and phi of
+            `Settings`; without them the scene or the robot decides.
 
     Raises:
         SceneError, OptionError: with one line for a person.
@@ -72,38 +73,25 @@ class Drive(gymnasium.Env[Array, Array]):
         self,
         scene: str | Path = "slit",
         *,
-        robot: str | Path | None = None,
-        system: str | System | None = None,
-        radius: float | None = None,
-        margin: float | None = None,
-        start: Sequence[float] | None = None,
-        goal: Sequence[float] | None = None,
-        workspace: Sequence[float] | None = None,
-        freeze: bool = False,
-        without: Sequence[str] | None = None,
-        noise: float | None = None,
-        period: float | None = None,
-        max_time: float | None = None,
-        plant: str | None = None,
-        phi: float | None = None,
         penalty: float = PENALTY,
         bound: float = np.inf,
         render_mode: str | None = None,
+        **options: Any,
     ) -> None:
         if render_mode is not None:
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        task = {
-            "robot": robot, "system": system, "radius": radius, "margin": margin, "start": start, "goal": goal,
-            "workspace": workspace, "freeze": freeze or None, "without": without, "preset": None,
-        }  # fmt: skip
-        settings = {"noise": noise, "period": period, "max_time": max_time, "plant": plant, "phi": phi}
-        given = {name: value for name, value in settings.items() if value is not None}
-        self.scenario = prepare(scene, **task, given=given)  # type: ignore[arg-type]
+        given = {name: options.pop(name) for name in SETTINGS if options.get(name) is not None}
+        task = {name: options.pop(name, None) for name in BY_SCENE if name != "preset"} | {"preset": None}
+        task["freeze"] = task["freeze"] or None
+        if strange := options.keys() - set(SETTINGS):
+            raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment")
+        self.scenario = prepare(scene, **task, given=given)
         self.job = Job(
-            scene=str(scene), method="", noise=noise, seed=0, task=runs.frozen(task), given=runs.frozen(given)
-        )
+            scene=str(scene), method="", noise=given.get("noise"), seed=0, task=runs.frozen(task),
+            given=runs.frozen(given),
+        )  # fmt: skip
         phi_or = self.scenario.problem.phi
         self._fall = phi_or if np.isfinite(phi_or) else penalty
         self._plant = self.scenario.plant()
@@ -229,7 +217,6 @@ class Following:
 def score(
     policy: Policy | Callable[[int], Policy],
     *,
-    scene: str | Path = "slit",
     seeds: Iterable[int],
     method: str,
     anew: bool = False,
@@ -245,7 +232,7 @@ def score(
             that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
         seeds: one drive each, whole numbers from 0 on.
         method: what tables and reports call it.
-        environment: a wrapped `Drive`; without it one of `scene` and `options` is made.
+        environment: a wrapped `Drive`; without it one of `options` is made.
         into: folder of a sweep (`pirrht sweep -o`) that the drives are added to, so that `pirrht report` shows the
             method beside ours; made if there is none. Task, plant and time limit must be the sweep's.
         again: replace drives of the same method, scene, noise and seed that the folder holds; without it they are
@@ -258,7 +245,7 @@ def score(
         OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
             drives cannot be added to.
     """
-    env = Drive(scene, **options) if environment is None else environment
+    env = Drive(**options) if environment is None else environment
     made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]
     drive = env.unwrapped
     assert isinstance(drive, Drive)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from sim.scenario.convergence import Convergence
 
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
-    """The topological obstacles that stand, in the order of every winding; those that move come after them."""
+    """The static topological obstacles, in the order of every winding; moving ones come after them."""
     return [
         {"marker": [float(v) for v in part.marker], "geoms": list(part.names)}
         for part in space.obstacles
@@ -30,16 +30,10 @@ def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
 def classes_json(
     references: Sequence[Reference], ids: Sequence[str] | None = None, homology: Homology | None = None
 ) -> list[dict[str, Any]]:
-    """The classes, cheapest first; with a homology in time also how each passes the bodies that move."""
+    """The classes, cheapest first; with a homology in time also how each passes moving obstacles."""
     return [
-        {
-            "id": name,
-            "winding": list(r.winding),
-            "signature": r.signature.tolist(),
-            "cost": r.cost,
-            "length": r.length,
-            **({"bodies": passing(r, homology)} if homology is not None and homology.J else {}),
-        }
+        {"id": name, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
+        | ({"bodies": passing(r, homology)} if homology is not None and homology.J else {})
         for r, name in zip(references, ids or [r.id for r in references], strict=True)
     ]
 
@@ -58,20 +52,9 @@ def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[s
 
 
 def plan_json(
-    scenario: Scenario,
-    tree: HomologyTree,
-    references: Sequence[Reference],
-    passages: dict[str, Any],
-    seconds: float,
-    convergence: Convergence | None = None,
+    scenario: Scenario, tree: HomologyTree, references: Sequence[Reference], seconds: float
 ) -> dict[str, Any]:
-    """The public JSON of `plan`; with a convergence also the lengths [m] per class while the tree grew.
-
-    Args:
-        passages: `passages_json` of tree and references.
-        seconds: wall time of both, without compiling.
-    """
-    watched = {} if convergence is None else {"convergence": convergence_json(convergence)}
+    """The public JSON of `plan`; `seconds` is the wall time of tree and references, without compiling."""
     return {
         "scene": scenario.loaded.scene.name,
         "robot": scenario.loaded.robot,
@@ -80,9 +63,8 @@ def plan_json(
         "pruned_classes": int(tree.graph.pruned[0]),
         "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls,
-        **_ways_json(scenario, references),
-        "passages": passages,
-        **watched,
+        **_windings_json(scenario, references),
+        "passages": passages_json(tree, references),
     }
 
 
@@ -97,17 +79,13 @@ def convergence_json(convergence: Convergence) -> dict[str, Any]:
 
 def settings_json(scenario: Scenario) -> dict[str, Any]:
     """Return the settings of a run by the names of the public JSON."""
-    s = scenario.settings
+    s, loaded = scenario.settings, scenario.loaded
     return {
-        "scene": scenario.loaded.scene.name,
-        "robot": scenario.loaded.robot,
-        "method": s.method,
-        "seed": s.seed,
-        "noise": s.noise,
+        "scene": loaded.scene.name,
+        "robot": loaded.robot,
+        **{name: getattr(s, name) for name in ("method", "seed", "noise")},
         "lambda": scenario.problem.temperature,
-        "samples": s.samples,
-        "dt": s.dt,
-        "period": s.period,
+        **{name: getattr(s, name) for name in ("samples", "dt", "period")},
         "margin": scenario.margin,
         **({"predict": s.predict} if scenario.moving else {}),
     }
@@ -115,13 +93,8 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
 
 def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
     """The public JSON of `run`."""
-    s = scenario.settings
-    return {
-        **settings_json(scenario),
-        "grow": s.grow if s.real_time else s.grow or 0,
-        **result,
-        **_ways_json(scenario, references),
-    }
+    grow = scenario.settings.grow if scenario.settings.real_time else scenario.settings.grow or 0
+    return {**settings_json(scenario), "grow": grow, **result, **_windings_json(scenario, references)}
 
 
 def estimate_json(
@@ -131,41 +104,39 @@ def estimate_json(
     truth: Truth | None = None,
 ) -> dict[str, Any]:
     """The public JSON of `estimate`; null where every sample died. With a truth also that and the errors."""
+
+    def each(figure: Callable[[Estimate], Any]) -> list[Any]:
+        return [None if e is None else figure(e) for e in estimates]
+
+    exact = {}
+    if truth is not None:
+        errors = each(truth.errors)
+        exact = {
+            "truth": {"value": truth.value, "control": truth.control.tolist()},
+            "value_error": [error and error[0] for error in errors],
+            "control_error": [error and error[1] for error in errors],
+        }
     return {
-        **({} if truth is None else _truth_json(truth, estimates)),
-        "control": [None if e is None else e.control.tolist() for e in estimates],
-        "value": [None if e is None else e.value for e in estimates],
-        "value_stderr": [None if e is None else e.value_error for e in estimates],
-        "control_stderr": [None if e is None else e.control_error.tolist() for e in estimates],
-        "ess": [None if e is None else e.ess for e in estimates],
-        "doubtful": [None if e is None else e.doubtful for e in estimates],
-        "tail": [None if e is None else _known(e.tail) for e in estimates],
-        "samples": [None if e is None else sum(part.size for part in e.parts) for e in estimates],
-        "class_weights": [None if e is None else e.class_weights for e in estimates],
-        "class_ess": [None if e is None else e.class_ess for e in estimates],
-        "proposal_weights": [None if e is None else e.proposal_weights for e in estimates],
-        **_ways_json(scenario, references),
+        **exact,
+        "control": each(lambda e: e.control.tolist()),
+        "value": each(lambda e: e.value),
+        "value_stderr": each(lambda e: e.value_error),
+        "control_stderr": each(lambda e: e.control_error.tolist()),
+        "ess": each(lambda e: e.ess),
+        "doubtful": each(lambda e: e.doubtful),
+        "tail": each(lambda e: None if np.isnan(e.tail) else e.tail),
+        "samples": each(lambda e: sum(part.size for part in e.parts)),
+        "class_weights": each(lambda e: e.class_weights),
+        "class_ess": each(lambda e: e.class_ess),
+        "proposal_weights": each(lambda e: e.proposal_weights),
+        **_windings_json(scenario, references),
     }
 
 
-def _ways_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:
-    """Classes, and what the numbers of a winding stand for: the obstacles, then the bodies that move."""
+def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:
+    """Classes, and what the numbers of a winding stand for: static obstacles, then moving ones."""
     return {
         "obstacles": obstacles_json(scenario.space),
         "movers": list(scenario.space.homology.names),
         "classes": classes_json(references, homology=scenario.homology),
-    }
-
-
-def _known(value: float) -> float | None:
-    """A number, or null where there is none."""
-    return None if np.isnan(value) else value
-
-
-def _truth_json(truth: Truth, estimates: Sequence[Estimate | None]) -> dict[str, Any]:
-    errors = [None if e is None else truth.errors(e) for e in estimates]
-    return {
-        "truth": {"value": truth.value, "control": truth.control.tolist()},
-        "value_error": [None if error is None else error[0] for error in errors],
-        "control_error": [None if error is None else error[1] for error in errors],
     }

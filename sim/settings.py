@@ -1,47 +1,158 @@
-"""Settings of a run from its system, scene, preset and user, in that order; what fits no memory is refused."""
+"""Settings of a run and of its scene: each is stated once, with its default, unit, limits and help, and checked.
+
+Options of the command line, numerics of scenes, arguments of `prepare` and of environments, and docs/cli.md follow.
+"""
 
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, NamedTuple
+import reprlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from pirrht.control.settings import TREELESS
+from pirrht.control.settings import BETWEEN, METHODS, TREELESS
 from pirrht.errors import OptionError
-from sim.options.settings import SETTINGS
-from sim.options.table import BY_SETTING, refuse_idle
+from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS, WEIGHTS
+
+DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
+SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
+SCENE, PROBLEM, PLANNER, RUN, GRID = "scene and robot", "problem", "planner and sampler", "run", "grid"  # headings
+SEED = 2**63 - 1  # the largest seed
+PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
+RUN_PERIODS = 10_000_000  # control steps of a run at most
+_KINDS: dict[str, Callable[[str], Any]] = {"int": int, "float": float, "bool": bool, "Sequence[float]": float}
 
 
-class Preset(NamedTuple):
-    """Settings under one name."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Option:
+    """One option of the command line; a scene may carry those that are numbers with a default."""
 
-    text: str
-    fixed: dict[str, Any]  # field of `Settings` -> value
-    factors: dict[str, float]  # field of `Settings` -> factor on the robot's own value
+    name: str  # as it is typed, without the dashes
+    text: str  # for a person, without the default
+    commands: tuple[str, ...] = DRIVES
+    group: str = ""  # heading of the help
+    kind: Callable[[str], Any] = str  # of one value; bool for a flag
+    metavar: str | tuple[str, ...] = ""  # for a number its unit
+    count: int | str | None = None  # of values; "+" for one or more
+    choices: tuple[str, ...] = ()
+    bounds: tuple[float, float] | None = None  # least and greatest value, both allowed
+    infinite: bool = False  # whether infinity is allowed as well
+    default: Any = None  # in parsed arguments; settings have theirs in `Settings` and in systems
+    unset: str = ""  # the help's word for a default of None
+    attribute: str = ""  # name in records and in parsed arguments; empty: as `name`
+    short: str = ""  # another way to type it
+    positional: bool = False
+    required: bool = False
+    role: str = "command"  # "setting" of a run, "scene", or of the "command" alone
+    numeric: bool = False  # a scene may carry it, as the custom numeric `pirrht_NAME`
+
+    @property
+    def dest(self) -> str:
+        """Its name in `Settings` and in parsed arguments."""
+        return self.attribute or self.name.replace("-", "_")
+
+    @property
+    def flag(self) -> str:
+        """Its name as it is typed."""
+        return str(self.metavar) if self.positional else f"--{self.name}"
+
+    def check(self, value: Any, label: str = "") -> Any:
+        """The value in its own type.
+
+        Args:
+            label: its name in messages; without one, as it is typed.
+
+        Raises:
+            OptionError: it can be none of this option; names what can.
+        """
+        label = label or self.flag
+        if self.choices and value not in self.choices:
+            raise OptionError(f"{label} is {value!r}; it must be one of {', '.join(self.choices)}")
+        if self.bounds is None:
+            return value
+        return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
+
+    def _number(self, value: Any, label: str) -> Any:
+        low, high = self.bounds or PLACES
+        whole = self.kind is int
+        try:
+            known = low <= value <= high or (self.infinite and value == math.inf)
+        except TypeError:
+            known = False
+        if known and (not whole or value == int(value)):
+            return int(value) if whole else value
+        shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
+        if whole:
+            wanted = f"a whole number of at least {low} and at most {high}"
+        elif low > 0:
+            wanted = f"a positive number, from {low:g} to {high:g}"
+        else:
+            wanted = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
+        raise OptionError(f"{label} is {shown}; it must be {wanted}")
 
 
-PRESETS = {
-    "paper": Preset(
-        "the published method: open loop, plain average, endpoint exit, uniform steps, equal independent samples",
-        {option.dest: option.paper for option in SETTINGS if option.paper is not None}, {},
-    ),
-    "fast": Preset(
-        "a quarter of the samples, half of the vertices, at most 6 classes",
-        {"classes": 6}, {"samples": 0.25, "vertices": 0.5},
-    ),
-    "accurate": Preset("four times the samples, twice the vertices", {}, {"samples": 4.0, "vertices": 2.0}),
-}  # fmt: skip
-DRIVES_AT_MOST = 10_000_000  # control steps of a drive
-GIB = 2.0**30
-SHARE = 0.5  # of the memory of a machine may go to one plan
-STEPS = 100_000  # of one path
-WORK = 1e9  # steps of all paths of a plan
-TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
-DOUBLINGS = 16  # of --samples under --target-error, without --budget
+def stated(value: Any, text: str, metavar: Any = "", bounds: tuple[float, float] | None = None, **more: Any) -> Any:
+    """A field of a record with its default value and all that its `Option` has."""
+    return field(default=value, metadata={"text": text, "metavar": metavar, "bounds": bounds, **more})
+
+
+def options_of_record(record: type, role: str, group: str) -> tuple[Option, ...]:
+    """The options that the fields of a record state."""
+    found = []
+    for one in fields(record):
+        kind = _KINDS.get(str(one.type).split(" ")[0], str)
+        more = {"group": group, "kind": kind, **one.metadata}
+        name = one.name.replace("_", "-")
+        number = kind in (int, float) and "count" not in more
+        found.append(
+            Option(
+                name=f"no-{name}" if one.default is True else name, attribute=one.name, role=role,
+                numeric=number and (role == "scene" or one.default is not None), **more,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SceneOptions:
+    """Choices of scene, robot and task; None where the scene decides.
+
+    Raises:
+        OptionError: a value is out of its bounds.
+    """
+
+    robot: str | Path | None = stated(  # noqa: RUF009
+        None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME", unset="the scene's"
+    )
+    system: Any = stated(  # noqa: RUF009
+        None, "a `sim.systems.System`, or a function that returns one, of a module in this folder or installed",
+        "MODULE:NAME", unset="the robot's",
+    )  # fmt: skip
+    radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
+    margin: float | None = stated(
+        None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
+        unset="the scene's, or three standard deviations of the noise in 0.01 s",
+    )  # fmt: skip
+    start: Sequence[float] | None = stated(None, "X Y [m] and TH [rad]", "X", count="+", unset="the scene's")
+    goal: Sequence[float] | None = stated(None, "disc [m]", metavar=("X", "Y", "R"), count=3, unset="the scene's")
+    workspace: Sequence[float] | None = stated(
+        None, "border of the robot's centre", metavar=("X0", "X1", "Y0", "Y1"), count=4, bounds=PLACES,
+        unset="the scene's site or floor",
+    )  # fmt: skip
+    freeze: bool | None = stated(
+        None, "weld bodies with joints at the first keyframe or default pose, and drop actuators"
+    )
+    without: Sequence[str] | None = stated(
+        None, "leave out bodies of the scene and what refers to them", "BODY", count="+"
+    )
+    preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
+
+    def __post_init__(self) -> None:
+        _check(self, BY_SCENE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,78 +163,160 @@ class Settings:
         OptionError: a value is out of its option's bounds, or goes badly with another one.
     """
 
-    noise: float = 0.1
-    speed: float = 1.0
-    rho: float = 1.0
-    phi: float = np.inf
-    seed: int = 0
-    vertices: int = 1000
-    grow: int | None = None  # vertices per period of a drive; None: 0, in real time as many as there is time for
-    real_time: bool = False
-    classes: int = 16
-    samples: int = 200
-    dt: float = 0.1
-    period: float = 0.01
-    limit: float = 0.6
-    method: str = "pi-rrht"
-    consistency: float = 0.8  # of "best-class"
-    horizon: float = 3.0  # of "mppi" [s]
-    exploration: float = 1.0  # of "mppi": noise of its samples over that of the robot
-    plant: str = "mujoco"
-    predict: str = "known"  # what plans take to come of bodies that move
-    speed_limit: float = 0.0  # of ways among them [m/s]; 0: five times the best speed
-    exit: str = "bridge"
-    steps: str = "fitted"
-    weights: str = "balance"
-    between: str = "classes"
-    guide: str = "feedback"
-    target_error: float | None = None
-    budget: int | None = None
-    allocation: str = "contribution"
-    draws: str = "antithetic"
-    polish: bool = True
-    max_time: float = 30.0
-    threads: int | None = None
-    tree: str | None = None  # file of a saved tree that is used instead of growing one
-    plan_seed: int | None = None  # seed of the tree alone; None: derived from `seed`
+    noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=SINGLE)
+    speed: float = stated(
+        1.0, "speed V of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM
+    )
+    rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
+    phi: float = stated(np.inf, "final cost off the goal", "COST", (0.0, 1e12), infinite=True, group=PROBLEM)
+    seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)
+    method: str = stated("pi-rrht", ", ".join(METHODS), "NAME", choices=tuple(METHODS), commands=SINGLE)
+    samples: int = stated(200, "samples around each reference", "N", (1, 10_000_000))
+    vertices: int = stated(1000, "vertices of the tree", "N", (1, 1_000_000))
+    classes: int = stated(16, "classes per vertex at most, 0 for all", "K", (0, 10_000))
+    limit: float = stated(
+        0.6, "H_limit of |1 - H_i| <= H_limit; a default that excludes a path of at most 1.25 times the shortest is "
+        "widened to 0.8, 1 or 1.5", "H", (1e-3, 100.0),
+    )  # fmt: skip
+    target_error: float | None = stated(
+        None, "draw, doubling, until the control's standard error is below EPS", "EPS", (1e-6, 1e3)
+    )
+    budget: int | None = stated(
+        None, "samples around each reference at most under --target-error", "N", (1, 100_000_000), unset="16 --samples"
+    )
+    dt: float = stated(0.1, "rollout step", "S", (1e-5, 10.0))
+    period: float = stated(0.01, "control period: time between plans", "S", (1e-5, 100.0))
+    threads: int | None = stated(
+        None, "threads of the sampler; results do not depend on it", "N", (1, 1024), unset="all cores"
+    )
+    exit: str = stated(
+        "bridge", "first exit along the step (bridge) or at its end (endpoint, paper)", "RULE", choices=EXITS
+    )
+    steps: str = stated(
+        "fitted", "rollout steps: split near walls and goal (fitted) or all of --dt (uniform, paper)", "RULE",
+        choices=STEPS,
+    )  # fmt: skip
+    weights: str = stated(
+        "balance", "mixture of references: balance, average (paper) or biased (no likelihood ratio, as Biased-MPPI)",
+        "RULE", choices=WEIGHTS,
+    )  # fmt: skip
+    guide: str = stated("feedback", "proposals: feedback or open-loop (paper)", "RULE", choices=GUIDES)
+    between: str = stated(
+        "classes", "between plans the control follows the state (classes) or is held (hold, paper)", "RULE",
+        choices=BETWEEN,
+    )  # fmt: skip
+    allocation: str = stated(
+        "contribution", "samples per reference: by contribution to earlier plans, or equal (paper)", "RULE",
+        choices=ALLOCATIONS,
+    )  # fmt: skip
+    draws: str = stated(
+        "antithetic", "pairs of opposite noise (antithetic) or independent samples (paper)", "RULE", choices=DRAWS
+    )
+    polish: bool = stated(True, "do not shorten references")
+    tree: str | None = stated(
+        None, "a tree that `pirrht plan -o` saved, instead of growing one", "TREE.npz", commands=DRIVES[1:]
+    )
+    consistency: float = stated(
+        0.8, "best-class: factor on the value of the class followed so far, 1 for no preference", "C", (1e-3, 1e3)
+    )
+    horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
+    exploration: float = stated(1.0, "mppi: noise of its samples over the robot's", "X", (1e-3, 1e3))
+    predict: str = stated(
+        "known", "moving obstacles: motions are known, or predicted by constant velocity", "RULE",
+        choices=("known", "velocity"),
+    )  # fmt: skip
+    speed_limit: float = stated(
+        0.0, "fastest reference among moving obstacles, 0 for five times the best speed", "M/S", (0.0, 1e3)
+    )
+    plant: str = stated("mujoco", "mujoco, or sde: the analytic equation", "NAME", choices=("mujoco", "sde"))
+    max_time: float = stated(30.0, "end of the run in simulated time", "S", (1e-3, 86_400.0))
+    real_time: bool = stated(
+        False, "run against the clock, with as many classes and samples as there is time for; results differ from run "
+        "to run", group=RUN, commands=("run",),
+    )  # fmt: skip
+    grow: int | None = stated(
+        None, "vertices that the tree gains between two plans; in real time at most", "N", (0, 10_000), unset="0",
+        group=RUN, commands=("run", "play"),
+    )  # fmt: skip
+    plan_seed: int | None = stated(
+        None, "seed of the trees", "N", (0, SEED), default=0, group=GRID, commands=("sweep",)
+    )
 
     def __repr__(self) -> str:
         other = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]
         return f"Settings({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
-        for name, option in BY_SETTING.items():
-            value = getattr(self, name)
-            if value is not None:
-                option.check(value)
+        _check(self, BY_SETTING)
+        grow, length, most = self.grow or 0, self.max_time / self.period, (BY_SETTING["vertices"].bounds or PLACES)[1]
         if self.budget is not None and (self.target_error is None or self.budget < self.samples):
             raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
         if self.real_time and self.target_error is not None:
-            raise OptionError("--real-time and --target-error both say when to stop sampling; leave one of them out")
+            raise OptionError("--real-time and --target-error both decide when sampling ends; leave one of them out")
         if self.method == "mppi" and self.horizon < self.dt:
             raise OptionError(f"--horizon is {self.horizon:g}; it must be at least a step, --dt {self.dt:g}")
-        if self.max_time / self.period > DRIVES_AT_MOST:
+        if length > RUN_PERIODS:
             raise OptionError(
-                f"--max-time {self.max_time:g} is {self.max_time / self.period:.3g} periods of --period "
-                f"{self.period:g}; a drive has at most {DRIVES_AT_MOST:,}: lower the one or raise the other"
+                f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
+                f"{RUN_PERIODS:,}: lower the one or raise the other"
             )
-        self._check_growth()
-
-    def _check_growth(self) -> None:
-        if self.grow and self.method in TREELESS:
-            raise OptionError(f"--grow is {self.grow}; --method {self.method} has no tree that could grow")
-        bounds = BY_SETTING["vertices"].bounds
-        assert bounds is not None
-        size = self.vertices + (self.grow or 0) * self.max_time / self.period
-        if not self.real_time and size > bounds.high:
+        if grow and self.method in TREELESS:
+            raise OptionError(f"--grow is {grow}; --method {self.method} has no tree that could grow")
+        if not self.real_time and self.vertices + grow * length > most:
             raise OptionError(
-                f"--grow {self.grow} adds up to {size:.3g} vertices by --max-time {self.max_time:g}; a tree has at "
-                f"most {bounds.high:,.0f}: lower one of them or raise --period"
+                f"--grow {grow} adds up to {self.vertices + grow * length:.3g} vertices by --max-time "
+                f"{self.max_time:g}; a tree has at most {most:,}: lower one of them or raise --period"
             )
 
 
-def settle(base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any], given: Mapping[str, Any]) -> Settings:
-    """The settings in force: a system's own, overlaid by what the scene, a preset and the user say (not None).
+def _check(record: Settings | SceneOptions, options: Mapping[str, Option]) -> None:
+    """Refuse values of a record that its options do not admit."""
+    for name, option in options.items():
+        value = getattr(record, name)
+        if value is not None:
+            option.check(value)
+
+
+SCENE_OPTIONS = options_of_record(SceneOptions, "scene", SCENE)
+SETTINGS = options_of_record(Settings, "setting", PLANNER)
+BY_SCENE = {option.dest: option for option in SCENE_OPTIONS}
+BY_SETTING = {option.dest: option for option in SETTINGS}
+SPECIAL = frozenset(("noise", "speed", "rho"))  # settings that only systems use that name them
+IDENTIFYING = {*BY_SCENE, *BY_SETTING} - {"threads"}  # runs with different values belong into different datasets
+ONLY = {"consistency": "best-class", "horizon": "mppi", "exploration": "mppi"}  # setting -> the method that uses it
+FIXED = {"mppi": {"guide": "open-loop", "draws": "independent"}}  # method -> settings that have one value there
+PRESETS: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {  # name -> text, values, factors on the robot's own
+    "paper": (
+        "the published method: open loop, plain average, endpoint exit, uniform steps, equal independent samples",
+        {"dt": 0.1, "period": 0.1, "exit": "endpoint", "steps": "uniform", "weights": "average", "guide": "open-loop",
+         "between": "hold", "allocation": "equal", "draws": "independent"}, {},
+    ),
+    "fast": (
+        "a quarter of the samples, half of the vertices, at most 6 classes",
+        {"classes": 6}, {"samples": 0.25, "vertices": 0.5},
+    ),
+    "accurate": ("four times the samples, twice the vertices", {}, {"samples": 4.0, "vertices": 2.0}),
+}  # fmt: skip
+
+
+def refuse_unused(given: Mapping[str, Any], methods: Sequence[str]) -> None:
+    """Refuse what was given (not None) and that none of the methods uses.
+
+    Raises:
+        OptionError: names the option and the method that it belongs to.
+    """
+    for name in [name for name in BY_SETTING if given.get(name) is not None]:
+        flag = BY_SETTING[name].flag
+        if name in ONLY and ONLY[name] not in methods:
+            raise OptionError(f"{flag} is of the method {ONLY[name]} alone, which is not asked for; leave it out")
+        if methods and all(given[name] != FIXED.get(one, {}).get(name, given[name]) for one in methods):
+            raise OptionError(f"{flag}: the method {methods[0]} has no such choice; leave it out")
+
+
+def resolve(
+    base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any], given: Mapping[str, Any]
+) -> Settings:
+    """The settings in force: a system's own, overlaid by those of the scene, a preset and the user (not None).
 
     Args:
         scene: by name of the option; what is no setting is left aside, here and in `given`.
@@ -131,108 +324,14 @@ def settle(base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any]
     Raises:
         OptionError: a value that cannot work.
     """
-    if "method" in given:  # a sweep settles before it takes each of its methods
-        refuse_idle(given, [given["method"] or base.method])
+    if "method" in given:  # a sweep resolves settings before it takes each of its methods
+        refuse_unused(given, [given["method"] or base.method])
     if given.get("tree") is not None and given.get("vertices") is not None:
         raise OptionError("--vertices and --tree: a saved tree brings its own vertices; leave one of them out")
-    asked = {name.replace("-", "_"): value for name, value in scene.items()}
-    said = {name: value for name, value in given.items() if value is not None}
-    merged = {name: value for name, value in {**asked, **preset, **said}.items() if name in BY_SETTING}
+    own = {name.replace("-", "_"): value for name, value in scene.items()}
+    user = {name: value for name, value in given.items() if value is not None}
+    merged = {name: value for name, value in {**own, **preset, **user}.items() if name in BY_SETTING}
     settings = replace(base, **{name: BY_SETTING[name].check(value) for name, value in merged.items()})
-    if said.get("steps") == "fitted" and settings.exit == "endpoint":
+    if user.get("steps") == "fitted" and settings.exit == "endpoint":
         raise OptionError("--steps fitted goes with --exit bridge; steps that end a path at their ends are uniform")
     return settings
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Size:
-    """Size of a plan, besides its settings."""
-
-    states: int  # n
-    controls: int  # m
-    obstacles: int  # M
-    classes: int  # H, those allowed at the start
-    distance: float  # from start to goal [m]
-    speed: float  # at which it is driven [m/s]
-    temperature: float  # lambda [cost]
-    rate: float  # least q [cost/s]
-
-    def seconds(self, settings: Settings) -> float:
-        """About how long paths are before they are cut [s]."""
-        if settings.method == "mppi":
-            return settings.horizon
-        return (2.0 * self.distance / self.speed + TAIL * self.temperature) / self.rate
-
-    def steps(self, settings: Settings) -> float:
-        """Count the rollout steps of a path."""
-        return max(1.0, self.seconds(settings) / settings.dt)
-
-    def samples(self, settings: Settings) -> float:
-        """Count the samples that a plan draws at most."""
-        most = settings.samples * DOUBLINGS if settings.budget is None else settings.budget
-        return self.classes * float(settings.samples if settings.target_error is None else most)
-
-    def sampling(self, settings: Settings) -> float:
-        """Estimate the memory of samples, their proposals, and their weights under all of these [bytes]."""
-        n, m, steps = self.states, self.controls, self.steps(settings)
-        proposals = self.classes if settings.method in ("pi-rrht", "best-class") else 1
-        each = 8.0 * (6 + 2 * m + 3 * proposals)
-        if settings.method == "mppi":
-            each += 8.0 * (steps + 1) * n  # those under way at the end of the tape are traced
-        return self.samples(settings) * each + proposals * steps * 8.0 * (2 * m + 9)
-
-    def tree(self, settings: Settings) -> float:
-        """Estimate the memory of vertices, their nodes and the edges between them [bytes]."""
-        near = 2.0 * math.e * math.log(settings.vertices + 1.0)
-        nodes = min(4, settings.classes or 4)
-        return settings.vertices * (8.0 * self.obstacles + 120.0 * nodes + 92.0 * near)
-
-
-def check(settings: Settings, size: Size, memory: float | None = None) -> None:
-    """Refuse a plan that is too large.
-
-    Args:
-        memory: of the machine [bytes]; None: look.
-
-    Raises:
-        OptionError: tells the size, the limit, and which option to change.
-    """
-    if settings.method == "optimal":
-        return
-    limit = SHARE * (physical() if memory is None else memory)
-    steps, work = size.steps(settings), size.steps(settings) * size.samples(settings)
-    if steps > STEPS:
-        loud = settings.method != "mppi" and TAIL * size.temperature > 2.0 * size.distance / size.speed
-        ways = ["lower --noise"] if loud else ["lower --horizon"] if settings.method == "mppi" else []
-        longest = BY_SETTING["dt"].bounds
-        if not ways or longest is None or size.seconds(settings) <= STEPS * longest.high:
-            ways = ["raise --dt", *ways]
-        raise OptionError(
-            f"--dt {settings.dt:g}: a path of {size.seconds(settings):.3g} s has {steps:.3g} steps, and at most "
-            f"{STEPS:,} are possible; {' or '.join(ways)}"
-        )
-    _refuse(size.tree(settings), limit, f"a tree of {settings.vertices} --vertices", "lower --vertices")
-    drawn = f"{size.samples(settings):.3g} samples around {size.classes} classes"
-    remedy = "--budget or --samples" if settings.target_error is not None else "--samples or --classes"
-    _refuse(size.sampling(settings), limit, f"a plan of {drawn}", f"lower {remedy}")
-    if work > WORK:
-        raise OptionError(
-            f"a plan of {drawn} takes {work:.3g} steps, and at most {WORK:.0e} are possible; lower {remedy}, or "
-            "raise --dt"
-        )
-
-
-def physical() -> float:
-    """The memory of this machine [bytes]."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):  # no such question on this system
-        return 8.0 * GIB
-
-
-def _refuse(needed: float, limit: float, what: str, remedy: str) -> None:
-    if needed > limit:
-        raise OptionError(
-            f"{what} would take about {needed / GIB:.3g} GiB of memory, and at most {limit / GIB:.3g} GiB of this "
-            f"machine's are given to it; {remedy}"
-        )

@@ -14,7 +14,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: words of the command; None: those that this process was started with.
 
     Returns:
-        0 for success, 1 for a drive that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
+        0 for success, 1 for a run that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
     """
     if argv is None:
         _die_quietly()

@@ -1,23 +1,36 @@
-"""Commands of the CLI by name."""
+"""Commands of the CLI by name, and those that make no plan themselves: lists, sweeps, reports, imports and exports."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import os
+import sys
+import tempfile
 import time
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
-from pirrht.files import path_text
-from sim.cli import estimate_command, plan_command, run_command, sweep_commands, tables, warm
-from sim.cli.shared import check_outputs, progress_bar, scenario_of
-from sim.mjcf import load, models_folder, scene_names
-from sim.mjcf.library import robot_names
+from pirrht.errors import OptionError, printable
+from pirrht.files import path_text, replaced
+from sim import options
+from sim.cli import parser, plan_command, run_command, tables, warm
+from sim.cli.shared import check_outputs
+from sim.files import check_writable, refused, write_json
+from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 from sim.systems import named
-from sim.text import say, width
+from sim.text import counted, say, width
+
+SHOWN_ERRORS = 3
+DEMO_LEVELS = (("little", 0.1), ("much", 0.3))  # noise b [m/sqrt(s)]
+DEMO_PATHS = {"0,0": "through the slit", "-1,0": "around the slit, above", "0,1": "around the slit, below"}
+DEMO_ENDS = {"collision": "into a wall", "timeout": "nowhere in time"}
 
 
 def scenes(_: argparse.Namespace) -> int:
@@ -32,30 +45,165 @@ def scenes(_: argparse.Namespace) -> int:
     return 0
 
 
-def play(arguments: argparse.Namespace) -> int:
-    """Drive while somebody interferes."""
-    from sim.cli import play_command
-    from sim.play.drive import first
+def demo(_: argparse.Namespace, more: Sequence[str] = ()) -> int:
+    """Run the paper's first example with both noise levels, and print two sentences; 0 if both reach the goal.
 
-    scenario = play_command.checked(arguments, lambda: scenario_of(arguments, loose=True))
-    with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        built = first(scenario, lambda size: bar.update(size - bar.n))
-    rehearse(scenario, driving=True)
-    warm.finish("plan", "sample")
-    return play_command.play(arguments, scenario, built)
+    Args:
+        more: words that the runs are given as well.
+    """
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for word, noise in DEMO_LEVELS:
+            print(f"{word} noise: pirrht run slit --noise {noise:g}\n")
+            file = Path(folder) / f"{word}.json"
+            words = ["run", "slit", "--noise", f"{noise:g}", "--json", str(file), *more]
+            run_command.run(parser.read(words))
+            found.append(json.loads(file.read_text()))
+            print()
+    say("\n".join(demo_sentences(found)))
+    return 0 if all(one["outcome"] == "goal" for one in found) else 1
+
+
+def demo_sentences(found: Sequence[dict[str, Any]]) -> list[str]:
+    """The two sentences to take along, from the JSON of both runs."""
+    paths = [
+        DEMO_ENDS.get(one["outcome"]) or DEMO_PATHS.get(one["executed_class"], f"by class {one['executed_class']}")
+        for one in found
+    ]
+    (_, little), (_, much) = DEMO_LEVELS
+    return [
+        f"1. The plan was the same; with noise b = {little:g} the robot went {paths[0]}, with b = {much:g} {paths[1]}.",
+        "2. Noise decides the worth of a path, the mean of exp(-cost / lambda) over what may happen on it: a short "
+        "path on which most samples hit a wall loses to a longer one on which they arrive.",
+    ]
 
 
 def compile_ahead(arguments: argparse.Namespace) -> int:
-    """Compile what later commands need of robots."""
+    """Compile kernels that later commands need of robots."""
+    scene, where = ("crossing", "among moving obstacles") if arguments.moving else ("slit", "in static scenes")
     for name in arguments.robots or robot_names():
         began = time.perf_counter()
-        scenario = prepare("crossing" if arguments.moving else "slit", robot=name, known=warm.begin)
+        warm.notice().words = [scene, name]
+        scenario = prepare(scene, robot=name)
         rehearse(scenario)
         rehearse(scenario, driving=True)
-        warm.finish("plan", "sample")
-        where = "among moving obstacles" if arguments.moving else "in static scenes"
+        warm.notice().finish()
         print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
     return 0
+
+
+def sweep(arguments: argparse.Namespace) -> int:
+    """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
+    from sim.sweeps import sweep as engine
+
+    check_outputs(arguments, "json")
+    grid = grid_of(arguments)
+    if arguments.scheduler is not None:
+        from sim.sweeps import cluster
+
+        cluster.check_address(arguments.scheduler)
+    if arguments.output is not None:
+        records = _stored(grid, arguments)
+    elif arguments.again:
+        raise OptionError("--again repeats runs of a dataset; add its folder, -o DIR")
+    else:
+        records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
+    print(tables.sweep_table(records, width()))
+    if arguments.json:
+        write_json(arguments.json, records)
+    errors = [str(record["error"]) for record in records if record["outcome"] is None]
+    if arguments.output is not None:
+        runs = counted(len(records), "run")
+        print(f"{path_text(arguments.output)}: {runs}, {len(errors)} of them ended with an error")
+    for line in error_lines(errors, stored=arguments.output is not None):
+        print(line, file=sys.stderr)
+    return 1 if errors else 0
+
+
+def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
+    """The most frequent errors of runs, and how to try again; empty without any."""
+    if not errors:
+        return []
+    known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
+    lines = [f"{counted(len(errors), 'run')} ended with an error:"]
+    lines += [f"  {count} x {printable(error)}" for error, count in known[:SHOWN_ERRORS]]
+    if len(known) > SHOWN_ERRORS:
+        lines.append(f"  and {counted(len(known) - SHOWN_ERRORS, 'other error')}")
+    return lines + (["the same command with --again repeats them"] if stored else [])
+
+
+def grid_of(arguments: argparse.Namespace) -> Any:
+    """The grid of a command line.
+
+    Raises:
+        OptionError: an option that cannot work, or too many runs.
+    """
+    from sim.sweeps import grid
+
+    given = vars(arguments)
+    return grid.parse(
+        scenes=arguments.scenes, methods=arguments.methods, noise=arguments.noise, seeds=arguments.seeds,
+        task=options.scene_options(given), given=options.settings("sweep", given),
+    )  # fmt: skip
+
+
+def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
+    """The records of a sweep whose finished runs a folder keeps."""
+    from sim.sweeps import sweep as engine
+    from sim.sweeps.dataset import Dataset
+
+    dataset = Dataset(arguments.output)
+    dataset.check(grid.settings, {})
+    jobs = engine.checked(grid.jobs())
+    scenes = {job.name: job.digest for job in jobs}
+    noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
+    asked = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
+    dataset.check(grid.settings, scenes)
+    with dataset.locked():
+        dataset.begin(grid.settings, scenes, asked)
+        if arguments.again:
+            dataset.forget_errors()
+        return engine.sweep(jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset)
+
+
+def report(arguments: argparse.Namespace) -> int:
+    """Sum up a sweep: on the terminal, as Markdown and as a page."""
+    from sim.report import summary as engine
+    from sim.report.plots import pictures
+    from sim.report.wording import markdown, page, terminal
+    from sim.sweeps.dataset import Dataset
+
+    folder: Path = arguments.output or arguments.folder
+    if arguments.output is not None and folder.is_file():
+        raise OptionError(f"--output {folder} is a file; give the path of a folder")
+    text, web = folder / "report.md", folder / "report.html"
+    known = engine.report(Dataset(arguments.folder), _watched)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:  # ValueError: a name that is no text
+        raise refused("--output", folder, error) from None
+    for option, file in (("--output", text), ("--output", web), ("--json", arguments.json)):
+        if file is not None:
+            check_writable(file, option)
+    try:
+        drawn = pictures(known, _watched)
+    except OptionError as error:
+        drawn = []
+        print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
+    print(terminal(known))
+    for file, content in ((text, markdown(known)), (web, page(known, drawn))):
+        with replaced(file, "--output") as stream:
+            stream.write(content.encode())
+        print(f"written: {path_text(file)}")
+    if arguments.json is not None:
+        write_json(arguments.json, known.json())
+    return 0
+
+
+def _watched(what: str, items: Sequence[Any]) -> Iterable[Any]:
+    """The items, with a bar on a terminal."""
+    watched: Iterable[Any] = tqdm(items, desc=what, leave=False, disable=None, dynamic_ncols=True)
+    return watched
 
 
 def import_world(arguments: argparse.Namespace) -> int:
@@ -70,21 +218,12 @@ def import_world(arguments: argparse.Namespace) -> int:
             bar.total = total
             bar.update(done - bar.n)
 
+        names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")
         imported = scene_file.import_world(
-            arguments.world,
-            arguments.output,
-            start=arguments.start,
-            goal=arguments.goal,
-            workspace=arguments.workspace,
-            unknown=arguments.unknown,
-            motion=arguments.motion,
-            number=arguments.number,
-            decompose=bool(arguments.decompose),
-            models=[*(arguments.models or ()), *folders_of(os.environ)],
-            without=arguments.without or (),
-            progress=progress,
-        )
-    moving = f", and {imported.movers} bodies that move" if imported.movers else ""
+            arguments.world, arguments.output, **{name: getattr(arguments, name) for name in names}, progress=progress,
+            models=[*(arguments.models or ()), *folders_of(os.environ)], without=arguments.without or (),
+        )  # fmt: skip
+    moving = f", and {counted(imported.movers, 'moving obstacle')}" if imported.movers else ""
     print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
     for note in imported.notes:
         say(note)
@@ -93,27 +232,18 @@ def import_world(arguments: argparse.Namespace) -> int:
 
 def export(arguments: argparse.Namespace) -> int:
     """Turn a recording into a table."""
-    from sim.recording import export
     from sim.recording import export as engine
 
     check_outputs(arguments, "output")
     engine.check_format(arguments.output)
-    known = export.read(arguments.recording)
+    known = engine.read(arguments.recording)
     columns = engine.table(known)
     engine.write(arguments.output, columns, known)
     print(f"{path_text(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
     if not known.whole:
         name, end = path_text(arguments.recording), known.steps[-1][1]
-        print(f"{name} ends at {end:.2f} s without an outcome; what it holds is exported")
+        print(f"{name} ends at {end:.2f} s without an outcome; all that it holds is exported")
     return 0
-
-
-def demo(_: argparse.Namespace) -> int:
-    """Both noise levels of the first example, and what to make of them."""
-    from sim.cli import parser
-    from sim.cli.demo import demo
-
-    return demo(lambda words: run_command.run(parser.read(words)), lambda line: say(line) if line else print())
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
@@ -121,11 +251,11 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "scenes": scenes,
     "plan": plan_command.plan,
     "run": run_command.run,
-    "play": play,
+    "play": run_command.play,
     "warm": compile_ahead,
-    "estimate": estimate_command.estimate,
-    "sweep": sweep_commands.sweep,
-    "report": sweep_commands.report,
+    "estimate": plan_command.estimate,
+    "sweep": sweep,
+    "report": report,
     "import": import_world,
     "export": export,
 }

@@ -7,15 +7,14 @@ from pathlib import Path
 
 from pirrht.files import replaced
 from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
-from sim.options.record import Option, shown
-from sim.options.settings import SINGLE
-from sim.options.table import NUMERICS, options_of
+from sim.options import NUMERICS, options_of
+from sim.settings import DRIVES, SINGLE, Option
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
 COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
-<!-- Made by `python -m sim.cli.docs` of the table in sim/options; a test compares both. -->
+<!-- Made by `python -m sim.cli.docs` of the options in sim/settings.py and sim/options.py; a test compares both. -->
 
 `pirrht COMMAND --help` lists the options used daily, `--help-all` lists all. Exit status: 0 success; 1 a run that
 ended in a collision or time-out, or a sweep with errors; 2 bad input, explained in one line; 130 an interruption.
@@ -23,14 +22,13 @@ ended in a collision or time-out, or a sweep with errors; 2 bad input, explained
 Precedence: command line, preset, scene, robot. A scene sets options marked \N{BULLET} by custom numerics, such as
 `<custom><numeric name="pirrht_noise" data="0.1"/></custom>`, where `-` becomes `_`.
 """
-SHARED = "plan, run, play, estimate, sweep"
 
 
 def page() -> str:
     """Return the page as Markdown: options that commands share once, then those of each command."""
     shared = [option for option in options_of("run") if set(SINGLE) <= set(option.commands)]
     robots = f"\n```\n{robots_text()}\n```\n\n```\n{PRESETS_TEXT}\n```\n"
-    parts = [HEAD, f"\n## Options of {SHARED}\n", *_tables(shared), robots]
+    parts = [HEAD, f"\n## Options of {', '.join(DRIVES)}\n", *_tables(shared), robots]
     for command, (text, _) in COMMANDS.items():
         parts.append(f"\n## pirrht {command}\n\n{text[0].upper()}{text[1:]}.\n")
         parts += _tables([option for option in options_of(command) if option not in shared])
@@ -48,31 +46,19 @@ def _tables(options: list[Option]) -> list[str]:
 
 def _row(option: Option) -> str:
     metavar = " ".join(option.metavar) if isinstance(option.metavar, tuple) else option.metavar
-    several = " ..." if option.count == "+" else ""
     typed = option.flag if option.positional else f"{option.flag} {metavar}".rstrip()
-    short = f"-{option.short}, " if option.short else ""
-    mark = " \N{BULLET}" if option.name in NUMERICS and NUMERICS[option.name].dest == option.dest else ""
-    cells = (f"`{short}{typed}{several}`{mark}", option.text, default_of(option), _values(option))
+    typed = (f"-{option.short}, " if option.short else "") + typed + (" ..." if option.count == "+" else "")
+    mark = " \N{BULLET}" if option.name in NUMERICS else ""
+    values = ", ".join(f"`{choice}`" for choice in option.choices) or ("required" if option.required else "")
+    if option.bounds is not None:
+        low, high = (f"{b}" if option.kind is int else f"{b:g}" for b in option.bounds)
+        values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
+    cells = (f"`{typed}`{mark}", option.text, default_of(option), values)
     return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
-def _values(option: Option) -> str:
-    if option.choices:
-        return ", ".join(f"`{choice}`" for choice in option.choices)
-    if option.bounds is None:
-        return "required" if option.required else ""
-    whole = option.kind is int
-    low, high = ((shown(int(b)) if whole else f"{b:g}") for b in (option.bounds.low, option.bounds.high))
-    return f"{low} to {high}" + (", or `inf`" if option.bounds.infinite else "")
-
-
-def main() -> int:
-    """Write the page."""
+if __name__ == "__main__":
     with replaced(PAGE, "docs/cli.md") as stream:
         stream.write(page().encode())
     print(PAGE)
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit()

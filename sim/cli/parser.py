@@ -1,4 +1,4 @@
-"""Parse the command line of `pirrht` by the table of options."""
+"""Parse the command line of `pirrht` by its options."""
 
 from __future__ import annotations
 
@@ -11,15 +11,13 @@ import pirrht
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
-from sim.options.record import Option
-from sim.options.settings import DRIVES
-from sim.options.table import check, gone, options_of
+from sim.options import DAILY, check, options_of
 from sim.recording.columns import explained
-from sim.settings import PRESETS, Settings
+from sim.settings import DRIVES, PRESETS, SPECIAL, Option
 from sim.systems import named, names
 
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
-PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {preset.text}" for name, preset in PRESETS.items())
+PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {text}" for name, (text, _, _) in PRESETS.items())
 ORDER = "Precedence: command line, preset, scene (custom numerics pirrht_NAME), robot."
 PLAYED = (
     "window: double-click the robot, an obstacle or the goal, and drag it with Ctrl and the right button;\n"
@@ -28,20 +26,6 @@ PLAYED = (
     '  {"at": 1, "move": "NAME OF AN OBSTACLE", "by": [DX, DY]}, {"at": 2, "noise": 0.3}]'
 )
 TABLE = "columns, one row per control step (K = 1, 2, ..., ID a homology class):"
-
-
-def robots_text() -> str:
-    """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
-    columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
-    rows: list[tuple[str, ...]] = [("robot", "unit of --noise", "state", *columns)]
-    for system in map(named, names()):
-        if system.robots:
-            values = [f"{getattr(system.settings, name):g}" for name in columns]
-            rows.append((system.robots, system.noise_in, system.coordinates, *values))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
-
-
 COMMANDS: dict[str, tuple[str, str]] = {  # of each: a sentence, and more of `--help-all`
     "demo": ("run the scene slit with little and with much noise, and explain the results", ""),
     "scenes": ("list the built-in scenes: robot, noise, moving obstacles, and a sentence on each", ""),
@@ -65,37 +49,9 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the OptionError of a command line that cannot be read."""
-        if message == "argument --seeds: expected one argument":  # it is what a leading minus sign leads to
+        if message == "argument --seeds: expected one argument":  # a leading minus sign leads to it
             message += " A:B, and seeds are not negative"
         raise OptionError(f"{message}; see `{self.prog} --help`")
-
-
-def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """Read a command line, checked as far as possible without a scene; None: the arguments of this process.
-
-    Raises:
-        OptionError: it cannot be read, or an option has a value that cannot work.
-    """
-    arguments, unknown = parser().parse_known_args(argv)
-    for word in unknown:
-        name = word.partition("=")[0]
-        if name.startswith("--"):
-            gone(name.removeprefix("--"), name)
-    said = vars(arguments)
-    words = [*unknown, str(said.get("scene")), *said.get("scenes", ())]
-    if said.get("goal") is not None and any(map(_is_number, words)):
-        raise OptionError("a goal has no heading: --goal takes X Y R, a disc that is reached in whatever direction")
-    if unknown:
-        raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
-    check(arguments.command, vars(arguments))
-    return arguments
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return math.isfinite(float(word))
-    except ValueError:
-        return False
 
 
 class _Help(argparse.Action):
@@ -105,6 +61,24 @@ class _Help(argparse.Action):
         """Print to standard output."""
         print(help_of(*self.const))
         parser.exit()
+
+
+def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
+    """Read a command line, checked as far as possible without a scene; None: the arguments of this process.
+
+    Raises:
+        OptionError: it cannot be read, or an option has a value that cannot work.
+    """
+    arguments, unknown = parser().parse_known_args(argv)
+    given = vars(arguments)
+    if given.get("goal") is not None:
+        for word in (*unknown, str(given.get("scene")), *given.get("scenes", ())):
+            if word.lstrip("-").replace(".", "", 1).isdigit():
+                raise OptionError("a goal has no heading: --goal takes X Y R, a disc that any heading reaches")
+    if unknown:
+        raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
+    check(arguments.command, given)
+    return arguments
 
 
 def parser() -> argparse.ArgumentParser:
@@ -121,71 +95,70 @@ def parser() -> argparse.ArgumentParser:
 
 
 def help_of(name: str, everything: bool) -> str:
-    """Return the help of a command, with its common options or with all."""
+    """Return the help of a command, with its daily options or with all."""
     text, more = COMMANDS[name]
     takes_scene = name in DRIVES
     notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
     notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
-    end = "\n\n".join(note for note in notes if note)
     scene = "SCENE ..." if name == "sweep" else "SCENE"
     one = Parser(
         prog=f"pirrht {name}", usage=f"pirrht {name} {scene} [options]" if takes_scene else None, add_help=False,
-        description=text, epilog=end or None, formatter_class=argparse.RawDescriptionHelpFormatter,
+        description=text, epilog="\n\n".join(filter(None, notes)) or None,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     _fill(one, name, everything or not takes_scene)
     return one.format_help().rstrip()
 
 
+def robots_text() -> str:
+    """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
+    columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
+    rows: list[tuple[str, ...]] = [("robot", "unit of --noise", "state", *columns)]
+    for system in map(named, names()):
+        if system.robots:
+            values = [f"{getattr(system.settings, name):g}" for name in columns]
+            rows.append((system.robots, system.noise_in, system.coordinates, *values))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+
+
 def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
-    """Give the parser of a command its options; `everything` or the common ones only."""
+    """Give the parser of a command its options; None stands for an option or a number that was not given."""
     groups: dict[str, Any] = {"": one}
     for option in options_of(name):
-        if everything or option.common:
-            if option.group not in groups:
-                groups[option.group] = one.add_argument_group(option.group)
-            _add(groups[option.group], option)
+        if not everything and option.name not in DAILY:
+            continue
+        if option.group not in groups:
+            groups[option.group] = one.add_argument_group(option.group)
+        text = f"{option.text}; default: {known}" if (known := default_of(option)) else option.text
+        words: dict[str, Any] = {"help": text.replace("%", "%%")}
+        if option.kind is bool:
+            words["action"] = "store_false" if option.name.startswith("no-") else "store_true"
+        else:
+            words |= {"type": option.kind, "metavar": option.metavar or None, "nargs": option.count}
+        if option.positional:
+            groups[option.group].add_argument(option.dest, **words)
+            continue
+        typed = [f"-{option.short}"] if option.short else []
+        words |= {"dest": option.dest, "required": option.required}
+        words["default"] = None if option.numeric else option.default
+        groups[option.group].add_argument(*typed, option.flag, **words)
     one.add_argument("-h", "--help", action=_Help, nargs=0, const=(name, False), help=argparse.SUPPRESS)
     one.add_argument("--help-all", action=_Help, nargs=0, const=(name, True), help=argparse.SUPPRESS)
-
-
-def _add(group: Any, option: Option) -> None:
-    """Give a parser an option; None stands for a missing number and for a missing option without a default."""
-    words: dict[str, Any] = {"help": helped(option).replace("%", "%%")}
-    if option.kind is bool:
-        words |= {"action": "store_true" if option.sets else "store_false"}
-    else:
-        words |= {"type": option.kind, "metavar": option.metavar or None, "nargs": option.count}
-    if option.positional:
-        group.add_argument(option.dest, **words)
-        return
-    default = None if option.numeric else option.default
-    short = [f"-{option.short}"] if option.short else []
-    group.add_argument(*short, option.flag, dest=option.dest, default=default, required=option.required, **words)
-
-
-def helped(option: Option) -> str:
-    """Return the help of an option: its meaning, then its default."""
-    known = default_of(option)
-    return f"{option.text}; default: {known}" if known else option.text
 
 
 def default_of(option: Option) -> str:
     """Return an option's default in words; empty if it has none."""
     if option.kind is bool or option.positional or option.required:
         return ""
-    if option.unset or option.role != "setting" or option.default is not None or not hasattr(Settings, option.dest):
-        return option.unset or _worded(option.default)
-    values = {
-        _worded(getattr(system.settings, option.dest))
-        for system in map(named, names())
-        if system.robots and (not option.special or option.dest in system.heeds)
-    }
-    return values.pop() if len(values) == 1 else "the robot's"
-
-
-def _worded(value: Any) -> str:
+    values = {option.default}
+    if option.role == "setting" and option.default is None and not option.unset:
+        systems = [one for one in map(named, names()) if one.robots]
+        users = [one for one in systems if option.dest not in SPECIAL or option.dest in one.heeds]
+        values = {getattr(one.settings, option.dest) for one in users}
+    if len(values) > 1:
+        return "the robot's"
+    (value,) = values
     if value is None:
-        return ""
-    if isinstance(value, float):
-        return "infinite" if math.isinf(value) else f"{value:g}"
-    return str(value)
+        return option.unset
+    return "infinite" if value == math.inf else f"{value:g}" if isinstance(value, float) else str(value)

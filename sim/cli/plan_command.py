@@ -1,73 +1,146 @@
-"""The command `pirrht plan`: the tree and its classes."""
+"""Commands `pirrht plan`, the tree and its classes, and `pirrht estimate`, the value and control at one state."""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
+from pirrht.errors import OptionError, SceneError
+from pirrht.estimation.estimate import Estimate
 from pirrht.files import path_text
 from pirrht.planner import file as tree_file
-from pirrht.planner.tree import HomologyTree
+from pirrht.planner.references import Reference
 from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, scenario_of
+from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
+from sim.drive.truth import Truth
 from sim.files import write_json
-from sim.result import passages_json, plan_json
-from sim.scenario import Scenario
-from sim.scenario.convergence import Convergence
-from sim.text import say, width
+from sim.result import convergence_json, estimate_json, plan_json
+from sim.scenario import Scenario, convergence
+from sim.systems import POSE, SPEED, VELOCITIES, typed
+from sim.text import counted, say, width
+
+TOUCHING = 1e-4  # free distance below which paths end at once [m]
 
 
 def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
     check_outputs(arguments, "json", "png", "convergence", "output")
     for option in ("png", "convergence"):
-        path: Path | None = getattr(arguments, option)
-        if path is not None:
+        if getattr(arguments, option) is not None:
             from sim.figures import draw
 
-            draw.check(path, f"--{option}")
+            draw.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
     if scenario.settings.method in TREELESS:
-        say(f"--method {scenario.settings.method} plans without a tree: this is what pi-rrht plans with")
-    clock = warm.notice().clock
-    began = clock()
-    convergence = None
+        say(f"--method {scenario.settings.method} plans without a tree: this is the tree of pi-rrht")
+    began, lengths = warm.notice().clock(), None
     if arguments.convergence:
-        tree, convergence = _watched(scenario)
+        tree, vertices = scenario.empty_tree(), scenario.settings.vertices
+        with progress_bar("plan", vertices, " vertices") as bar:
+            lengths = convergence.grow(
+                tree, scenario.start, vertices, every=max(1, vertices // 200),
+                progress=lambda size: bar.update(size - bar.n),
+            )  # fmt: skip
         references = scenario.references(tree)
     else:
         tree, references = planned(scenario)
-    seconds = clock() - began
-    warm.finish("plan")
-    passages = passages_json(tree, references)
+    seconds = warm.notice().clock() - began
+    warm.notice().finish()
+    found = plan_json(scenario, tree, references, seconds)
     print(tables.class_table(references, width(), scenario.homology))
-    say(f"{tree.size} vertices, {tree.node_count} nodes, {scenario.space.collision.calls} FCL calls, {seconds:.2f} s")
-    radius = getattr(tree.steering, "radius", 0.0)  # that of curves whose curvature is bounded [m]
-    say(tables.passages_line(passages, 2 * (radius + scenario.loaded.scene.robot_radius) if radius else 0.0))
+    say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
+    say(tables.passages_line(found["passages"]))
     if arguments.output:
         tree_file.save(tree, arguments.output)
         print(f"tree: {path_text(arguments.output)}")
     if arguments.json:
-        write_json(arguments.json, plan_json(scenario, tree, references, passages, seconds, convergence))
+        more = {} if lengths is None else {"convergence": convergence_json(lengths)}
+        write_json(arguments.json, {**found, **more})
     if arguments.png:
         draw.draw_plan(arguments.png, scenario, tree, references)
-    if convergence is not None:
-        draw.draw_convergence(arguments.convergence, scenario.loaded.scene.name, convergence, references)
+    if lengths is not None:
+        draw.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
     return 0
 
 
-def _watched(scenario: Scenario) -> tuple[HomologyTree, Convergence]:
-    """The grown tree, and the lengths of the best path per class from the start while it grew."""
-    from sim.scenario.convergence import grow
-
-    tree, vertices = scenario.empty_tree(), scenario.settings.vertices
-    with progress_bar("plan", vertices, " vertices") as bar:
-        convergence = grow(
-            tree,
-            scenario.start,
-            vertices,
-            every=max(1, vertices // 200),
-            progress=lambda size: bar.update(size - bar.n),
+def estimate(arguments: argparse.Namespace) -> int:
+    """Estimate value and control at one state, repeated with independent samples."""
+    check_outputs(arguments, "json")
+    scenario = scenario_of(arguments)
+    if scenario.settings.method == "optimal":
+        raise OptionError("--method optimal draws no samples to estimate from; add --truth to another method")
+    x, time = state_of(arguments.at, scenario), arguments.time
+    if time > 0.0 and not scenario.moving:
+        raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
+    if scenario.space.moving.distance(x[:2], time) <= 0.0:
+        raise OptionError(
+            f"--at {x[0]:g} {x[1]:g}: a moving obstacle is there at {time:g} s; choose another state or --time"
         )
-    return tree, convergence
+    truth = None
+    if arguments.truth:
+        with solving() as progress:
+            truth = Truth.at(scenario.truth(progress), x, time)
+    tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario, x)
+    controller = scenario.driver(tree)
+    controller.begin(x, time)
+    estimates: list[Estimate | None] = []
+    references: tuple[Reference, ...] = ()
+    for _ in range(arguments.repeat):
+        decision = controller.plan(x)
+        references = decision.references
+        estimates.append(decision.estimate)
+    warm.notice().finish()
+    print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
+    if dead := sum(e is None for e in estimates):
+        clearance = max(scenario.space.clearance(x[:2]), 0.0)
+        remedy = "start slower" if _too_fast(scenario, controller, x) else "try more --samples"
+        if clearance < TOUCHING:
+            remedy = f"the free distance there is {clearance:.1g} m, so paths end at once: choose another state"
+        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {remedy}")
+    if truth is not None:
+        report_prediction(scenario, "the exact value is that")
+    for line in tables.doubts(estimates, references, scenario.problem.temperature, scenario.settings.target_error):
+        say(line)
+    if scenario.settings.weights == "biased":
+        say("--weights biased leaves the likelihood ratio out: v and shares are no estimates, however many samples")
+    if arguments.json:
+        write_json(arguments.json, estimate_json(scenario, references, estimates, truth))
+    return 0
+
+
+def state_of(at: list[float], scenario: Scenario) -> Array:
+    """The state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none.
+
+    Raises:
+        OptionError, SceneError: it has too few or too many numbers, or is no free state.
+    """
+    system, finite = scenario.system, bool(np.all(np.isfinite(at)))
+    bare = set(system.states) <= set(POSE)
+    whole, place = (POSE, POSE) if bare else (system.states, system.joints)
+    where = " ".join(f"{v:g}" for v in at)
+    if not 2 <= len(at) <= len(whole) or not finite:
+        found = f"has {counted(len(at), 'number')}" if finite else f"is {where}"
+        raise OptionError(f"--at {found}; it must be X Y or the first few of {typed(whole)}, all finite")
+    if len(at) <= len(place):
+        x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
+    else:
+        x = np.array([*at, *[0.0] * (len(whole) - len(at))])
+    if scenario.space.clearance(x) <= 0.0:
+        raise SceneError(f"--at {where}: this state is in collision or outside the workspace; choose another")
+    if scenario.loaded.scene.goal.contains(x[:2]):
+        raise SceneError(f"--at {where}: this state is already in the goal; choose another")
+    return x
+
+
+def _too_fast(scenario: Scenario, controller: Any, x: Array) -> bool:
+    """Return whether samples reach the goal from the same place at rest, but not from x (n,) with its speed."""
+    rest = x.copy()
+    rest[[i for i, name in enumerate(scenario.system.states) if name in (*VELOCITIES, *SPEED)]] = 0.0
+    if np.array_equal(rest, x):
+        return False
+    controller.begin(rest)
+    return controller.plan(rest).estimate is not None

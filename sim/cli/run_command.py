@@ -1,29 +1,25 @@
-"""The command `pirrht run`: one drive, watched and recorded."""
+"""Commands `pirrht run`, one run that is recorded, and `pirrht play`, runs in which somebody interferes."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 import time
-from contextlib import closing, nullcontext
+from contextlib import ExitStack, closing, nullcontext
+from dataclasses import asdict
 from typing import Any
 
+from tqdm import tqdm
+
 from pirrht.control.settings import TREELESS
+from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.files import path_text
+from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from sim.cli import tables, warm
-from sim.cli.shared import (
-    as_they_stand,
-    check_outputs,
-    growing,
-    planned,
-    progress_bar,
-    scenario_of,
-    solving,
-    unforeseen,
-)
+from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
@@ -33,34 +29,36 @@ from sim.result import run_json, settings_json
 from sim.scenario import Scenario
 from sim.text import say, width
 
+POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
+
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, drive, record and sum up."""
+    """Plan, run, record and sum up."""
     check_outputs(arguments, "json", "record", "video", "png")
     _sinks(arguments)
     scenario = scenario_of(arguments)
     _look(arguments, scenario)
-    settings = scenario.settings
-    film = _film(arguments, scenario)
-    with solving() as progress:
-        truth = scenario.truth(progress) if arguments.truth else None
+    settings, film, truth, bar = scenario.settings, None, None, None
+    if arguments.video is not None or arguments.png is not None:
+        from sim.film.film import Film
+
+        film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
+    if arguments.truth:
+        with solving() as progress:
+            truth = scenario.truth(progress)
     witness = None if truth is None else Witness(truth)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
-        as_they_stand(scenario)
+        report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
     with solving() as progress:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
-    warm.finish("sample")
-    tally = episode.Tally(settings.period)
-    if settings.grow and not settings.real_time and tree is not None and settings.grow > tree.size:
-        say(f"--grow {settings.grow}: the drive waits while the tree of {tree.size} vertices grows between two plans")
-    bar = progress_bar("drive", settings.max_time, "s")
-    frames = scenario.drive(scenario.plant(), driver, growing(bar))
+    warm.notice().finish()
+    tally, bar = episode.Tally(settings.period), progress_bar("run", settings.max_time, "s")
     recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
-    with closing(frames), recorder or nullcontext(), bar:
+    with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
             news = tally.add(frame)
             known = None if witness is None else witness.add(frame.plan)
@@ -78,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
     tables.summary(drive, result.get("truth"))
     if truth is not None:
-        unforeseen(scenario)
+        report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
         result["dropped_frames"] = recorder.dropped
         print(f"{recorder.dropped} of {result['steps']} steps did not reach a viewer")
@@ -99,7 +97,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _wait(recorder: Any) -> None:
-    """A bar, on a terminal, until what a drive against the clock has left to record is written."""
+    """A bar, on a terminal, until the steps that a run against the clock has left to record are written."""
     whole = recorder.waiting
     with progress_bar("recording", whole, " steps") as bar:
         while (left := recorder.waiting) > 0:
@@ -111,13 +109,14 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     """Check and return where a recording goes, before any work is done."""
     from sim.recording.options import Sinks
 
-    sinks = Sinks(file=arguments.record, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
+    file = getattr(arguments, "record", None)
+    sinks = Sinks(file=file, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()
     return sinks
 
 
 def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    """Check and return what a recording shows, before the plan."""
+    """Check and return the contents of a recording, before the plan."""
     from sim.recording.options import Look
 
     samples, lift = arguments.record_samples, arguments.record_lift
@@ -141,9 +140,143 @@ def _recorder(
     return recorder
 
 
-def _film(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    if arguments.video is None and arguments.png is None:
-        return None
-    from sim.film.film import Film
+def play(arguments: argparse.Namespace) -> int:
+    """Run until the window is closed or, without one, the run has ended; exit status 0 goal, 1 another end."""
+    from sim.play import events, window
+    from sim.play.drive import Play, first
 
-    return Film(scenario.loaded, video=arguments.video, still=arguments.png)
+    check_outputs(arguments, "json")
+    script = events.read(arguments.script) if arguments.script is not None else ()
+    if not arguments.headless:
+        _check_display()
+    _sinks(arguments)
+    scenario = scenario_of(arguments, loose=True)
+    settings = scenario.settings
+    if settings.method == "optimal":
+        raise OptionError("--method optimal would be solved for again whenever something moves; choose another")
+    if settings.plant != "mujoco":
+        raise OptionError("--plant sde has nothing that could be pushed or moved; leave it out")
+    if settings.budget is not None or settings.target_error is not None:
+        raise OptionError("--target-error does not go with runs in real time; leave it out")
+    if not arguments.headless:
+        scenario = scenario.with_settings(real_time=True)
+    with progress_bar("plan", settings.vertices, " vertices") as bar:
+        built = first(scenario, lambda size: bar.update(size - bar.n))
+    rehearse(scenario, driving=True)
+    warm.notice().finish()
+    game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
+    with ExitStack() as stack:
+        stack.callback(game.close)
+        screen = None if arguments.headless else window.Window(game.plant).start()
+        if screen is not None:
+            stack.callback(screen.close)
+            tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
+        live = stack.enter_context(Live(arguments, game))
+        tally = _played(game, None, screen, live)
+        while screen is not None and screen.open:
+            start = _next_start(game, screen, tally.outcome)
+            if start is not None:
+                tally = _played(game, start, screen, live)
+    if tally.last is None:
+        return 1
+    tables.summary(tally.drive())
+    if arguments.json:
+        done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
+        write_json(arguments.json, {**run_json(scenario, [], tally.drive().json()), "events": done})
+    return 0 if tally.outcome is Outcome.GOAL else 1
+
+
+def _check_display() -> None:
+    from sim.recording import viewer
+
+    try:
+        viewer.check_display()
+    except OptionError:
+        raise OptionError(
+            "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done "
+            "and --serve to watch in a browser"
+        ) from None
+
+
+def _played(game: Any, start: Any, screen: Any, live: Live) -> episode.Tally:
+    """The results of one run."""
+    tally = episode.Tally(game.scenario.settings.period)
+    with closing(game.drive(start)) as frames:
+        for frame in frames:
+            news = tally.add(frame)
+            if news:
+                tqdm.write(news)
+            live.log(frame, news)
+            if screen is not None and not screen.open:
+                break
+    return tally
+
+
+def _next_start(game: Any, screen: Any, outcome: Outcome) -> Any:
+    """Wait for the start (n,) of the next run; None once the window is closed.
+
+    A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
+    robot starts over.
+    """
+    from sim.play import events
+
+    tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
+    screen.home = False
+    while screen.open:
+        time.sleep(POLL)
+        moved = any(isinstance(one, events.Move) and one.what == events.GOAL for one in tuple(game.plant.asked))
+        if not (moved or screen.home):
+            continue
+        try:
+            return game.again(home=screen.home or outcome is Outcome.COLLISION)
+        except (PirrhtError, NoReference) as error:
+            tqdm.write(str(error))
+            screen.home = False
+    return None
+
+
+class Live:
+    """Rerun viewers that follow: every world that takes over begins a recording of its own."""
+
+    def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
+        from sim.recording import viewer
+
+        self._game, self._server = game, None
+        self._space: FreeSpace | None = None
+        self._recorders: list[Any] = []
+        self._urls: list[str] = [] if arguments.connect is None else [arguments.connect]
+        if arguments.view:
+            self._urls.append(viewer.spawn())
+        if arguments.serve:
+            self._server = viewer.Server.start()
+            self._urls.append(self._server.url)
+            tqdm.write(f"watch it in a browser of this machine: {self._server.page}")
+
+    def __enter__(self) -> Live:
+        """Itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Write what is left."""
+        for recorder in self._recorders:
+            recorder.close()
+
+    def log(self, frame: episode.Frame, news: str | None) -> None:
+        """Show a control step."""
+        if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
+            self._begin(frame.plan.space)
+        for recorder in self._recorders:
+            recorder.log(frame, news)
+
+    def _begin(self, space: FreeSpace) -> None:
+        from sim.recording.options import Sinks
+        from sim.recording.recorder import Recorder
+
+        self.__exit__()
+        built, self._space = self._game.live.built, space
+        scenario = built.world.scenario
+        path_integral, settings = built.driver.path_integral, settings_json(scenario)
+        self._recorders = [
+            Recorder(scenario.loaded, built.tree, path_integral, Sinks(connect=url), settings=settings)
+            for url in self._urls
+        ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -20,51 +19,40 @@ from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
 from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.scenario import Scenario
-from sim.text import LEAST, counted, say, table
+from sim.text import MIN_COLUMNS, broken, counted, say, table
 
 FEW_CLASSES = 4
-LONE = 1.5  # effective samples of a class of which no more than one has any weight
-WORTH = 0.01  # weight of a class that any repeat finds, for others to be in doubt about it
-NEAR = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
-SPOT = "rover"  # the robot that turns almost on the spot
-_FIRST = ("scene", "b", "method", "runs", "goal", "collision", "timeout")
-_LAST = ("time [s]", "path/shortest", "switches", "reversals", "ms/step", "plan [s]", "classes")
-_OVER = f"over {BASE}"  # of seeds that reach the goal by both: means of different seeds do not compare
+FEW_OBSTACLES = 4
+LONE_ESS = 1.5  # effective samples of a class of which no more than one has any weight
+MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about it
+DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def scene_table(rows: Sequence[tuple[str, str, float, int, str]], room: int | None = None) -> str:
-    """One row per scene: its name, robot, noise, number of bodies that move, and a sentence on it."""
+def scene_table(rows: Sequence[tuple[str, str, float, int, str]], columns: int | None = None) -> str:
+    """One row per scene: its name, robot, noise, number of moving obstacles, and a sentence on it."""
     known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
-    lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
-    indent = " " * (max(map(len, lines)) + 2)
-    told = [lines[0] + "  about", lines[1] + "-" * 7]
-    for line, (*_, about) in zip(lines[2:], rows, strict=True):
-        text = line.ljust(len(indent)) + about
-        broken = room is not None and room >= len(indent) + LEAST
-        told.append(textwrap.fill(text, room or 0, subsequent_indent=indent) if broken else text.rstrip())
-    return "\n".join(told)
+    head, rule, *lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
+    indent = " " * (max(map(len, [head, *lines])) + 2)
+    if columns is not None and columns < len(indent) + MIN_COLUMNS:
+        columns = None
+    told = [broken(line.ljust(len(indent)) + row[-1], columns, indent) for line, row in zip(lines, rows, strict=True)]
+    return "\n".join([head + "  about", rule + "-" * 7, *told])
 
 
-def class_table(references: Sequence[Reference], room: int | None = None, homology: Homology | None = None) -> str:
-    """One row per homology class, cheapest first; with a homology in time also how each passes the bodies."""
+def class_table(references: Sequence[Reference], columns: int | None = None, homology: Homology | None = None) -> str:
+    """One row per homology class, cheapest first; with a homology in time also how each passes moving obstacles."""
+    header = ["class", "cost", "length [m]"]
+    more: list[list[str]] = [[] for _ in references]
     if homology is not None and homology.J:
-        return table(
-            ["class", "cost", "length [m]", "bodies"],
-            [
-                [title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", ", ".join(passing(r, homology)) or "-"]
-                for r in references
-            ],
-            room,
-        )
-    if references and len(references[0].winding) > 4:  # too wide for a terminal; JSON has it all
-        rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}"] for r in references]
-        return table(["class", "cost", "length [m]"], rows, room)
-    rows = [[r.id, f"{r.cost:.4f}", f"{r.length:.3f}", " ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
-    return table(["class", "cost", "length [m]", "H"], rows, room)
+        header, more = [*header, "bodies"], [[", ".join(passing(r, homology)) or "-"] for r in references]
+    elif not references or len(references[0].winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
+        header, more = [*header, "H"], [[" ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
+    known = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", *last] for r, last in zip(references, more, strict=True)]
+    return table(header, known, columns)
 
 
 def estimate_table(
-    estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None, room: int | None = None
+    estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None, columns: int | None = None
 ) -> str:
     """One row per repeat: value, control, their standard errors, effective sample size and class weights.
 
@@ -88,7 +76,11 @@ def estimate_table(
     if truth is not None:
         exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
         rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
-    return table(header, rows, room)
+    return table(header, rows, columns)
+
+
+def _vector(values: Array) -> str:
+    return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
 
 
 def doubts(
@@ -96,67 +88,41 @@ def doubts(
 ) -> list[str]:
     """List doubts that standard errors hide: few samples, heavy tails, classes not sampled, targets missed."""
     known = [e for e in estimates if e is not None]
-    of = f"of {len(known)} repeats"
-    lines = []
-    poor = sum(e.doubtful for e in known)
-    if poor:
+    of, lines = f"of {len(known)} repeats", []
+    if poor := sum(e.doubtful for e in known):
         lines.append(
             f"effective sample size (ESS) below {TUNING.few:g} in {poor} {of}; standard errors say nothing there, "
             "try more --samples"
         )
-    heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
-    if heavy:
+    if heavy := sum(e.heavy_tailed and not e.doubtful for e in known):
         lines.append(
             f"weights of a heavy tail in {heavy} {of}: a path that was not drawn may outweigh all that were, and "
             "standard errors are too small; try more --samples"
         )
-    for reference in references:
-        thin = sum(e.class_ess.get(reference.id, 0.0) < LONE for e in known)
-        if thin and _matters(reference, known, thin, temperature):
+    for r in references:
+        thin = sum(e.class_ess.get(r.id, 0.0) < LONE_ESS for e in known)
+        cheap = thin and r.cost < min(e.value for e in known) + DOUBT_RANGE * temperature
+        weighty = max((e.class_weights.get(r.id, 0.0) for e in known), default=0.0) >= MIN_WEIGHT
+        if thin and (weighty or (cheap and 2 * thin > len(known))):
             lines.append(
-                f"class {title(reference.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is "
-                "worth, try more --samples"
+                f"class {title(r.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is worth, "
+                "try more --samples"
             )
     if target is not None:
         missed = sum(float(e.control_error.max()) > target for e in known)
-        drawn = [sum(part.size for part in e.parts) for e in known]
-        lines.append(
-            f"--target-error {target:g}: not reached in {missed} of {len(known)} repeats, "
-            f"at most {max(drawn, default=0)} samples drawn"
-        )
+        drawn = max((sum(part.size for part in e.parts) for e in known), default=0)
+        lines.append(f"--target-error {target:g}: not reached in {missed} {of}, at most {drawn} samples drawn")
     return lines
 
 
-def _matters(reference: Reference, known: Sequence[Estimate], thin: int, temperature: float) -> bool:
-    """Return whether a class of few samples has weight in some repeat, or is too cheap to have none in most."""
-    cheap = reference.cost < min(e.value for e in known) + NEAR * temperature
-    weight = max(e.class_weights.get(reference.id, 0.0) for e in known)
-    return weight >= WORTH or (cheap and 2 * thin > len(known))
-
-
-def _vector(values: Array) -> str:
-    return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
-
-
-def passages_line(found: dict[str, Any], circle: float = 0.0) -> str:
-    """Return what a person should know of open passages (`passages_json`) on no path; empty without any.
-
-    Args:
-        circle: how wide the robot's turning circle is, robot included [m]; 0 if it turns on the spot or has no heading.
-    """
-    unused = found["unused"]
-    if not unused:
+def passages_line(found: dict[str, Any]) -> str:
+    """Report open passages (`passages_json`) that are on no path; empty without any."""
+    if not (unused := found["unused"]):
         return ""
-    first = unused[0]
-    tight = sum(passage["width"] < circle for passage in unused)
-    turning = (
-        f"; the turning circle, {circle:.2f} m wide, does not fit into {tight}: --robot {SPOT} turns almost on the spot"
-    )
+    (x, y), width, between = unused[0]["at"], unused[0]["width"], " and ".join(unused[0]["between"])
     return (
-        f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest "
-        f"{first['width']:.2f} m wide at ({first['at'][0]:.2f}, {first['at'][1]:.2f}) between "
-        f"{' and '.join(first['between'])}: more --vertices or --classes or a higher --limit may lead there"
-        + (turning if tight else "")
+        f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest {width:.2f} m wide at "
+        f"({x:.2f}, {y:.2f}) between {between}: more --vertices or --classes or a higher --limit may lead there"
     )
 
 
@@ -170,111 +136,97 @@ def fitting_lines(scenario: Scenario) -> str:
         if given.margin > 0.0
     ]
     if planned.goal is not given.goal:
-        x, y = planned.goal.center
-        lines.append(f"the centre of the goal is covered: plans lead to its free part, {planned.goal.radius:.3g} m "
-                     f"around ({x:.4g}, {y:.4g})")  # fmt: skip
+        (x, y), radius = planned.goal.center, planned.goal.radius
+        lines.append(
+            f"the centre of the goal is covered: plans lead to its free part, {radius:.3g} m around ({x:.4g}, {y:.4g})"
+        )
     return "\n".join(lines)
 
 
 def odds(scenario: Scenario) -> str:
     """State in a line what is uncertain: noise, where the system uses it, and lambda."""
     unit = scenario.system.noise_in.removeprefix("in ")
-    heeds = "noise" in scenario.system.heeds
-    noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if heeds else "noise of its own"
+    own = "noise" in scenario.system.heeds
+    noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if own else "noise of its own"
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
     return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
 
 
-def summary(drive: DriveResult, truth: dict[str, Any] | None = None) -> None:
-    """Print what a drive came to; with a truth also how far from the optimal control it was."""
-    executed = "no class" if drive.executed_class is None else f"class {title(drive.executed_class)}"
-    so_far = " so far" if drive.outcome == "timeout" else ""
-    ms, late = drive.step_ms, "longer than the period (the plant waits)" if drive.real_time is None else "late"
+def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
+    """Print the results of a run; with a truth also how far from the optimal control it was."""
+    executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
+    so_far = " so far" if run.outcome == "timeout" else ""
+    blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
+    ms, late = run.step_ms, "longer than the period (the plant waits)" if run.real_time is None else "late"
     say(
-        f"{drive.outcome} after {drive.time:.2f} s: cost {drive.cost:.3f}{so_far}, path of {drive.path_length:.2f} m "
-        "smoothed over its jitter"
+        f"{run.outcome} after {run.time:.2f} s: cost {run.cost:.3f}{so_far}, path of {run.path_length:.2f} m smoothed "
+        "over its jitter"
     )
     say(
-        f"{executed}, {counted(drive.class_switches, 'class switch', 'class switches')} "
-        f"({counted(drive.class_reversals, 'reversal')} of a decision), "
-        f"{counted(drive.fallbacks, 'fallback')} (plans without reference or surviving sample"
-        f"{f', blocked for {drive.blocked_time:.2f} s' if drive.fallbacks else ''}), "
-        f"least clearance {drive.min_clearance:.3f} m (free distance around the footprint)"
+        f"{executed}, {counted(run.class_switches, 'class switch', 'class switches')} "
+        f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} "
+        f"(plans without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free "
+        "distance around the footprint)"
     )
-    if drive.outcome == "timeout" and drive.fallbacks > drive.steps // 2:
-        say("no way for most of the time: more --samples or --vertices, or less --margin, may find one")
-    if drive.outcome == "collision":
-        say("noise moves the robot between two controls: --margin M makes plans leave so much more room [m]")
-    if drive.doubtful_plans:
+    if run.outcome == "timeout" and run.fallbacks > run.steps // 2:
+        say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
+    if run.outcome == "collision":
+        say("noise moves the robot between two controls: --margin M makes plans leave so much more clearance [m]")
+    if run.doubtful_plans:
         say(
-            f"{drive.doubtful_plans} of {counted(drive.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
-            f"the weakest on {drive.least_ess:.1f} at {drive.least_ess_time:.2f} s: a guess; try more --samples"
+            f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
+            f"the weakest on {run.least_ess:.1f} at {run.least_ess_time:.2f} s: a guess; try more --samples"
         )
-    if drive.real_time is not None:
-        say(clock.summary(drive.real_time))
+    if run.real_time is not None:
+        say(clock.summary(run.real_time))
     say(
-        f"{counted(drive.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, "
-        f"max {ms['max']:.1f}, {drive.deadline_misses} {late}"
+        f"{counted(run.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f},"
+        f" {run.deadline_misses} {late}"
     )
     if truth is not None:
         say(
-            f"beside the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
+            f"compared with the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}"
         )
 
 
-def sweep_table(rows: Sequence[Record], room: int | None = None) -> str:
-    """A table with one line per scene, noise and method; a path is held against the shortest reference."""
+def sweep_table(records: Sequence[Record], columns: int | None = None) -> str:
+    """One row per scene, noise and method; a path is compared with the shortest reference."""
     points: dict[Key, list[Record]] = {}
-    for row in rows:
-        points.setdefault((row["scene"], row["noise"], row["method"]), []).append(row)
-    failed = any(row["outcome"] is None for row in rows)
-    over = {point: _over(point, points) for point in points}
-    paired = any(over.values())
-    header = [*_FIRST, *(["error"] if failed else []), "cost", *([_OVER] if paired else []), *_LAST]
-    lines = [
-        _line(point, everyone, failed, [over[point] or "-"] if paired else []) for point, everyone in points.items()
-    ]
-    return table(header, lines, room, keep=3)
+    for record in records:
+        points.setdefault((record["scene"], record["noise"], record["method"]), []).append(record)
+    rows = [_sweep_row(point, points) for point in points]
+    empty = {name for name, nothing in (("error", "0"), (f"over {BASE}", "-")) if all(r[name] == nothing for r in rows)}
+    header = [name for name in rows[0] if name not in empty]
+    return table(header, [[row[name] for name in header] for row in rows], columns, keep=3)
 
 
-def _over(point: Key, points: Mapping[Key, Sequence[Record]]) -> str:
-    """Return the mean extra cost of a method over `BASE` with equal noise; empty without pairs."""
+def _sweep_row(point: Key, points: Mapping[Key, Sequence[Record]]) -> dict[str, str]:
+    """Cells by header; costs over those of `BASE` are of seeds that reach the goal by both."""
     scene, noise, method = point
-    if method == BASE:
-        return ""
-    off = extra_costs(pairs_of(points[point], points.get((scene, noise, BASE), ())))
-    return f"{np.mean(off):+.3f}" if off else ""
+    ended = [r for r in points[point] if r["outcome"] is not None]
+    goals = [r for r in ended if r["outcome"] == "goal"]
+    base = [] if method == BASE else points.get((scene, noise, BASE), ())
+    names, counts = np.unique([r["executed_class"] for r in goals], return_counts=True)
+    shares = [f"{title(str(names[i]))}: {counts[i] / len(goals):.0%}" for i in np.argsort(-counts, kind="stable")[:4]]
+    return {
+        "scene": scene,
+        "b": f"{noise:g}",
+        "method": method,
+        "runs": str(len(points[point])),
+        **{name: str(sum(r["outcome"] == name for r in ended)) for name in ("goal", "collision", "timeout")},
+        "error": str(len(points[point]) - len(ended)),
+        "cost": _mean([r["cost"] for r in goals]),
+        f"over {BASE}": _mean(extra_costs(pairs_of(points[point], base)), "+.3f"),
+        "time [s]": _mean([r["time"] for r in goals]),
+        "path/shortest": _mean([r["path_length"] / r["shortest_length"] for r in goals if r["shortest_length"]]),
+        "switches": _mean([r["class_switches"] for r in ended], ".2f"),
+        "reversals": _mean([r["class_reversals"] for r in ended], ".2f"),
+        "ms/step": _mean([np.median([r["step_ms"]["median"] for r in ended])] if ended else [], ".1f"),
+        "plan [s]": _mean([r["plan_seconds"] for r in ended if r["plan_seconds"] is not None]),
+        "classes": ", ".join(shares) or "-",
+    }
 
 
-def _line(point: Key, everyone: Sequence[Record], failed: bool, over: Sequence[str]) -> list[str]:
-    scene, noise, method = point
-    group = [r for r in everyone if r["outcome"] is not None]
-    arrived = [r for r in group if r["outcome"] == "goal"]
-    ends = [sum(r["outcome"] == name for r in group) for name in ("goal", "collision", "timeout")]
-    return [
-        *(scene, f"{noise:g}", method, str(len(everyone))),
-        *map(str, ends),
-        *([str(len(everyone) - len(group))] if failed else []),
-        _mean([r["cost"] for r in arrived]),
-        *over,
-        _mean([r["time"] for r in arrived]),
-        _mean([r["path_length"] / r["shortest_length"] for r in arrived if r["shortest_length"]]),
-        _mean([r["class_switches"] for r in group], 2),
-        _mean([r["class_reversals"] for r in group], 2),
-        _mean([np.median([r["step_ms"]["median"] for r in group])] if group else [], 1),
-        _mean([r["plan_seconds"] for r in group if r["plan_seconds"] is not None]),
-        _shares([r["executed_class"] for r in arrived]),
-    ]
-
-
-def _mean(values: Sequence[float], digits: int = 3) -> str:
-    return f"{np.mean(values):.{digits}f}" if values else "-"
-
-
-def _shares(ids: Sequence[str]) -> str:
-    if not ids:
-        return "-"
-    names, counts = np.unique(ids, return_counts=True)
-    order = np.argsort(-counts, kind="stable")
-    return ", ".join(f"{title(str(names[i]))}: {counts[i] / len(ids):.0%}" for i in order[:4])
+def _mean(values: Sequence[float], form: str = ".3f") -> str:
+    return f"{np.mean(values):{form}}" if len(values) else "-"

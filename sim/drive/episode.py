@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -37,13 +37,11 @@ def run(
     *,
     max_time: float,
     grow: int = 0,
-    growing: Callable[[int], None] | None = None,
 ) -> Generator[Frame]:
     """Drive from start until the goal, a collision or max_time [s] of simulated time (Algorithm 4).
 
     Args:
         grow: vertices that the controller's tree gains between two plans, until it has MOST_VERTICES.
-        growing: called with the number of vertices while it does.
 
     Raises:
         NoReference: already the start has no reference.
@@ -67,7 +65,7 @@ def run(
         outcome = frame.outcome
         yield frame
         if controller.tree is not None and outcome is None and grow:
-            controller.tree.grow(min(vertices + grow, MOST_VERTICES), progress=growing)
+            controller.tree.grow(min(vertices + grow, MOST_VERTICES))
 
 
 def size_of(tree: HomologyTree | None) -> int:

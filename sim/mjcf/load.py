@@ -36,12 +36,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError, SceneError
+from pirrht.errors import SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import stance_of, standing
 from sim.mjcf.faults import Faults
@@ -54,8 +55,7 @@ from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read
 from sim.mjcf.numbers import MOTION, option_defaults
 from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace, refuse_turns
 from sim.mjcf.robot import Robot, meant_system, read_robot
-from sim.options.table import NUMERICS
-from sim.systems import System
+from sim.settings import SceneOptions
 from sim.text import counted
 
 __all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
@@ -95,51 +95,33 @@ class Loaded:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
 
 
-def load(
-    scene: str | Path,
-    *,
-    robot: str | Path | None = None,
-    radius: float | None = None,
-    margin: float | None = None,
-    start: Sequence[float] | None = None,
-    goal: Sequence[float] | None = None,
-    workspace: Sequence[float] | None = None,
-    system: System | None = None,
-    freeze: bool = False,
-    without: Sequence[str] | None = None,
-    loose: bool = False,
-) -> Loaded:
+def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     """A scene with a robot in it.
 
     Args:
         scene: a built-in name or the path of an MJCF file.
-        robot: likewise; without it the scene's `pirrht_robot`, else the puck.
-        radius: footprint [m]; without it the scene's `pirrht_radius`, else the robot's own.
-        margin: by which the footprint is larger than that [m]; without it the scene's `pirrht_margin`, else 0. Where a
-            moving obstacle leaves less at the start, half of what it leaves.
-        start: x, y [m] and optionally heading [rad], in place of the site `start`.
-        goal: x, y, radius [m], in place of the site `goal`.
-        workspace: x0, x1, y0, y1 [m], in place of the site `workspace` or the floor.
-        system: what moves, in place of the one that the robot names.
-        freeze: whether bodies with joints are welded where the first keyframe, else the default pose, has them, and
-            actuators, sensors, tendons and equalities dropped.
-        without: names of bodies that are left out, with all that refers to them.
         loose: whether what stands is made of mocap bodies, which can be moved, and a body shows the goal.
+        options: fields of `SceneOptions`, of which `system` is a `System`. Without a robot there is the scene's
+            `pirrht_robot`, else the puck; without a radius [m] its `pirrht_radius`, else the robot's own; without a
+            margin [m] its `pirrht_margin`, else 0. Where a moving obstacle leaves less at the start, the margin is half
+            of what it leaves. Bodies that `freeze` welds are where the first keyframe, else the default pose, has them;
+            actuators, sensors, tendons and equalities are dropped.
 
     Raises:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
-    path = find("scene", scene)
+    task, path = SceneOptions(**options), find("scene", scene)
     spec, faults = parse(path), Faults(path)
-    notes = [leave_out(spec, without, path)] if without else []
+    notes = [leave_out(spec, task.without, path)] if task.without else []
     motions = read_motions(spec, path)
-    notes += [freeze_bodies(spec, motions, path)] if freeze else []
+    notes += [freeze_bodies(spec, motions, path)] if task.freeze else []
     defaults = faults.of(option_defaults, spec, path) or {}
     if loose:
         loosen(spec)
     meant, about = faults.of(_meant_robot, spec, path) or DEFAULT, _about(spec)
-    length, room = (_measure(name, given, defaults, path) for name, given in (("radius", radius), ("margin", margin)))
-    machine = read_robot(robot or meant, length, system, margin=room or 0.0)
+    length = defaults.get("radius") if task.radius is None else task.radius
+    room = defaults.get("margin") if task.margin is None else task.margin
+    machine = read_robot(task.robot or meant, length, task.system, margin=room or 0.0)
     model = _join(spec, machine, path)
     data = _posed(model)
     robot_geoms = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
@@ -148,8 +130,8 @@ def load(
     faults.of(refuse_turns, model, path)
     mask, solids = read_obstacles(model, data, robot_geoms, span, path, faults)
     moving, numbers = moved_geoms(model, motions), np.flatnonzero(mask)
-    borders = faults.of(read_workspace, model, data, workspace, path)
-    disc, place = faults.of(_goal, model, data, goal, path), faults.of(_start, model, data, start, path)
+    borders = faults.of(read_workspace, model, data, task.workspace, path)
+    disc, place = faults.of(_goal, model, data, task.goal, path), faults.of(_start, model, data, task.start, path)
     faults.settle()
     assert borders is not None and disc is not None  # noqa: PT018
     assert place is not None
@@ -172,10 +154,7 @@ def load(
         movers=read_movers(model, data, motions, dict(zip(numbers.tolist(), solids, strict=True)), path),
     )
     if room and 0.0 < (left := room - shortfall(values)) <= room:
-        return load(
-            scene, robot=robot, radius=radius, margin=0.5 * left, start=start, goal=goal, workspace=workspace,
-            system=system, freeze=freeze, without=without, loose=loose,
-        )  # fmt: skip
+        return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
     _leave_only(model, mask, robot_geoms)
     _place(model, data, machine, values.start)
     _check_start(model, data, mask, moving, concave, path)
@@ -251,15 +230,6 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Arra
     states = robot.system.states
     stance_of(model, states).place(data, standing(start, states), np.zeros(2), np.zeros(model.nu))
     model.key_qpos[0] = data.qpos
-
-
-def _measure(name: str, given: float | None, defaults: dict[str, float], path: Path) -> float | None:
-    if given is None:
-        return defaults.get(name)
-    try:
-        return float(NUMERICS[name].check(given))
-    except OptionError as error:
-        raise SceneError(f"{path}: {error}") from None
 
 
 def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:

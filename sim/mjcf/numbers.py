@@ -10,7 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from sim.options.table import NUMERICS, gone
+from sim.options import NUMERICS
 
 MOTION = "pirrht_motion_"  # with the name of a body: how it moves (`sim.mjcf.motions`)
 FAR = 1e6  # [m]; whatever stands or reaches farther is a slip of the pen
@@ -31,7 +31,6 @@ def option_defaults(spec: mujoco.MjSpec, path: Path) -> dict[str, float]:
         name, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
         label = f'{path}: custom numeric "{numeric.name}"'
         try:
-            gone(name, label)
             if name not in NUMERICS:
                 known = ", ".join("pirrht_" + option.replace("-", "_") for option in NUMERICS)
                 raise SceneError(f"{label} is no option; those are {known}, and {MOTION}BODY is the motion of a body")

@@ -219,11 +219,8 @@ class Scenario(Task):
         """
         return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
-    def drive(self, plant: Plant, driver: Policy, growing: Callable[[int], None] | None = None) -> Generator[Frame]:
+    def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
         """Run from the start, as fast as it goes or in real time; one frame per control period.
-
-        Args:
-            growing: called with the number of vertices while the tree grows between two plans.
 
         Raises:
             NoReference: already the start has no reference.
@@ -231,7 +228,7 @@ class Scenario(Task):
         s, start, rng = self.settings, self.start, self.plant_rng()
         if s.real_time:
             return realtime.run(plant, driver, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0, growing=growing)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0)
 
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""

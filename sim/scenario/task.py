@@ -15,7 +15,8 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim.mjcf import Loaded
-from sim.settings import Settings, Size, check
+from sim.plan_size import Size, check
+from sim.settings import Settings
 from sim.systems import System, refuse
 
 ENOUGH = 30.0  # effective samples that the first plan of a drive rests on, if it can be had

@@ -10,8 +10,7 @@ from typing import Any
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError, printable
 from sim.mjcf import scene_names
-from sim.options import table as options
-from sim.options.settings import SEED
+from sim.settings import BY_SETTING, IDENTIFYING, SEED, refuse_unused
 from sim.sweeps.runs import Frozen, Job, frozen
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
@@ -57,7 +56,7 @@ class Grid:
     @property
     def settings(self) -> dict[str, Any]:
         """Settings that all runs share and results depend on, by option."""
-        return options.identity(dict((*self.task, *self.given)))
+        return {name: value for name, value in (*self.task, *self.given) if name in IDENTIFYING}
 
 
 def parse(
@@ -85,7 +84,7 @@ def parse(
     for name in names:
         if name not in METHODS:
             raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
-    options.refuse_idle(given, names)
+    refuse_unused(given, names)
     return Grid(
         scenes=tuple(scenes),
         methods=names,
@@ -107,7 +106,7 @@ def noises_of(text: str) -> Iterator[float]:
             level = float(part)
         except ValueError:
             raise OptionError(f"--noise: {part!r} is no number; write for instance 0.1,0.3") from None
-        yield options.BY_SETTING["noise"].check(level)
+        yield BY_SETTING["noise"].check(level)
 
 
 def seeds_of(text: str) -> range:

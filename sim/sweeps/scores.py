@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from sim.options.table import TASKS
 from sim.scenario import Scenario
+from sim.settings import BY_SCENE
 from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.manifests import wishes
@@ -89,8 +89,8 @@ def _under(job: Job, settings: Mapping[str, Any]) -> Job:
     values = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
     return replace(
         job,
-        task=tuple((name, values.get(name)) for name in TASKS),
-        given=tuple((name, value) for name, value in values.items() if name not in TASKS),
+        task=tuple((name, values.get(name)) for name in BY_SCENE),
+        given=tuple((name, value) for name, value in values.items() if name not in BY_SCENE),
     )
 
 

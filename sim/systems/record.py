@@ -11,8 +11,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, PirrhtError
-from sim.options.table import BY_SETTING, SPECIAL
-from sim.settings import PRESETS, Settings
+from sim.settings import BY_SETTING, PRESETS, SPECIAL, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
 VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]

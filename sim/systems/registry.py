@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from sim.options.table import SPECIAL
-from sim.settings import Settings
+from sim.settings import SPECIAL, Settings
 from sim.systems.record import POSE, System
 
 

@@ -6,6 +6,7 @@ import importlib.util
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from repository import ROOT, environment
@@ -14,7 +15,6 @@ from pirrht.errors import OptionError
 from sim import system_import
 from sim.cli import warm
 from sim.recording import export, viewer
-from sim.rehearsal import ROOM as BOX
 
 PACKAGES = ("sim", "pirrht", "rerun", "rerun_cli", "multiprocessing", "mujoco", "numpy")
 MODULES = ("numba", "rerun_sdk", "subprocess", "socket", "signal", "tempfile", "pickle", "threading", "tqdm")
@@ -100,14 +100,13 @@ def test_recordings_are_repaired_without_importing_anything_from_there(project: 
 
 def test_what_compiles_ahead_imports_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
     begun: list[list[str]] = []
-    real = subprocess.Popen
-    monkeypatch.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command))
-    monkeypatch.setattr(warm.cache, "kept", lambda: True)
-    monkeypatch.setattr(warm.cache, "load", lambda name, made: None)
-    monkeypatch.setattr(warm, "notice", lambda note=warm.Notice(): note)  # noqa: B008
-    system = warm.named("single_integrator")
-    warm.begin(system, system.problem(BOX, system.settings))
-    monkeypatch.setattr(warm.subprocess, "Popen", real)
+    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.planner.expand"))
+    notice = warm.Notice()
+    notice.words = ["slit", "puck"]
+    with monkeypatch.context() as patched:
+        patched.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command))
+        patched.setattr(warm.cache, "kept", lambda: True)
+        notice.on_start(SimpleNamespace(data={"dispatcher": kernel}))
     (command,) = begun
     module = command.index("-m")
     code = "import rerun_cli, sim.cli.warm as found; print(found.__file__)"

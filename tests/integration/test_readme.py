@@ -1,4 +1,4 @@
-"""What README and docs show is run as it stands, links lead somewhere, and what is said twice is the same."""
+"""Commands of README and docs are understood, links lead somewhere, and what two pages have in common agrees."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from repository import ROOT, environment
 import pirrht
 from sim import cli
 from sim.cli import parser
-from sim.cli.demo import LEVELS, sentences
+from sim.cli.commands import DEMO_LEVELS, demo, demo_sentences
 from sim.mjcf import load, scene_names
 
 WORLD = """<sdf version="1.6"><world name="posts"><model name="post"><static>true</static><pose>-2.2 8 0 0 0 0</pose>
@@ -31,13 +31,9 @@ WORLD = """<sdf version="1.6"><world name="posts"><model name="post"><static>tru
 
 
 def run(code: str, folder: Path) -> str:
+    known = {**environment(folder), "MPLBACKEND": "Agg"}
     done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        env={**environment(folder), "MPLBACKEND": "Agg"},
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=240, env=known
     )
     assert done.returncode == 0, done.stderr
     return done.stdout
@@ -92,47 +88,39 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 ALL = [pytest.param(line, id=f"{page.name}: {line}") for page in PAGES for line in dict.fromkeys(commands(page))]
 
 
-def test_pages_show_commands():
-    assert len(ALL) > 30
-
-
 @pytest.mark.parametrize("line", ALL)
 def test_every_command_of_the_pages_is_one_that_is_understood(line):
-    arguments = parser.read(shlex.split(line)[1:])
-    assert arguments.command in line
+    assert parser.read(shlex.split(line)[1:]).command in line
 
 
-def test_the_demo_drives_twice_and_ends_with_two_sentences(monkeypatch, capsys):
-    monkeypatch.setattr("sim.cli.demo.MORE", ("--vertices", "60", "--samples", "10", "--max-time", "0.03"))
-    assert cli.main(["demo"]) == 1
+def test_the_demo_runs_twice_and_ends_with_two_sentences(capsys):
+    assert demo(parser.read(["demo"]), ("--vertices", "60", "--samples", "10", "--max-time", "0.03")) == 1
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if "noise: pirrht run" in line] == [
-        f"{word} noise: pirrht run slit --noise {noise:g}" for word, noise in LEVELS
+        f"{word} noise: pirrht run slit --noise {noise:g}" for word, noise in DEMO_LEVELS
     ]
     assert [line[:2] for line in lines[-2:]] == ["1.", "2."]
 
 
-def test_what_the_demo_says_is_what_its_drives_did():
-    first, second = sentences(
-        [{"outcome": "goal", "executed_class": "0,0"}, {"outcome": "goal", "executed_class": "-1,0"}]
-    )
-    assert "b = 0.1 the robot went through the slit, with b = 0.3 around the slit, above" in first
+@pytest.mark.parametrize(
+    ("little", "much", "line"),
+    [
+        (("goal", "0,0"), ("goal", "-1,0"), "went through the slit, with b = 0.3 around the slit, above"),
+        (("collision", None), ("timeout", None), "went into a wall, with b = 0.3 nowhere in time"),
+    ],
+)
+def test_sentences_of_the_demo_report_its_runs(little, much, line):
+    first, second = demo_sentences([{"outcome": end, "executed_class": name} for end, name in (little, much)])
+    assert f"b = 0.1 the robot {line}" in first
     assert "exp(-cost / lambda)" in second
-    (first, _) = sentences([{"outcome": "collision"}, {"outcome": "timeout"}])
-    assert "went into a wall, with b = 0.3 nowhere in time" in first
 
 
-@pytest.mark.parametrize("scene", ["garden"])
-def test_a_scene_of_ones_own_has_a_class_for_each_way_around(scene, folder, capsys):
-    assert cli.main(["plan", str(folder / f"{scene}.xml"), "--vertices", "300"]) == 0
+def test_a_scene_of_ones_own_has_a_class_on_each_side_of_an_obstacle(folder, capsys):
+    assert cli.main(["plan", str(folder / "garden.xml"), "--vertices", "300"]) == 0
     assert len(re.findall(r"^-?\d+(?:,-?\d+)+ ", capsys.readouterr().out, re.M)) >= 2
 
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-
-
-def test_there_are_two_notebooks():
-    assert [path.stem for path in NOTEBOOKS] == ["first_drive", "your_own_system"]
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
@@ -153,37 +141,28 @@ def test_the_readme_is_short_and_opens_with_a_moving_picture():
     text = named("README.md").read_text()
     assert len(text.encode()) < 6_500
     image = pytest.importorskip("PIL.Image")
-    first = re.findall(r"!\[[^\]]*\]\((.*?)\)", text)[0]
-    with image.open(ROOT / first) as picture:
+    with image.open(ROOT / re.findall(r"!\[[^\]]*\]\((.*?)\)", text)[0]) as picture:
         assert picture.n_frames > 10
     assert text.index("scripts/demo.sh") < text.index("scripts/test.sh") < text.index("pirrht run")
 
 
-@pytest.mark.parametrize("page", NAMES)
-def test_links_and_pictures_are_there(page):
-    file = named(page)
-    made = {"changelog.md"}  # by scripts/site_hook.py
-    missing = [target for target in links(file) if target not in made and not (file.parent / target).exists()]
-    assert not missing
-
-
-def test_no_picture_is_shown_nowhere_and_all_together_are_small():
-    folder = ROOT / "docs"
-    pictures = {path for path in folder.rglob("*") if path.suffix in (".png", ".webp", ".gif", ".mp4")}
-    shown = {(page.parent / target).resolve() for page in PAGES for target in links(page)}
-    assert not pictures - shown
+def test_links_lead_to_files_and_every_picture_is_shown_and_all_together_are_small():
+    targets = {(page.parent / target).resolve() for page in PAGES for target in links(page)}
+    made = ROOT / "docs" / "changelog.md"  # by scripts/site_hook.py
+    assert not [target for target in targets if target != made and not target.exists()]
+    pictures = {path for path in (ROOT / "docs").rglob("*") if path.suffix in (".png", ".webp", ".gif", ".mp4")}
+    assert not pictures - targets
     assert sum(path.stat().st_size for path in pictures) < 3_000_000
 
 
-def test_every_page_is_in_the_navigation_and_on_the_way_from_the_readme():
+def test_every_page_is_in_the_navigation_and_reached_from_the_readme():
     listed = set(re.findall(r"([\w-]+\.md)", (ROOT / "mkdocs.yml").read_text()))
     assert listed == {page.name for page in PAGES[1:]} | {"changelog.md"}
-    reached, waiting = set(), ["README.md"]
+    reached, waiting = set(), {"README.md"}
     while waiting:
-        name = waiting.pop()
-        reached.add(name)
-        found = {Path(target).name for target in links(named(name)) if target.endswith(".md")}
-        waiting += [other for other in found & set(NAMES) if other not in reached]
+        reached |= waiting
+        found = {Path(target).name for name in waiting for target in links(named(name))}
+        waiting = (found & set(NAMES)) - reached
     assert set(NAMES) - reached <= {"index.md"}
 
 
@@ -206,7 +185,7 @@ BENCHMARK = r"benchmark\.py (\w+)(?: --part (\w+))?"
 def test_versions_that_a_page_names_are_this_one_or_the_minor_one_before(page):
     major, minor = map(int, pirrht.__version__.split(".")[:2])
     named_here = {(int(a), int(b)) for a, b in re.findall(VERSION, named(page).read_text())}
-    assert named_here <= {(major, minor), (major, minor - 1)}, "measure these figures anew, or leave them out"
+    assert named_here <= {(major, minor), (major, minor - 1)}, "measure these figures again, or leave them out"
 
 
 def test_every_table_of_results_names_its_command_and_its_version():

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from mjcf_samples import WALL
 
-from sim.cli import main, sweep_commands
+from sim.cli import main
+from sim.cli.commands import error_lines
 from sim.mjcf import load
 from sim.sweeps import grid, runs
 from sim.sweeps.dataset import Dataset
@@ -73,16 +74,14 @@ def test_a_run_that_crashes_is_a_row_and_the_others_go_on(tmp_path, capsys, monk
     assert shown.err.splitlines() == ["1 run ended with an error:", "  1 x ZeroDivisionError: a wheel came off"]
 
 
-def test_of_many_errors_the_most_frequent_are_told(capsys):
+def test_of_many_errors_the_most_frequent_are_reported():
     errors = ["a", "b", "c", "c\nmore", "d", "e", "d"]
-    sweep_commands._tell(errors, stored=True)
-    assert capsys.readouterr().err.splitlines() == [
+    assert error_lines(errors, stored=True) == [
         "7 runs ended with an error:",
         *("  2 x c", "  2 x d", "  1 x a", "  and 2 other errors"),
-        "the same command with --again makes them anew",
+        "the same command with --again repeats them",
     ]
-    sweep_commands._tell([], stored=True)
-    assert capsys.readouterr().err == ""
+    assert error_lines([], stored=True) == []
 
 
 def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again(tmp_path, capsys):
@@ -100,7 +99,7 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
     shown = capsys.readouterr()
     assert "8 runs, 2 of them ended with an error" in shown.out
     assert "  2 x no allowed class reaches the goal" in shown.err
-    assert "--again makes them anew" in shown.err
+    assert "--again repeats them" in shown.err
     files = Dataset(tmp_path / "sweep").files()
     assert main([*words, "--again"]) == 1
     assert rows(tmp_path / "sweep") == found

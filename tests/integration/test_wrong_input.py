@@ -10,7 +10,6 @@ from mjcf_samples import FLOOR, GOAL, SITES, START, mjcf
 
 from sim.cli import main
 from sim.mjcf import scene_names
-from sim.options.table import refuse_idle
 
 NARROW = "".join(
     f'<geom name="{name}" type="box" pos="5 {y} 0.5" size="0.1 2.4 0.5"/>'
@@ -62,7 +61,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("run slit --period 0.003", "period 0.003", "whole multiple of the physics step 0.002"),
     ("plan slit --png x.txt", "--png x.txt", ".png, .pdf, .svg"),
     ("plan slit --convergence x", "--convergence x", ".png, .pdf, .svg"),
-    ("run slit --record-lift a,b --record x.rrd", "a,b", "5,12"),
+    ("run slit --record-lift a,b --record x.rrd", "a,b", "--help"),
     ("run slit --vertices 50 --record-lift 7 --record x.rrd", "--record-lift 7", "1 to 2"),
     ("plan slit --json nowhere/x.json", "--json nowhere/x.json", "create it"),
     ("plan slit --json .", "--json . is a folder", "path of a file"),
@@ -170,8 +169,6 @@ def test_a_good_result_replaces_the_old_one(folder, capsys):
         ("sweep slit --methods single,passive --exploration 2", "--exploration is of the method mppi alone"),
         ("run slit --method mppi --guide feedback", "--guide: the method mppi has no such choice"),
         ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice"),
-        ("run slit --rounds 2", "--rounds is gone: refitting guides within a plan never paid; leave it out"),
-        ("run slit --memory", "--memory is gone: sampling around the last plan's tape never paid; leave it out"),
         ("run slit --between gain", "--between is 'gain'; it must be one of classes, hold"),
         ("estimate slit --at 1 2 --steps split", "--steps is 'split'; it must be one of fitted, uniform"),
         ("run slit --exit endpoint --steps fitted", "--steps fitted goes with --exit bridge"),
@@ -184,8 +181,3 @@ def test_what_would_be_ignored_is_refused(capsys, arguments: str, what: str):
     error = capsys.readouterr().err.strip()
     assert what in error
     assert len(error.splitlines()) == 1
-
-
-def test_what_one_of_several_methods_heeds_is_not_refused():
-    refuse_idle({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
-    refuse_idle({"guide": "open-loop", "draws": "independent"}, ["mppi"])

@@ -1,0 +1,100 @@
+"""Tables and lines of commands: classes, doubts about estimates, predicted motions, noise in its unit."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from sim.cli.shared import report_prediction
+from sim.cli.tables import class_table, doubts, odds
+from sim.result import classes_json, estimate_json, run_json, settings_json
+from sim.scenario import prepare
+
+TEMPERATURE, VALUE = 0.1, 9.0
+
+
+def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
+    scenario = prepare("crossing", given={"vertices": 200})
+    references = scenario.references(scenario.grown_tree())
+    head, _, *rows = class_table(references, None, scenario.homology).splitlines()
+    assert "bodies" in head
+    known = {row["id"]: row["bodies"] for row in classes_json(references, homology=scenario.homology)}
+    assert known == {"0": ["crosser: before"], "1": ["crosser: behind"]}
+    assert all(known[row.split()[0]][0] in row for row in rows)
+
+
+def test_classes_of_a_static_scene_are_reported_by_h():
+    scenario = prepare("slit", given={"vertices": 100})
+    references = scenario.references(scenario.grown_tree())
+    assert class_table(references, None, scenario.homology) == class_table(references)
+    assert class_table(references).splitlines()[0].endswith("H")
+    assert "bodies" not in classes_json(references, homology=scenario.homology)[0]
+
+
+@pytest.mark.parametrize("made", [run_json, estimate_json])
+def test_json_names_what_each_number_of_a_winding_stands_for(made):
+    scenario = prepare("pincer", given={"vertices": 200})
+    references = scenario.references(scenario.grown_tree())
+    found = made(scenario, references, {} if made is run_json else [])
+    assert all(len(row["winding"]) == len(found["obstacles"]) + len(found["movers"]) for row in found["classes"])
+    assert found["movers"] == [mover.name for mover in scenario.loaded.scene.movers]
+    assert found["classes"][0]["bodies"] == classes_json(references, homology=scenario.homology)[0]["bodies"]
+
+
+def estimate(*, ess: float = 100.0, heavy: bool = False, own: float = 100.0, weight: float = 1.0) -> Any:
+    """An estimate of one class that has so many effective samples, and such a weight."""
+    doubtful, by_class = ess < 10.0, ({"0,0": own}, {"0,0": weight})
+    return SimpleNamespace(
+        value=VALUE, ess=ess, doubtful=doubtful, heavy_tailed=heavy, class_ess=by_class[0], class_weights=by_class[1]
+    )
+
+
+GOOD, HEAVY, LOST = estimate(), estimate(heavy=True), estimate(own=1.0, weight=0.0)
+
+
+@pytest.mark.parametrize(
+    ("estimates", "cost", "line"),
+    [
+        ((GOOD, GOOD, None), 0.0, ""),
+        ((estimate(ess=3.0, heavy=True), GOOD), 0.0, "below 10 in 1 of 2 repeats"),
+        ((HEAVY, HEAVY, GOOD), 0.0, "heavy tail in 2 of 3 repeats"),
+        ((LOST, LOST), 0.0, "class 0,0: hardly a sample in 2 of 2 repeats"),
+        ((LOST, LOST), 6.0, ""),  # too costly a class to matter
+        ((LOST, estimate(weight=0.001), estimate(weight=0.001)), 0.0, ""),
+        ((LOST, estimate(weight=0.2), estimate(weight=0.2)), 0.0, "hardly a sample in 1 of 3"),
+    ],
+)
+def test_doubts_that_standard_errors_hide_are_reported(estimates, cost, line):
+    reference = SimpleNamespace(id="0,0", cost=VALUE + cost * TEMPERATURE)
+    lines = doubts(estimates, [reference], TEMPERATURE, None)
+    assert len(lines) == bool(line)
+    assert line in "".join(lines)
+
+
+def test_an_estimate_reports_the_tail_of_all_its_samples():
+    """Of `slit` at b = 0.2 weights are light (2000 samples a class, seed 0)."""
+    scenario = prepare("slit", given={"noise": 0.2, "vertices": 500, "samples": 2000})
+    controller = scenario.driver(scenario.grown_tree())
+    controller.begin(scenario.start)
+    found = controller.plan(scenario.start).estimate
+    assert np.isfinite(found.tail)
+    assert found.tail < 0.6
+    assert not found.heavy_tailed
+
+
+@pytest.mark.parametrize(("robot", "unit"), [("puck", "m/sqrt(s)"), ("hover", "m/s/sqrt(s)")])
+def test_noise_is_reported_in_its_unit_and_lambda_is_r_b_b(robot, unit):
+    """R = 2 for both."""
+    assert odds(prepare("slit", robot=robot, given={"noise": 0.3})) == f"{robot}: noise 0.3 {unit}, lambda 0.18"
+
+
+@pytest.mark.parametrize(("scene", "predict", "lines"), [("crossing", "velocity", 1), ("crossing", "known", 0)])
+def test_true_motions_that_plans_do_not_know_are_reported(capsys, scene, predict, lines):
+    scenario = prepare(scene, given={"predict": predict})
+    report_prediction(scenario, "the exact value is that")
+    assert capsys.readouterr().out.count("which plans of --predict velocity do not know") == lines
+    assert settings_json(scenario)["predict"] == predict
+    assert "predict" not in settings_json(prepare("slit"))

@@ -1,0 +1,271 @@
+"""Settings and options: bounded, and all that parser, scenes, help and datasets know of options."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mjcf_samples import FLOOR, SITES, mjcf
+from repository import ROOT
+
+import pirrht
+from pirrht.control.baselines import Mppi
+from pirrht.control.settings import ControlSettings
+from pirrht.errors import OptionError
+from sim import plan_size
+from sim.cli import docs, main, parser, run_command
+from sim.options import DAILY, OPTIONS, check, options_of
+from sim.scenario import prepare
+from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, PRESETS, Option, Settings, refuse_unused
+from sim.systems import named, names
+
+QUICK = ["--vertices", "30", "--samples", "4"]
+BOUNDED = [option for option in OPTIONS if option.bounds]
+SIZE = {"states": 2, "controls": 2, "obstacles": 2, "classes": 3, "distance": 4.5, "speed": 1.0, "rate": 1.0}
+ODD = st.one_of(st.floats(), st.integers(), st.sampled_from([10**400, -(10**400), "x", "", None]))
+WORDS = st.one_of(
+    st.floats().map(str), st.integers().map(str), st.sampled_from(["1" + "0" * 400, "x", "", "1e999", "0x1"])
+)
+
+
+# -- every number, however hostile, is refused in one line or admitted -------------------------------------------------
+
+
+def assert_one_line(error: OptionError, option: Option) -> None:
+    assert option.flag in str(error)
+    assert "\n" not in str(error)
+    assert len(str(error)) < 1000
+
+
+def admits(option: Option, value: float) -> bool:
+    low, high = option.bounds
+    return low <= value <= high or (option.infinite and value == np.inf)
+
+
+@given(option=st.sampled_from(BOUNDED), value=ODD)
+def test_a_number_is_admitted_within_its_bounds_in_its_own_type_and_refused_in_one_line_elsewhere(option, value):
+    try:
+        admitted = option.check([value, value] if option.count else value)
+    except OptionError as error:
+        assert_one_line(error, option)
+        inside = isinstance(value, int | float) and admits(option, value)
+        assert not inside or (option.kind is int and value != int(value))
+        return
+    for one in admitted if option.count else [admitted]:
+        assert isinstance(one, option.kind | int)
+        assert admits(option, one)
+        assert one == value
+
+
+@given(command=st.sampled_from(["plan", "run", "estimate", "sweep"]), data=st.data())
+def test_a_number_as_it_is_typed_is_read_within_its_bounds_or_refused_in_one_line(command, data):
+    option = data.draw(st.sampled_from([option for option in options_of(command) if option.kind in (int, float)]))
+    words = [data.draw(WORDS)] * (option.count if isinstance(option.count, int) else 1)
+    needed = ["--at", "1", "2.5"] if command == "estimate" and option.name != "at" else []
+    try:
+        arguments = parser.read([command, "slit", *needed, f"--{option.name}", *words])
+    except OptionError as error:
+        assert_one_line(error, option)
+        return
+    value = getattr(arguments, option.dest)
+    for one in value if isinstance(value, list) else [value]:
+        assert isinstance(one, option.kind)
+        assert option.bounds is None or admits(option, one)
+
+
+@pytest.mark.parametrize("option", BOUNDED, ids=lambda option: f"{option.commands[0]}-{option.name}")
+def test_both_bounds_are_finite_and_allowed(option):
+    assert option.bounds[0] < option.bounds[1] < np.inf
+    pair = [option.kind(bound) for bound in option.bounds]
+    for value in [pair] if option.count else pair:
+        assert option.check(value) == value
+
+
+def test_every_number_but_places_is_bounded():
+    """The scene knows what is too far."""
+    assert {o.name for o in OPTIONS if o.kind in (int, float) and not o.bounds} == {"start", "goal", "at"}
+
+
+@pytest.mark.parametrize("changes", [{"samples": 1_000_000}, {"vertices": 1_000_000}])
+def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made(changes):
+    size, large = plan_size.Size(**SIZE, temperature=0.02), Settings(**changes)
+    (name,) = changes
+    plan_size.check(prepare("slit").settings, size, 8 * plan_size.GIB)
+    needed = size.tree(large) if name == "vertices" else size.sampling(large)
+    plan_size.check(large, size, 2.1 * needed)
+    with pytest.raises(OptionError, match=rf"{needed / plan_size.GIB:.3g} GiB.*--{name}"):
+        plan_size.check(large, size, 1.9 * needed)
+
+
+@pytest.mark.parametrize(("temperature", "remedy"), [(3e3, "raise --dt or lower --noise"), (3e6, "lower --noise")])
+def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(temperature, remedy):
+    """Paths of 40 lambda / q: 100 000 steps of 10 s at most are enough for 10^6 s."""
+    with pytest.raises(OptionError, match=rf"are possible; {remedy}$"):
+        plan_size.check(Settings(dt=0.1), plan_size.Size(**SIZE, temperature=temperature), 8 * plan_size.GIB)
+
+
+@pytest.mark.parametrize(
+    ("words", "what"),
+    [
+        ("--dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps"),
+        ("--noise 100", "or lower --noise"),
+        ("--max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods"),
+        ("--grow 9000", "--grow 9000 adds up to"),
+        ("--classes 10000 --limit 100", "GiB of memory"),
+        ("--method mppi --horizon 9000 --dt 0.01", "or lower --horizon"),
+    ],
+)
+def test_what_would_never_end_is_refused_with_what_to_change(words, what, capsys):
+    assert main(["run", "slit", *words.split()]) == 2
+    assert what in capsys.readouterr().err
+
+
+def test_what_one_of_several_methods_uses_is_not_refused():
+    refuse_unused({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
+    refuse_unused({"guide": "open-loop", "draws": "independent"}, ["mppi"])
+
+
+# -- what follows from the records ------------------------------------------------------------------------------------
+
+
+def test_defaults_are_of_the_kind_of_their_option_and_those_of_the_method():
+    for name, option in BY_SETTING.items():
+        value = getattr(Settings(), name)
+        assert option.kind is bool or value is None or isinstance(value, option.kind)
+    assert Settings().consistency == ControlSettings().consistency
+    assert Settings().horizon == inspect.signature(Mppi).parameters["horizon"].default
+
+
+@pytest.mark.parametrize("command", parser.COMMANDS)
+def test_no_option_of_a_command_is_there_twice_and_its_help_lists_it(command, capsys):
+    options = options_of(command)
+    assert len({option.dest for option in options}) == len(options)
+    shown = []
+    for word in ("--help", "--help-all"):
+        with pytest.raises(SystemExit):
+            main([command, word])
+        shown.append(capsys.readouterr().out)
+    assert all(option.flag in shown[1] for option in options)
+    assert all(option.flag in shown[0] for option in options if option.name in DAILY)
+
+
+def test_the_help_of_run_fits_on_a_screen_and_names_what_people_use_daily(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    text = parser.help_of("run", everything=False)
+    assert len(text.splitlines()) <= 60
+    daily = (
+        "robot start goal noise speed seed method samples vertices preset real-time record view video png json help-all"
+    )
+    assert not [name for name in daily.split() if f"--{name}" not in text]
+    assert "Precedence: command line, preset, scene (custom numerics pirrht_NAME), robot." in text
+    for name in names():
+        assert f"{named(name).settings.samples}" in re.search(rf"^{named(name).robots} .*$", text, re.M).group(0)
+
+
+@pytest.mark.parametrize("preset", ["fast", "accurate"])
+def test_a_preset_scales_the_numbers_of_each_robot(preset):
+    factors = PRESETS[preset][2]
+    for robot, samples, vertices in (("puck", 200, 1000), ("unicycle", 300, 2000)):
+        chosen = prepare("slit", robot=robot, preset=preset).settings
+        assert (chosen.samples, chosen.vertices) == (factors["samples"] * samples, factors["vertices"] * vertices)
+
+
+def test_the_papers_preset_has_the_papers_number_of_samples():
+    assert prepare("slit", preset="paper").settings.samples == 200
+    assert prepare("slit", robot="unicycle", preset="paper").settings.samples == 300
+
+
+def test_the_page_of_the_command_line_is_up_to_date():
+    assert (ROOT / "docs" / "cli.md").read_text() == docs.page(), "run `python -m sim.cli.docs`"
+
+
+def test_the_version_has_one_source(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"pirrht {pirrht.__version__}\n"
+    assert f'"{pirrht.__version__}"' not in (ROOT / "pyproject.toml").read_text()
+
+
+def test_what_identifies_a_dataset_is_what_results_depend_on():
+    free = {option.dest for option in options_of("sweep") if option.role == "command"} | {"threads"}
+    grid = {"scenes", "methods", "noise", "seeds"}  # each run's own, reported next to the settings
+    assert free - grid == {"threads", "jobs", "scheduler", "json", "output", "again"}
+    assert {field.name for field in fields(Settings)} | set(BY_SCENE) == IDENTIFYING | {"threads"}
+
+
+def test_checks_do_not_need_a_scene():
+    with pytest.raises(OptionError, match="--repeat is 0"):
+        check("estimate", {"repeat": 0})
+    check("estimate", {"repeat": None, "at": [1.0, 2.0]})
+
+
+# -- numbers of a scene -----------------------------------------------------------------------------------------------
+
+
+def scene_with(folder: Path, **numerics: float) -> str:
+    """The slit with other defaults."""
+    text = (ROOT / "models" / "scenes" / "slit.xml").read_text()
+    lines = "".join(f'<numeric name="pirrht_{name}" data="{value}"/>' for name, value in numerics.items())
+    (folder / "own.xml").write_text(text.replace("<custom>", f"<custom>{lines}"))
+    return str(folder / "own.xml")
+
+
+def test_a_scene_decides_how_often_an_estimate_is_repeated_unless_the_command_line_does(tmp_path, capsys):
+    words = ["estimate", scene_with(tmp_path, repeat=3), "--at", "1", "2.5", "--method", "passive", *QUICK]
+    for more, last in (([], "2"), (["--repeat", "2"], "1")):
+        assert main([*words, *more]) == 0
+        assert capsys.readouterr().out.splitlines()[-2].split()[0] == last
+
+
+@pytest.mark.parametrize(
+    ("numerics", "words", "hz"),
+    [({}, [], 5.0), ({"record_hz": 25}, [], 25.0), ({"record_hz": 25}, ["--record-hz", "50"], 50.0)],
+)
+def test_a_scene_decides_how_often_a_recording_is_drawn(tmp_path, monkeypatch, numerics, words, hz):
+    shown = []
+    monkeypatch.setattr(run_command, "_recorder", lambda arguments, *_: shown.append(arguments.record_hz))
+    short = ["--method", "passive", "--max-time", "0.02", *QUICK]
+    assert main(["run", scene_with(tmp_path, **numerics), *short, *words]) == 1
+    assert shown == [hz]
+
+
+def test_a_scene_wins_over_the_robot_and_the_command_line_over_both(tmp_path):
+    scene = scene_with(tmp_path, horizon=4.5)
+    assert prepare("slit").settings.horizon == 3.0
+    assert prepare(scene).settings.horizon == 4.5
+    assert prepare(scene, given={"horizon": 2.0}).settings.horizon == 2.0
+
+
+@pytest.mark.parametrize(
+    ("element", "what"),
+    [
+        ('<geom name="rock" size="0.2" pos="nan 5 0"/>', 'geom "rock" has pos="nan 5 0"'),
+        ('<body name="crate" euler="0 0 NaN"><geom size="0.2"/></body>', 'body "crate" has euler="0 0 NaN"'),
+        ('<geom size="-nan" pos="5 5 0"/>', 'geom has size="-nan"'),
+        ('<geom name="far" size="0.2" pos="1e9 5 0"/>', 'geom "far" has a place or size of 1e+09 m'),
+        ('<include file="part.xml"/>', 'geom "rock" has pos="nan 5 0"'),
+        ('<geom name="nan" type="cylinder" size="0.5 0.5" pos="5 5 0.5"/>', ""),  # a name
+    ],
+)
+def test_what_is_no_number_in_a_scene_is_refused_by_element_and_file(tmp_path, capsys, element, what):
+    part, scene = tmp_path / "part.xml", tmp_path / "odd.xml"
+    part.write_text('<mujoco><worldbody><geom name="rock" size="0.2" pos="nan 5 0"/></worldbody></mujoco>')
+    head, body = (element, "") if "include" in element else ("", element)
+    scene.write_text(mjcf(FLOOR + SITES + body).replace("<worldbody>", f"{head}<worldbody>", 1))
+    assert main(["plan", str(scene), *QUICK]) == (2 if what else 0)
+    error = capsys.readouterr().err
+    assert (f"{part if head else scene}: {what}" in error) == bool(what)
+    assert error.count("\n") == bool(what)
+
+
+@pytest.mark.parametrize("words", [[], ["--predict", "velocity"]])
+def test_an_option_for_moving_obstacles_reports_that_it_changes_nothing_in_a_static_scene(capsys, words):
+    assert main(["plan", "slit", "--vertices", "60", *words]) == 0
+    assert capsys.readouterr().out.count("--predict changes nothing here") == bool(words)
