@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -79,7 +80,10 @@ class Brake:
         for ring in s.rings:
             for angle in angles if ring > 0.0 else angles[:1]:
                 place = spot + ring * np.array([np.cos(angle), np.sin(angle)])
-                yield lambda x, _, place=place: np.asarray(self.problem.dynamics.brake(x, place, s.within))
+                yield partial(self._brake, place)
+
+    def _brake(self, place: Array, x: Array, _: float) -> Array:
+        return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))
 
     def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
         """Simulate a law without noise."""

@@ -40,10 +40,11 @@ class Solids(NamedTuple):
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
-        hulls = [np.zeros((0, 3, 3))]
-        for o in obstacles:
-            vertices, faces = hull_of(o) if o.kind is Kind.MESH else (hulls[0], [])
-            hulls.append((vertices @ o.rotation.T + o.position)[faces] if len(faces) else hulls[0])
+        hulls = [np.zeros((0, 3, 3))] * (M + 1)
+        for i, o in enumerate(obstacles):
+            if o.kind is Kind.MESH:
+                vertices, faces = hull_of(o)
+                hulls[i + 1] = (vertices @ o.rotation.T + o.position)[faces]
         corner = np.concatenate(hulls)
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         return cls(

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.jit.jit import inlined, load_int32, load_int64
 from pirrht.planner.tuning import TUNING
+from pirrht.topology.crossings import spread
 
 ROOT = -1  # in place of the edge to a parent
 
@@ -259,3 +260,9 @@ def slot_of(vertex, key):  # type: ignore[no-untyped-def]
 def is_root(vertex):  # type: ignore[no-untyped-def]
     """Return whether the vertex at an address lies in the goal."""
     return load_int32(vertex, COUNT) > 0 and load_int32(node_at(vertex, 0), PARENT) == ROOT
+
+
+def class_at(graph: Graph, vertex: int, slot: int) -> NDArray[np.int64]:
+    """The integers (M,) [turns] of a node's class, against the straight line from its vertex."""
+    count = graph.pairs[vertex, slot]
+    return spread(graph.marker[vertex, slot, :count], graph.turn[vertex, slot, :count], graph.straight.shape[1])

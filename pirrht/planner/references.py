@@ -23,7 +23,6 @@ from pirrht.planner.shorten import resume, resumes, shorten
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.edges import Edges
 from pirrht.steering.motion import Motions, Trajectory
-from pirrht.topology.crossings import spread
 from pirrht.topology.signature import class_id, integers
 
 
@@ -119,12 +118,11 @@ class ReferenceQuery(NamedTuple):
 
         Of more than `most` classes those are kept that seem cheapest, by these and by earlier paths.
         """
-        tree, graph, M, best = self.tree, self.tree.graph, self.tree.homology.M, {}
+        tree, best = self.tree, {}
         base = tree.homology.base(x)
         for row in rows[np.sort(np.unique(rows["key"], return_index=True)[1])]:
-            node = edges.near[row["edge"]], row["slot"]
-            marker, turn = (each[node][: graph.pairs[node]] for each in (graph.marker, graph.turn))
-            winding = integers(spread(marker, turn, M) + edges.turns.dense(row["edge"], M))
+            turns = g.class_at(tree.graph, edges.near[row["edge"]], row["slot"])
+            winding = integers(turns + edges.turns.dense(row["edge"], tree.homology.M))
             if np.all(np.abs(base + winding) <= tree.limit):
                 best[winding] = row
                 if len(best) == tree.classes:

@@ -16,11 +16,10 @@ from typing import Any
 from tqdm import tqdm
 
 from pirrht.errors import OptionError, printable
-from pirrht.files import path_text, replaced
 from sim import options
 from sim.cli import parser, plan_command, run_command, tables, warm
 from sim.cli.shared import check_outputs
-from sim.files import check_writable, refused, write_json
+from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
 from sim.scenario import prepare

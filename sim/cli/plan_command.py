@@ -11,13 +11,12 @@ from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
-from pirrht.files import path_text
-from pirrht.planner import file as tree_file
 from pirrht.planner.references import Reference
+from sim import tree_file
 from sim.cli import tables, warm
 from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
 from sim.drive.truth import Truth
-from sim.files import write_json
+from sim.files import path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, convergence
 from sim.systems import POSE, SPEED, VELOCITIES, typed

@@ -14,7 +14,6 @@ from tqdm import tqdm
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
-from pirrht.files import path_text
 from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
@@ -23,7 +22,7 @@ from sim.cli.shared import check_outputs, planned, progress_bar, report_predicti
 from sim.drawing.colors import title
 from sim.drive import episode
 from sim.drive.truth import Witness
-from sim.files import write_json
+from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario

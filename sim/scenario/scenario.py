@@ -18,9 +18,9 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.planner import file as tree_file
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from sim import tree_file
 from sim.drive import episode, realtime
 from sim.drive.executor import Executor
 from sim.drive.odometer import Frame
