@@ -158,4 +158,3 @@ def test_a_signal_while_kernels_are_compiled_ends_a_command_at_once(tmp_path: Pa
         _, error = process.communicate()
     assert process.returncode == (-how if how == signal.SIGKILL else 128 + how)
     assert len(error.splitlines()) == (0 if how == signal.SIGKILL else 1)
-
