@@ -15,7 +15,7 @@ from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim.mjcf import Loaded
-from sim.plan_size import Size, check
+from sim.options import check_size
 from sim.settings import Settings
 from sim.systems import System, refuse
 
@@ -39,7 +39,7 @@ class Task:
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
-        check(self.settings, self._size())
+        check_size(self)
 
     @property
     def start(self) -> Array:
@@ -123,16 +123,3 @@ class Task:
         most = self.settings.classes or Settings().classes
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
-
-    def _size(self) -> Size:
-        d, scene = self.problem.dynamics, self.loaded.scene
-        return Size(
-            states=d.n,
-            controls=d.m,
-            obstacles=len(self.space.obstacles),
-            classes=self.classes_at_start(),
-            distance=float(np.hypot(*(scene.goal.center - scene.start[:2]))),
-            speed=self.settings.speed if "speed" in self.system.heeds else 1.0,
-            temperature=self.problem.temperature,
-            rate=self.problem.least_rate,
-        )

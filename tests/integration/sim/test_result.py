@@ -12,7 +12,7 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import main, plan_command, warm
+from sim.cli import main, plan_command, shared
 from sim.drive.episode import Frame, Tally
 from sim.drive.odometer import Odometer, ending
 from sim.drive.plant import Advance
@@ -145,7 +145,7 @@ class Compiler:
 
 
 def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
-    wall, notice, real = Compiler(), warm.notice(), plan_command.planned
+    wall, notice, real = Compiler(), shared.notice(), plan_command.planned
     kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
 
     def planned(scenario: Scenario) -> Any:
@@ -154,7 +154,7 @@ def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, caps
         notice.on_end(SimpleNamespace(data={"dispatcher": kernel}))
         return real(scenario)
 
-    monkeypatch.setattr(warm, "time", wall)
+    monkeypatch.setattr(shared, "time", wall)
     monkeypatch.setattr(plan_command, "planned", planned)
     assert plan_command.plan(_arguments("plan slit --vertices 60")) == 0
     assert wall.now == 90.0
