@@ -14,16 +14,13 @@ from tqdm import tqdm
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
-from pirrht.files import path_text
-from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
-from pirrht.planner.tree import HomologyTree
-from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
+from sim.cli import tables
+from sim.cli.shared import check_outputs, notice, planned, progress_bar, report_prediction, scenario_of, solving
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
 from sim.drive.truth import ExactReference
-from sim.files import write_json
+from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
@@ -55,9 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
     with solving() as progress:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
-    warm.notice().finish()
+    notice().finish()
     bar = progress_bar("run", settings.max_time, "s")
-    recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
+    recorder = _recorder(arguments, scenario, driver, truth)
     with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
             known = None if exact is None else exact.add(frame.plan)
@@ -70,8 +67,6 @@ def run(arguments: argparse.Namespace) -> int:
             bar.update(round(frame.end_time - bar.n, 6))
             favourite = title(frame.metrics.favourite or OTHER)
             bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
-        if recorder is not None:
-            _wait(recorder)
     drive = frame.metrics.result()
     result = {**drive.json(), **({} if exact is None else {"truth": exact.result()})}
     tables.summary(drive, result.get("truth"))
@@ -96,15 +91,6 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if frame.outcome is Outcome.GOAL else 1
 
 
-def _wait(recorder: Any) -> None:
-    """A bar, on a terminal, until the steps that a run against the clock has left to record are written."""
-    whole = recorder.waiting
-    with progress_bar("recording", whole, " steps") as bar:
-        while (left := recorder.waiting) > 0:
-            bar.update(whole - left - bar.n)
-            time.sleep(0.1)
-
-
 def _sinks(arguments: argparse.Namespace) -> Any:
     """Check and return where a recording goes, before any work is done."""
     from sim.recording.options import Sinks
@@ -125,16 +111,13 @@ def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
     return look
 
 
-def _recorder(
-    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any, truth: Any
-) -> Any:
-    sinks, look = _sinks(arguments), _look(arguments, scenario)
-    if not sinks:
+def _recorder(arguments: argparse.Namespace, scenario: Scenario, driver: Any, truth: Any) -> Any:
+    if not (sinks := _sinks(arguments)):
         return None
     from sim.recording.recorder import Recorder
 
-    settings = settings_json(scenario)
-    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings, grid=truth)
+    look, settings = _look(arguments, scenario), settings_json(scenario)
+    recorder = Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, look, settings=settings, grid=truth)
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     return recorder
@@ -163,7 +146,7 @@ def play(arguments: argparse.Namespace) -> int:
     with progress_bar("plan", settings.vertices, " vertices") as bar:
         built = first(scenario, lambda size: bar.update(size - bar.n))
     rehearse(scenario, driving=True)
-    warm.notice().finish()
+    notice().finish()
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
     with ExitStack() as stack:
         stack.callback(game.close)
@@ -171,7 +154,8 @@ def play(arguments: argparse.Namespace) -> int:
         if screen is not None:
             stack.callback(screen.close)
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
-        live = stack.enter_context(Live(arguments, game))
+        live = Live(arguments, game)
+        stack.callback(live.close)
         last = _played(game, None, screen, live)
         while screen is not None and screen.open:
             start = _next_start(game, screen, None if last is None else last.outcome)
@@ -241,10 +225,10 @@ class Live:
     def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
         from sim.recording import viewer
 
-        self._game, self._server = game, None
-        self._space: FreeSpace | None = None
+        self._game = game
+        self._space: Any = None
         self._recorders: list[Any] = []
-        self._urls: list[str] = [] if arguments.connect is None else [arguments.connect]
+        self._urls = [] if arguments.connect is None else [arguments.connect]
         if arguments.view:
             self._urls.append(viewer.spawn())
         if arguments.serve:
@@ -252,11 +236,7 @@ class Live:
             self._urls.append(self._server.url)
             tqdm.write(f"watch it in a browser of this machine: {self._server.page}")
 
-    def __enter__(self) -> Live:
-        """Itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Write what is left."""
         for recorder in self._recorders:
             recorder.close()
@@ -264,19 +244,14 @@ class Live:
     def log(self, frame: Frame, news: str | None) -> None:
         """Show a control step."""
         if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
-            self._begin(frame.plan.space)
+            from sim.recording.options import Sinks
+            from sim.recording.recorder import Recorder
+
+            self.close()
+            built, self._space = self._game.live.built, frame.plan.space
+            scenario = built.world.scenario
+            shown = (scenario.loaded, built.tree, built.driver.path_integral)
+            settings = settings_json(scenario)
+            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=settings) for url in self._urls]
         for recorder in self._recorders:
             recorder.log(frame, news)
-
-    def _begin(self, space: FreeSpace) -> None:
-        from sim.recording.options import Sinks
-        from sim.recording.recorder import Recorder
-
-        self.__exit__()
-        built, self._space = self._game.live.built, space
-        scenario = built.world.scenario
-        path_integral, settings = built.driver.path_integral, settings_json(scenario)
-        self._recorders = [
-            Recorder(scenario.loaded, built.tree, path_integral, Sinks(connect=url), settings=settings)
-            for url in self._urls
-        ]

@@ -12,7 +12,7 @@ from pathlib import Path
 import mujoco
 
 from pirrht.errors import SceneError
-from pirrht.files import MISSING, why_unreadable
+from sim.files import MISSING, why_unreadable
 from sim.mjcf import limits
 
 # Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in, and Python prints the warning.

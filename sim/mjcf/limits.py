@@ -21,7 +21,7 @@ from defusedxml.common import DefusedXmlException
 from defusedxml.ElementTree import iterparse
 
 from pirrht.errors import SceneError
-from pirrht.files import MISSING, read_bounded, why_unreadable
+from sim.files import MISSING, read_bounded, why_unreadable
 
 LARGEST_XML, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes
 MOST_ELEMENTS = 60_000  # of a file with all that it includes, copies counted one by one: MuJoCo takes 7 s for them

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
-from pirrht.files import why_unreadable
+from sim.files import why_unreadable
 
 GOAL = "goal"  # the name under which the goal's disc is moved
 FASTEST, FARTHEST, LATEST = 20.0, 1e4, 1e5  # of a push [m/s], a place [m], a time [s]

@@ -19,13 +19,13 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.planner import file as tree_file
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
+from sim import tree_file
 from sim.drive import episode
 from sim.drive.clock import Clock
 from sim.drive.executor import Executor
@@ -33,7 +33,7 @@ from sim.drive.metrics import Frame
 from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.covered import covered
-from sim.plan_size import Size, check
+from sim.options import check_size
 from sim.scenario.required_limit import required_limit
 from sim.settings import Settings
 from sim.systems import System, refuse
@@ -72,18 +72,7 @@ class Scenario:
     widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
 
     def __post_init__(self) -> None:
-        d, scene = self.problem.dynamics, self.loaded.scene
-        size = Size(
-            states=d.n,
-            controls=d.m,
-            obstacles=len(self.space.obstacles),
-            classes=self._classes_at_start(),
-            distance=float(np.hypot(*(scene.goal.center - scene.start[:2]))),
-            speed=self.settings.speed if "speed" in self.system.heeds else 1.0,
-            temperature=self.problem.temperature,
-            rate=self.problem.least_rate,
-        )
-        check(self.settings, size)
+        check_size(self)
 
     def __repr__(self) -> str:
         s, loaded = self.settings, self.loaded
@@ -154,7 +143,7 @@ class Scenario:
             least=ENOUGH if s.guide == "feedback" else 0.0, budget=s.budget, threads=s.threads,
         )  # fmt: skip
 
-    def _classes_at_start(self) -> int:
+    def classes_at_start(self) -> int:
         """Count classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
         homology, limit = self.homology, self.settings.limit
         straight = homology.base(homology.at(self.start, 0.0))
@@ -288,7 +277,7 @@ class Scenario:
 
     def _at_once(self) -> Sampling:
         """Sample around one reference, or none, at least as often as "pi-rrht" does from the start."""
-        s, classes = self.settings, self._classes_at_start()
+        s, classes = self.settings, self.classes_at_start()
         budget = None if s.budget is None else s.budget * classes
         return replace(self.sampling, samples=s.samples * classes, budget=budget)
 

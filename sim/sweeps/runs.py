@@ -17,8 +17,8 @@ import numpy as np
 
 from pirrht.control.settings import TREELESS
 from pirrht.errors import PirrhtError
-from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree
+from sim import tree_file
 from sim.drive.result import DriveResult
 from sim.mjcf.library import find
 from sim.rehearsal import rehearse
