@@ -178,7 +178,7 @@ def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]
 
 
 def check_size(task: Any, memory: float | None = None) -> None:
-    """Refuse plans of a task (`sim.scenario.task`) that are too large.
+    """Refuse plans of a scenario that are too large.
 
     Args:
         memory: of the machine [bytes]; None: as the system has it.
