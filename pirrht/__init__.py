@@ -2,8 +2,8 @@
 
 A package per idea, each of which says its purpose; imports run downward only, so read from the bottom up:
 
-    arrays errors formatting outcome | files jit < geometry < topology < freespace < systems < problem
-    steering < shortening < planner | rollouts < proposals < estimation
+    arrays errors formatting outcome | jit < geometry < topology < freespace < systems < problem
+    steering < planner | rollouts < proposals < estimation
     control
     moving < exact
 

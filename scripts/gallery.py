@@ -17,9 +17,9 @@ import numpy as np
 from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
-from pirrht.files import replaced
 from sim.cli.commands import DEMO_PATHS
 from sim.cli.parser import Parser
+from sim.files import replaced
 from sim.film.film import Film
 from sim.mjcf import load, scene_names
 from sim.scenario import Scenario, prepare

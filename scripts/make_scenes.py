@@ -9,7 +9,7 @@ from pathlib import Path
 from worlds import buildings, choices, grown, mapped
 from worlds.page import Page
 
-from pirrht.files import replaced
+from sim.files import replaced
 from sim.mjcf import models_folder
 
 PAGES: tuple[Callable[[], Page], ...] = (

@@ -36,14 +36,13 @@ def main() -> int:
     sampling = Sampling(dt=0.1, first=PERIOD, samples=200)
     controller = Controller(problem, space, tree, sampling, rng=for_samples)
     plant = Executor(loaded, problem, period=PERIOD)
-    tally = episode.Tally(PERIOD)
     settings: dict[str, object] = {"noise": options.noise, "seed": options.seed}
     sinks = Sinks(file=options.record)
     with Recorder(loaded, tree, controller.path_integral, sinks, settings=settings) as recorder:
         for frame in episode.run(plant, controller, loaded.scene.start, for_plant, max_time=30.0):
-            recorder.log(frame, tally.add(frame))
+            recorder.log(frame, frame.news)
 
-    result = tally.result()
+    result = frame.metrics.result().json()
     print(f"{result['outcome']} after {result['time']:.2f} s through class {result['executed_class']}")
     print(
         f"lambda {problem.temperature:.3f}, cost {result['cost']:.3f}, estimated value {result['value_estimate']:.3f}"

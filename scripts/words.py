@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).resolve().parents[1]
 CHECKED = (
-    *("pirrht", "sim/cli", "sim/options.py", "sim/settings.py", "sim/plan_size.py", "sim/result.py", "sim/files.py"),
+    *("pirrht", "sim/cli", "sim/options.py", "sim/settings.py", "sim/result.py", "sim/files.py"),
     *("sim/text.py", "scripts/examples", "docs", "README.md", "CHANGELOG.md", "CONTRIBUTING.md"),
 )
 OPTIONS = ("sim", "scripts")  # below these messages name options

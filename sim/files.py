@@ -1,19 +1,168 @@
-"""Output files, refused before any work is done; `pirrht.files.replaced` writes them once that is done."""
+"""Files: output is refused before any work is done and replaced once it is complete; input has an end."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
+import shutil
 import stat
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from pirrht.errors import OptionError
-from pirrht.files import has_reader, path_text, replaced, takes_as_it_comes, target_of
+from pirrht.errors import OptionError, SceneError, printable
+
+SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Draft:
+    """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
+
+    handle: int  # open for writing
+    file: Path
+    target: Path
+
+    @classmethod
+    def next_to(cls, path: Path) -> Draft:
+        """Make an empty draft for a path."""
+        target = target_of(path)
+        handle, name = tempfile.mkstemp(prefix=f".{target.name[:SHOWN]}.", suffix=".part", dir=target.parent)
+        return cls(handle=handle, file=Path(name), target=target)
+
+    def publish(self) -> None:
+        """Take the target's place, with its permissions or, if there is none, those of any new file."""
+        os.umask(mask := os.umask(0))
+        mode = stat.S_IMODE(self.target.stat().st_mode) if self.target.exists() else 0o666 & ~mask
+        os.chmod(self.file, mode)
+        os.replace(self.file, self.target)
+
+    def discard(self) -> None:
+        """Remove it, unless it has been published."""
+        with suppress(OSError):
+            os.unlink(self.file)
+
+
+@contextmanager
+def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
+    """Yield a stream whose content becomes that of a file; after a failure the old file stays.
+
+    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to, in
+    one go at the end. A pipe that nobody reads then is an error.
+
+    Raises:
+        OptionError: it cannot be written; names the option.
+    """
+    try:
+        if takes_as_it_comes(path):
+            with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none after a failure
+                yield stream
+                stream.seek(0)
+                known = _output(os.stat(path))
+                with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
+                    shutil.copyfileobj(stream, target)
+            return
+        draft = Draft.next_to(path)
+        try:
+            with os.fdopen(draft.handle, "wb") as stream:
+                yield stream
+            draft.publish()
+        finally:
+            draft.discard()
+    except OSError as error:
+        raise OptionError(f"{option} {path_text(path)}: {error.strerror or error}; choose another place") from None
+
+
+def target_of(path: Path) -> Path:
+    """Return the target of a path, which need not exist; symbolic links are followed."""
+    return Path(os.path.realpath(path))
+
+
+def takes_as_it_comes(path: Path) -> bool:
+    """Return whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
+    try:
+        found = os.stat(path)
+    except (OSError, ValueError):
+        return False
+    return not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) or _output(found) is not None
+
+
+def path_text(path: Path) -> str:
+    """Return a path as text in one line that any terminal takes."""
+    with suppress(UnicodeEncodeError):  # half a character, which is in no name that the system knows
+        return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
+    return printable(str(path))
+
+
+_pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what is not there yet
+
+
+def has_reader(path: Path) -> bool:
+    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits."""
+    if _output(os.stat(path)) is None and path not in _pipes:
+        try:
+            _pipes[path] = _open_pipe(path)
+        except OSError:
+            return False
+    return True
+
+
+def _open_pipe(path: Path) -> int:
+    """Return a descriptor to write to a pipe or device, without waiting for a reader."""
+    if path in _pipes:
+        return _pipes.pop(path)
+    handle = os.open(path, os.O_WRONLY | os.O_TRUNC | getattr(os, "O_NONBLOCK", 0))
+    os.set_blocking(handle, True)
+    return handle
+
+
+def _output(found: os.stat_result) -> int | None:
+    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
+    for known in (1, 2):
+        with suppress(OSError):
+            if os.path.samestat(found, os.fstat(known)):
+                return known
+    return None
+
+
+MISSING = "does not exist"
+_KINDS = {stat.S_IFDIR: "is a folder", stat.S_IFIFO: "is a pipe", stat.S_IFSOCK: "is a socket"}
+
+
+def why_unreadable(path: Path) -> str | None:
+    """Return the reason that a path is no file with an end, as the end of a sentence; None if it is one."""
+    try:
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        return MISSING
+    except (OSError, ValueError) as error:  # ValueError: a null character
+        return f"cannot be opened ({getattr(error, 'strerror', None) or error})"
+    if not stat.S_ISREG(mode):
+        return _KINDS.get(stat.S_IFMT(mode), "is a device")
+    return None if os.access(path, os.R_OK) else "may not be read"
+
+
+def read_bounded(path: Path, most: int, what: str, remedy: str) -> bytes:
+    """Read a file of at most so many bytes.
+
+    Raises:
+        SceneError: it cannot be read, and what to give instead, or it is larger, and what to do about that.
+    """
+    try:
+        with path.open("rb") as stream:
+            content = stream.read(most + 1)
+    except OSError as error:
+        raise SceneError(f"{path}: cannot be read ({error.strerror}); give {what}") from None
+    if len(content) > most:
+        raise SceneError(f"{path}: larger than {most >> 20} MiB; {remedy}")
+    return content
 
 
 def check_writable(path: Path, option: str) -> None:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,12 +27,10 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control import policy as control
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from sim.drive.episode import Tally
-from sim.drive.odometer import Frame, Odometer
+from sim.drive.metrics import EpisodeMetrics, Frame, Period
 from sim.drive.result import DriveResult
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
@@ -70,14 +69,9 @@ class Drive(gymnasium.Env[Array, Array]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(
-        self,
-        scene: str | Path = "slit",
-        *,
-        penalty: float = PENALTY,
-        bound: float = np.inf,
-        render_mode: str | None = None,
-        **options: Any,
-    ) -> None:
+        self, scene: str | Path = "slit", *, penalty: float = PENALTY, bound: float = np.inf,
+        render_mode: str | None = None, **options: Any,
+    ) -> None:  # fmt: skip
         if render_mode is not None:
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
@@ -87,26 +81,26 @@ class Drive(gymnasium.Env[Array, Array]):
         task["freeze"] = task["freeze"] or None
         if strange := options.keys() - set(SETTINGS):
             raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment")
-        self.scenario = prepare(scene, **task, given=given)
-        self.job = Job(
-            scene=str(scene), method="", noise=given.get("noise"), seed=0, task=runs.frozen(task),
-            given=runs.frozen(given),
-        )  # fmt: skip
-        phi_or = self.scenario.problem.phi
-        self._fall = phi_or if np.isfinite(phi_or) else penalty
-        self._plant = self.scenario.plant()
-        d = self.scenario.problem.dynamics
+        s = self.scenario = prepare(scene, **task, given=given)
+        parts = runs.frozen(task), runs.frozen(given)
+        self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
+        self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
+        self._plant, d = s.plant(), s.problem.dynamics
         self.render_mode = None
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
         low, high = np.full(d.m, -bound), np.full(d.m, bound)
-        if self.scenario.settings.plant == "mujoco":
-            least, most = control_limits(self.scenario.loaded.model, self.scenario.loaded.command, d)
+        if s.settings.plant == "mujoco":
+            least, most = control_limits(s.loaded.model, s.loaded.command, d)
             low, high = np.maximum(low, least), np.minimum(high, most)
         if not np.all(low < high):
             raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
         self.action_space = Box(low, high, (d.m,), np.float64)
-        self._frame: Frame | None = None
-        self._tally: Tally | None = None
+        self._metrics: EpisodeMetrics | None = None
+
+    @property
+    def frame(self) -> Frame | None:
+        """The last period; None before the first one."""
+        return None if self._metrics is None else self._metrics.last
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Stand at the start; without a seed one is drawn.
@@ -114,17 +108,12 @@ class Drive(gymnasium.Env[Array, Array]):
         Raises:
             OptionError: the seed is negative or no whole number.
         """
-        if seed is not None:
-            seed = _seed(seed)
-        super().reset(seed=seed)
-        self.seed = int(self.np_random.integers(2**31)) if seed is None else seed
-        self._rng = self.scenario.with_settings(seed=self.seed).plant_rng()
-        self._plant.reset(self.scenario.start)
-        self._tally, self._frame = Tally(self.scenario.settings.period), None
-        problem, space = self.scenario.problem, self.scenario.space
-        self._odometer = Odometer(
-            problem, space, self._plant.state, self.scenario.settings.max_time, homology=self.scenario.homology
-        )
+        super().reset(seed=None if seed is None else _seed(seed))
+        self.seed = int(self.np_random.integers(2**31)) if seed is None else int(seed)
+        scenario, s = self.scenario, self.scenario.settings
+        self._rng = scenario.with_settings(seed=self.seed).plant_rng()
+        self._plant.reset(scenario.start)
+        self._metrics = EpisodeMetrics(scenario, self._plant.state, period=s.period, max_time=s.max_time)
         self._asked = time.perf_counter()
         return self._plant.state, self._info()
 
@@ -134,17 +123,18 @@ class Drive(gymnasium.Env[Array, Array]):
         Raises:
             OptionError: before `reset`, after the end, or the action is no control.
         """
-        thought = time.perf_counter() - self._asked if self._tally is not None else 0.0
-        if self._tally is None or (self._frame is not None and self._frame.outcome is not None):
+        if self._metrics is None or (self.frame is not None and self.frame.outcome is not None):
             raise OptionError("the drive has not begun or is over; call reset() first")
-        wanted, m = np.asarray(action, dtype=float), self.scenario.problem.dynamics.m
+        thought, m = time.perf_counter() - self._asked, self.scenario.problem.dynamics.m
+        wanted = np.asarray(action, dtype=float)
         if wanted.shape != (m,) or not np.all(np.isfinite(wanted)):
             raise OptionError(f"the action is {wanted.tolist()}; it must be {m} finite numbers")
         u = np.clip(wanted, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
-        self._frame = self._held(u, thought)
-        self._tally.add(self._frame)
-        outcome = self._frame.outcome
-        reward = -self._frame.advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
+        x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
+        plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
+        advance = self._plant.advance(lambda x, s: u, self._rng)
+        outcome = self._metrics.frame(Period(plan=plan, advance=advance, seconds=thought)).outcome
+        reward = -advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
         self._asked = time.perf_counter()
         over = outcome in (Outcome.GOAL, Outcome.COLLISION)
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
@@ -159,59 +149,22 @@ class Drive(gymnasium.Env[Array, Array]):
         Raises:
             OptionError: nothing has been driven yet.
         """
-        if self._tally is None or self._frame is None:
+        if self._metrics is None or self.frame is None:
             raise OptionError("nothing has been driven yet; call reset() and step() first")
-        return self._tally.drive()
-
-    def _held(self, u: Array, thought: float) -> Frame:
-        """The next period as the frame of a drive."""
-        x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
-        plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
-        return self._odometer.frame(plan, self._plant.advance(lambda x, s: u, self._rng), seconds=thought)
+        return self._metrics.result()
 
     def _info(self) -> dict[str, Any]:
-        frame = self._frame
-        if frame is None or self._tally is None:
+        frame = self.frame
+        if frame is None:
             clearance = self.scenario.space.clearance(self._plant.state)
             return {"outcome": None, "cost": 0.0, "time": 0.0, "min_clearance": clearance, "path_length": 0.0}
         return {
             "outcome": None if frame.outcome is None else frame.outcome.name.lower(),
             "cost": frame.cost,
             "time": frame.end_time,
-            "min_clearance": self._tally.min_clearance,
+            "min_clearance": frame.metrics.min_clearance,
             "path_length": frame.length,
         }
-
-
-class Following:
-    """A controller of this package as a policy, which may be asked more often than it plans.
-
-    In an environment whose period is the physics step it makes the drive that `pirrht run` makes, feedback between
-    plans included.
-
-    Args:
-        driver: `Scenario.controller` or `Scenario.optimal`.
-        period: of its plans [s].
-        step: period of the environment [s].
-    """
-
-    def __init__(self, driver: control.Policy, *, period: float, step: float) -> None:
-        self.driver, self.period, self.step = driver, period, step
-        self._plan: Plan | None = None
-
-    def __call__(self, x: Array) -> Array:
-        """The control at state x (n,), a step after the last one."""
-        each = round(self.period / self.step)
-        if self._plan is None:
-            self.driver.begin(x)
-            self._since: list[Array] = []
-        else:
-            self._since.append(x)
-        if self._plan is None or len(self._since) == each:
-            if self._since:
-                self.driver.observe(np.array(self._since), len(self._since) * self.step)
-            self._plan, self._since = self.driver.plan(x), []
-        return self._plan.at(x, len(self._since) * self.step)
 
 
 def score(
@@ -230,12 +183,12 @@ def score(
     Args:
         policy: takes the state x (n,) and returns the control u (m,), held for one period; with `anew` a function
             that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
-        seeds: one drive each, whole numbers from 0 on.
-        method: what tables and reports call it.
+        seeds: one run each, whole numbers from 0 on.
+        method: its name in tables and reports.
         environment: a wrapped `Drive`; without it one of `options` is made.
-        into: folder of a sweep (`pirrht sweep -o`) that the drives are added to, so that `pirrht report` shows the
-            method beside ours; made if there is none. Task, plant and time limit must be the sweep's.
-        again: replace drives of the same method, scene, noise and seed that the folder holds; without it they are
+        into: folder of a sweep (`pirrht sweep -o`) that the runs are added to, so that `pirrht report` shows the
+            method next to ours; made if there is none. Task, plant and time limit must be the sweep's.
+        again: replace runs of the same method, scene, noise and seed that the folder holds; without it they are
             refused before anything is driven.
 
     Returns:
@@ -243,43 +196,36 @@ def score(
 
     Raises:
         OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
-            drives cannot be added to.
+            runs cannot be added to.
     """
     env = Drive(**options) if environment is None else environment
-    made: Callable[[int], Any] = policy if anew else lambda seed: policy  # type: ignore[assignment]
     drive = env.unwrapped
     assert isinstance(drive, Drive)
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise)
-    identities = [_identity(replace(job, seed=_seed(seed))) for seed in seeds]
-    if into is None or not identities:
-        return [_scored(env, made(one["seed"]), one) for one in identities]
-    found = []
-    with scores.kept(Path(into), replace(job, method="passive"), identities, again) as keep:
-        for one in identities:
-            found.append(_scored(env, made(one["seed"]), one))
-            keep(found[-1])
-    return found
+    # The key of a run, scene and trees included.
+    known = {"scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
+    keys = [{**runs.key(replace(job, seed=_seed(seed)), job.noise), **known} for seed in seeds]
+    records: list[dict[str, Any]] = []
+    into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
+    with into_folder or nullcontext(lambda record: None) as keep:
+        for key in keys:
+            made: Any = policy(key["seed"]) if anew else policy  # type: ignore[arg-type]
+            records.append(_scored(env, drive, made, key))
+            keep(records[-1])
+    return records
 
 
-def _identity(job: Job) -> dict[str, Any]:
-    """Return the key of a run, scene and trees included."""
-    return {**runs.key(job, job.noise), "scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
-
-
-def _scored(env: gymnasium.Env[Any, Any], policy: Any, identity: dict[str, Any]) -> dict[str, Any]:
-    """The record of one drive."""
-    drive, seed = env.unwrapped, identity["seed"]
-    assert isinstance(drive, Drive)
+def _scored(env: gymnasium.Env[Any, Any], drive: Drive, policy: Any, key: dict[str, Any]) -> dict[str, Any]:
+    """Return the record of one run."""
     began = time.perf_counter()
-    x, _ = env.reset(seed=seed)
+    x, _ = env.reset(seed=key["seed"])
     over, step = False, 0
     while not over:
         action = policy(x)
-        _check_action(action, env.action_space, f"seed {seed}, step {step}")
+        _check_action(action, env.action_space, f"seed {key['seed']}, step {step}")
         x, _, terminated, truncated, _ = env.step(action)
-        step += 1
-        over = terminated or truncated
-    record = runs.finished(identity, drive.scenario, drive.figures(), time.perf_counter() - began)
+        step, over = step + 1, terminated or truncated
+    record = runs.finished(key, drive.scenario, drive.figures(), time.perf_counter() - began)
     return {**record, "samples": None, "dt": None}  # they are the policy's own affair
 
 
@@ -292,8 +238,8 @@ def _check_action(action: Any, space: Any, where: str) -> None:
     except (TypeError, ValueError):
         u = np.full(0, np.nan)
     if u.shape != space.shape:
-        found = f"the shape {u.shape}" if u.size else f"{action!r}"
-        raise OptionError(f"{where}: the policy returned {found}; expected is a control of the shape {space.shape}")
+        returned = f"the shape {u.shape}" if u.size else f"{action!r}"
+        raise OptionError(f"{where}: the policy returned {returned}; expected is a control of the shape {space.shape}")
     if not np.all(np.isfinite(u)):
         raise OptionError(f"{where}: the policy returned {u.tolist()}; a control must be finite")
 

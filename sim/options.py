@@ -1,18 +1,27 @@
-"""Options of the command line: those of single commands, and all of them together with those of a run and its scene.
+"""Options of the command line: those of commands, all together with those of a run and its scene, and sizes of plans.
 
 The parser, the numerics that a scene may carry, the help and docs/cli.md follow from them.
 """
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pirrht.control.settings import METHODS
+from pirrht.errors import OptionError
 from sim.settings import BY_SCENE, BY_SETTING, GRID, PLACES, RUN, SCENE_OPTIONS, SETTINGS, SINGLE, Option
 
+GIB = 2.0**30
+MEMORY_SHARE = 0.5  # of the memory of a machine may go to one plan
+PATH_STEPS = 100_000  # steps of one path at most
+PLAN_STEPS = 1e9  # steps of all paths of a plan at most
+TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
+DOUBLINGS = 16  # of --samples under --target-error, without --budget
 RECORDING, FILES = "recording", "files"
 GROUPS = ("", "scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files")
 DAILY = {  # options that `--help` of a command with a scene lists
@@ -166,3 +175,60 @@ def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]
             value = given.get(option.dest)
             found[option.dest] = option.check(scene.get(option.name, option.default)) if value is None else value
     return found
+
+
+def check_size(task: Any, memory: float | None = None) -> None:
+    """Refuse plans of a scenario that are too large.
+
+    Args:
+        memory: of the machine [bytes]; None: as the system has it.
+
+    Raises:
+        OptionError: names the size, the limit, and which option to change.
+    """
+    s, d, scene, classes = task.settings, task.problem.dynamics, task.loaded.scene, task.classes_at_start()
+    if s.method == "optimal":
+        return
+    speed = s.speed if "speed" in task.system.heeds else 1.0
+    driven, tail = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed, TAIL * task.problem.temperature
+    seconds = s.horizon if s.method == "mppi" else (driven + tail) / task.problem.least_rate  # of a path, about
+    steps = max(1.0, seconds / s.dt)
+    if steps > PATH_STEPS:
+        remedies = ["lower --horizon"] if s.method == "mppi" else ["lower --noise"] if tail > driven else []
+        if not remedies or seconds <= PATH_STEPS * (BY_SETTING["dt"].bounds or PLACES)[1]:
+            remedies = ["raise --dt", *remedies]
+        raise OptionError(
+            f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
+            f"{' or '.join(remedies)}"
+        )
+    most = s.samples * DOUBLINGS if s.budget is None else s.budget
+    samples = classes * float(s.samples if s.target_error is None else most)
+    proposals = classes if s.method in ("pi-rrht", "best-class") else 1
+    traced = (steps + 1) * d.n if s.method == "mppi" else 0  # paths that outlast the control sequence
+    drawn = 8.0 * (samples * (6 + 2 * d.m + 3 * proposals + traced) + proposals * steps * (2 * d.m + 9))
+    near = 2.0 * math.e * math.log(s.vertices + 1.0)
+    grown = s.vertices * (8.0 * len(task.space.obstacles) + 120.0 * min(4, s.classes or 4) + 92.0 * near)
+    plan = f"a plan of {samples:.3g} samples around {classes} classes"
+    fewer = f"lower {'--budget or --samples' if s.target_error is not None else '--samples or --classes'}"
+    limit = MEMORY_SHARE * (physical() if memory is None else memory)
+    for needed, what, remedy in (
+        (grown, f"a tree of {s.vertices} --vertices", "lower --vertices"), (drawn, plan, fewer)
+    ):  # fmt: skip
+        if needed > limit:
+            raise OptionError(
+                f"{what} would take about {needed / GIB:.3g} GiB of memory, and at most {limit / GIB:.3g} GiB of this "
+                f"machine's are given to it; {remedy}"
+            )
+    if steps * samples > PLAN_STEPS:
+        raise OptionError(
+            f"{plan} takes {steps * samples:.3g} steps, and at most {PLAN_STEPS:.0e} are possible; {fewer}, or raise "
+            "--dt"
+        )
+
+
+def physical() -> float:
+    """The memory of this machine [bytes]."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):  # no such question on this system
+        return 8.0 * GIB

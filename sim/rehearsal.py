@@ -7,40 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
 from sim.drive import episode
 from sim.drive.plant import Analytic
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
-_CUBE = Obstacle(
-    name="cube", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
-)
+
+
+def _solid(kind: Kind, size: tuple[float, float, float], x: float, y: float) -> Obstacle:
+    place = np.array([x, y, 0.3])
+    return Obstacle(name=kind.name.lower(), kind=kind, size=np.array(size), position=place, rotation=np.eye(3))
+
+
 ROOM = Scene(
-    name="rehearsal",
-    lower=np.zeros(2),
-    upper=np.full(2, 4.0),
-    obstacles=(_CUBE,),
-    goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
-    start=np.array([0.7, 2.0, 0.0]),
-    robot_radius=0.2,
-)
-
-
+    name="rehearsal", lower=np.zeros(2), upper=np.full(2, 4.0), robot_radius=0.2, start=np.array([0.7, 2.0, 0.0]),
+    obstacles=(_solid(Kind.BOX, (0.3, 0.3, 0.3), 2.0, 2.6),), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
+)  # fmt: skip
 _WALKER = Mover(
-    name="walker",
-    solids=(
-        Obstacle(
-            name="disc", kind=Kind.CYLINDER, size=np.array([0.2, 0.3, 0.0]), position=np.array([0.0, 0.0, 0.3]),
-            rotation=np.eye(3),
-        ),
-    ),
+    name="walker", solids=(_solid(Kind.CYLINDER, (0.2, 0.3, 0.0), 0.0, 0.0),),
     motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]])),
 )  # fmt: skip
 BUSY_ROOM = replace(ROOM, movers=(_WALKER,))
@@ -64,18 +52,17 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()
         references = [] if tree is None else small.references(tree)
-        if driving and s.method != "optimal":
-            driver = small.driver(tree)
-            driver.path_integral.warm_up()
-            plant = Analytic(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
-            list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
-            if tree is not None:
-                _rare(small, tree, references[0], driver.path_integral.grid(references[0].cost))
-
-
-def _rare(scenario: Scenario, tree: HomologyTree, reference: Reference, times: Array) -> None:
-    """Do what runs come to now and then: hold a control sequence, ask FCL about an edge, rename classes."""
-    reference.trajectory.tape(times)
-    tree.checker.motion.free(reference.path, 0, scenario.space)
-    if tree.homology.J:
-        tree.homology.winding(np.zeros((2, 3)))
+        if not driving or s.method == "optimal":
+            return
+        driver = small.driver(tree)
+        driver.path_integral.warm_up()
+        plant = Analytic(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
+        list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
+        if tree is None:
+            return
+        # Now and then runs hold a control sequence, query FCL about an edge, and rename classes.
+        first = references[0]
+        first.trajectory.tape(driver.path_integral.grid(first.cost))
+        tree.checker.motion.free(first.path, 0, small.space)
+        if tree.homology.J:
+            tree.homology.winding(np.zeros((2, 3)))

@@ -9,7 +9,6 @@ import math
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -100,6 +99,11 @@ def stated(value: Any, text: str, metavar: Any = "", bounds: tuple[float, float]
     return field(default=value, metadata={"text": text, "metavar": metavar, "bounds": bounds, **more})
 
 
+def one_of(choices: tuple[str, ...], text: str, metavar: str = "RULE", **more: Any) -> Any:
+    """A field whose default is the first of some choices."""
+    return stated(choices[0], text, metavar, choices=choices, **more)
+
+
 def options_of_record(record: type, role: str, group: str) -> tuple[Option, ...]:
     """The options that the fields of a record state."""
     found = []
@@ -125,31 +129,25 @@ class SceneOptions:
         OptionError: a value is out of its bounds.
     """
 
-    robot: str | Path | None = stated(  # noqa: RUF009
-        None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME", unset="the scene's"
-    )
+    # fmt: off
+    robot: Any = stated(  # noqa: RUF009
+        None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME", unset="the scene's")
     system: Any = stated(  # noqa: RUF009
         None, "a `sim.systems.System`, or a function that returns one, of a module in this folder or installed",
-        "MODULE:NAME", unset="the robot's",
-    )  # fmt: skip
+        "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
-    margin: float | None = stated(
-        None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-        unset="the scene's, or three standard deviations of the noise in 0.01 s",
-    )  # fmt: skip
+    margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s")
     start: Sequence[float] | None = stated(None, "X Y [m] and TH [rad]", "X", count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, "disc [m]", metavar=("X", "Y", "R"), count=3, unset="the scene's")
-    workspace: Sequence[float] | None = stated(
-        None, "border of the robot's centre", metavar=("X0", "X1", "Y0", "Y1"), count=4, bounds=PLACES,
-        unset="the scene's site or floor",
-    )  # fmt: skip
-    freeze: bool | None = stated(
-        None, "weld bodies with joints at the first keyframe or default pose, and drop actuators"
-    )
-    without: Sequence[str] | None = stated(
-        None, "leave out bodies of the scene and what refers to them", "BODY", count="+"
-    )
+    goal: Sequence[float] | None = stated(None, "disc [m]", ("X", "Y", "R"), count=3, unset="the scene's")
+    workspace: Sequence[float] | None = stated(None, "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), PLACES,
+                                               count=4, unset="the scene's site or floor")
+    freeze: bool | None = stated(None, "weld bodies with joints at the first keyframe or default pose, and drop "
+                                 "actuators")
+    without: Sequence[str] | None = stated(None, "leave out bodies of the scene and what refers to them", "BODY",
+                                           count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
+    # fmt: on
 
     def __post_init__(self) -> None:
         _check(self, BY_SCENE)
@@ -163,84 +161,55 @@ class Settings:
         OptionError: a value is out of its option's bounds, or goes badly with another one.
     """
 
+    # fmt: off
     noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=SINGLE)
-    speed: float = stated(
-        1.0, "speed V of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM
-    )
+    speed: float = stated(1.0, "speed V of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3),
+                          group=PROBLEM)
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
     phi: float = stated(np.inf, "final cost off the goal", "COST", (0.0, 1e12), infinite=True, group=PROBLEM)
     seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)
-    method: str = stated("pi-rrht", ", ".join(METHODS), "NAME", choices=tuple(METHODS), commands=SINGLE)
+    method: str = one_of(tuple(METHODS), ", ".join(METHODS), metavar="NAME", commands=SINGLE)
     samples: int = stated(200, "samples around each reference", "N", (1, 10_000_000))
     vertices: int = stated(1000, "vertices of the tree", "N", (1, 1_000_000))
     classes: int = stated(16, "classes per vertex at most, 0 for all", "K", (0, 10_000))
-    limit: float = stated(
-        0.6, "H_limit of |1 - H_i| <= H_limit; a default that excludes a path of at most 1.25 times the shortest is "
-        "widened to 0.8, 1 or 1.5", "H", (1e-3, 100.0),
-    )  # fmt: skip
-    target_error: float | None = stated(
-        None, "draw, doubling, until the control's standard error is below EPS", "EPS", (1e-6, 1e3)
-    )
-    budget: int | None = stated(
-        None, "samples around each reference at most under --target-error", "N", (1, 100_000_000), unset="16 --samples"
-    )
+    limit: float = stated(0.6, "H_limit of |1 - H_i| <= H_limit; a default that excludes a path of at most 1.25 times "
+                          "the shortest is widened to 0.8, 1 or 1.5", "H", (1e-3, 100.0))
+    target_error: float | None = stated(None, "draw, doubling, until the control's standard error is below EPS", "EPS",
+                                        (1e-6, 1e3))
+    budget: int | None = stated(None, "samples around each reference at most under --target-error", "N",
+                                (1, 100_000_000), unset="16 --samples")
     dt: float = stated(0.1, "rollout step", "S", (1e-5, 10.0))
     period: float = stated(0.01, "control period: time between plans", "S", (1e-5, 100.0))
-    threads: int | None = stated(
-        None, "threads of the sampler; results do not depend on it", "N", (1, 1024), unset="all cores"
-    )
-    exit: str = stated(
-        "bridge", "first exit along the step (bridge) or at its end (endpoint, paper)", "RULE", choices=EXITS
-    )
-    steps: str = stated(
-        "fitted", "rollout steps: split near walls and goal (fitted) or all of --dt (uniform, paper)", "RULE",
-        choices=STEPS,
-    )  # fmt: skip
-    weights: str = stated(
-        "balance", "mixture of references: balance, average (paper) or biased (no likelihood ratio, as Biased-MPPI)",
-        "RULE", choices=WEIGHTS,
-    )  # fmt: skip
-    guide: str = stated("feedback", "proposals: feedback or open-loop (paper)", "RULE", choices=GUIDES)
-    between: str = stated(
-        "classes", "between plans the control follows the state (classes) or is held (hold, paper)", "RULE",
-        choices=BETWEEN,
-    )  # fmt: skip
-    allocation: str = stated(
-        "contribution", "samples per reference: by contribution to earlier plans, or equal (paper)", "RULE",
-        choices=ALLOCATIONS,
-    )  # fmt: skip
-    draws: str = stated(
-        "antithetic", "pairs of opposite noise (antithetic) or independent samples (paper)", "RULE", choices=DRAWS
-    )
+    threads: int | None = stated(None, "threads of the sampler; results do not depend on it", "N", (1, 1024),
+                                 unset="all cores")
+    exit: str = one_of(EXITS, "first exit along the step (bridge) or at its end (endpoint, paper)")
+    steps: str = one_of(STEPS, "rollout steps: split near walls and goal (fitted) or all of --dt (uniform, paper)")
+    weights: str = one_of(WEIGHTS, "mixture of references: balance, average (paper) or biased (no likelihood ratio, as "
+                          "Biased-MPPI)")
+    guide: str = one_of(GUIDES, "proposals: feedback or open-loop (paper)")
+    between: str = one_of(BETWEEN, "between plans the control follows the state (classes) or is held (hold, paper)")
+    allocation: str = one_of(ALLOCATIONS, "samples per reference: by contribution to earlier plans, or equal (paper)")
+    draws: str = one_of(DRAWS, "pairs of opposite noise (antithetic) or independent samples (paper)")
     polish: bool = stated(True, "do not shorten references")
-    tree: str | None = stated(
-        None, "a tree that `pirrht plan -o` saved, instead of growing one", "TREE.npz", commands=DRIVES[1:]
-    )
-    consistency: float = stated(
-        0.8, "best-class: factor on the value of the class followed so far, 1 for no preference", "C", (1e-3, 1e3)
-    )
+    tree: str | None = stated(None, "a tree that `pirrht plan -o` saved, instead of growing one", "TREE.npz",
+                              commands=DRIVES[1:])
+    consistency: float = stated(0.8, "best-class: factor on the value of the class followed so far, 1 for no "
+                                "preference", "C", (1e-3, 1e3))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
     exploration: float = stated(1.0, "mppi: noise of its samples over the robot's", "X", (1e-3, 1e3))
-    predict: str = stated(
-        "known", "moving obstacles: motions are known, or predicted by constant velocity", "RULE",
-        choices=("known", "velocity"),
-    )  # fmt: skip
-    speed_limit: float = stated(
-        0.0, "fastest reference among moving obstacles, 0 for five times the best speed", "M/S", (0.0, 1e3)
-    )
-    plant: str = stated("mujoco", "mujoco, or sde: the analytic equation", "NAME", choices=("mujoco", "sde"))
+    predict: str = one_of(("known", "velocity"),
+                          "moving obstacles: motions are known, or predicted by constant velocity")
+    speed_limit: float = stated(0.0, "fastest reference among moving obstacles, 0 for five times the best speed", "M/S",
+                                (0.0, 1e3))
+    plant: str = one_of(("mujoco", "sde"), "mujoco, or sde: the analytic equation", metavar="NAME")
     max_time: float = stated(30.0, "end of the run in simulated time", "S", (1e-3, 86_400.0))
-    real_time: bool = stated(
-        False, "run against the clock, with as many classes and samples as there is time for; results differ from run "
-        "to run", group=RUN, commands=("run",),
-    )  # fmt: skip
-    grow: int | None = stated(
-        None, "vertices that the tree gains between two plans; in real time at most", "N", (0, 10_000), unset="0",
-        group=RUN, commands=("run", "play"),
-    )  # fmt: skip
-    plan_seed: int | None = stated(
-        None, "seed of the trees", "N", (0, SEED), default=0, group=GRID, commands=("sweep",)
-    )
+    real_time: bool = stated(False, "run against the clock, with as many classes and samples as there is time for; "
+                             "results differ from run to run", group=RUN, commands=("run",))
+    grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",
+                              (0, 10_000), unset="0", group=RUN, commands=("run", "play"))
+    plan_seed: int | None = stated(None, "seed of the trees", "N", (0, SEED), default=0, group=GRID,
+                                    commands=("sweep",))
+    # fmt: on
 
     def __repr__(self) -> str:
         other = [f"{f.name}={getattr(self, f.name)!r}" for f in fields(self) if getattr(self, f.name) != f.default]

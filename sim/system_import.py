@@ -1,4 +1,4 @@
-"""A system of somebody's own by the module and the name that it has there, as `--system MODULE:NAME` says it."""
+"""A system of somebody's own by the module and the name that it has there: `--system MODULE:NAME`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,7 @@ _folders: set[Path] = set()  # of modules that systems came from
 
 
 def chosen(which: str | System) -> System:
-    """A system, registered: itself, the built-in one of that name, or MODULE:NAME of a module that is imported.
+    """Return a system, registered: itself, the built-in one of that name, or MODULE:NAME of a module that is imported.
 
     The module is looked for in the current folder too, as `python -m` does. A function of that name is called for the
     system.
@@ -34,28 +34,42 @@ def chosen(which: str | System) -> System:
         return which if which.name in BUILT_IN and named(which.name) is which else register(which)
     if which in names():
         return named(which)
-    module_name, colon, name = str(which).partition(":")
-    if not (module_name and colon and name):
+    module_name, _, name = str(which).partition(":")
+    if not (module_name and name):
         raise OptionError(
             f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {', '.join(names())}"
         )
     if module_name.endswith(".py") or "/" in module_name or os.sep in module_name:
-        raise OptionError(f"--system {which}: {_path_told(module_name, name)}")
-    found = getattr(_module(module_name, which), name, None)
-    if found is None:
-        raise OptionError(f"--system {which}: the module {module_name} has no {name}; {_offers(module_name)}")
-    if not isinstance(found, System) and callable(found):
-        found = _called(found, which)
-    if not isinstance(found, System):
+        path = Path(module_name).with_suffix("")
         raise OptionError(
-            f"--system {which}: {name} is of the type {type(found).__name__}; it must be a sim.systems.System or a "
+            f"--system {which}: {module_name} is a file, and a module is wanted; in its folder, or with "
+            f"PYTHONPATH={path.parent}, write --system {path.name}:{name}"
+        )
+    module = _module(module_name, which)
+    made = getattr(module, name, None)
+    if made is None:
+        others = [other for other, value in vars(module).items() if isinstance(value, System)]
+        offers = f"its systems are {', '.join(others)}" if others else "it has no sim.systems.System at all"
+        raise OptionError(f"--system {which}: the module {module_name} has no {name}; {offers}")
+    if not isinstance(made, System) and callable(made):
+        try:
+            made = made()
+        except PirrhtError as error:
+            raise OptionError(f"--system {which}: {error}") from None
+        except (Exception, SystemExit) as error:
+            raise OptionError(
+                f"--system {which}: {one_line(error)} when it was called without arguments; fix it"
+            ) from None
+    if not isinstance(made, System):
+        raise OptionError(
+            f"--system {which}: {name} is of the type {type(made).__name__}; it must be a sim.systems.System or a "
             "function that returns one"
         )
-    return register(found)
+    return register(made)
 
 
 def source(which: str | System | None) -> bytes:
-    """The file of the module that a system is from, as far as there is one; results depend on it."""
+    """Return the file of the module that a system is from, as far as there is one; results depend on it."""
     if not isinstance(which, str) or ":" not in which:
         return b""
     file = getattr(sys.modules.get(which.partition(":")[0]), "__file__", None)
@@ -70,7 +84,7 @@ def blamed(error: BaseException) -> str | None:
     place, trace = None, error.__traceback__
     while trace is not None:
         code = trace.tb_frame.f_code
-        if any(Path(code.co_filename).parent == folder for folder in _folders):
+        if Path(code.co_filename).parent in _folders:
             place = f"{code.co_filename}, line {trace.tb_lineno}, in {code.co_name}"
         trace = trace.tb_next
     if place is None and type(error).__module__.startswith("numba."):
@@ -80,29 +94,16 @@ def blamed(error: BaseException) -> str | None:
 
 def _uncompiled(text: str) -> str | None:
     """Locate in somebody's own code what numba cannot compile, and why; None if it names no file of theirs."""
-    found = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
-    theirs = [(path, line) for path, line in found if path.parent in _folders]
+    places = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
+    theirs = [f"{path}, line {line}" for path, line in places if path.parent in _folders]
     if not theirs:
         return None
     lines = (" ".join(line.partition("Raised from")[0].split()) for line in text.splitlines())
     reason = next((line for line in lines if line and not line.startswith("Failed in ")), "")
     return (
-        f"{theirs[-1][0]}, line {theirs[-1][1]}: numba cannot compile this ({reason.strip(' .:>')[:LONGEST]}); use "
-        "numbers, arrays and functions of math and NumPy alone"
+        f"{theirs[-1]}: numba cannot compile this ({reason.strip(' .:>')[:LONGEST]}); use numbers, arrays and "
+        "functions of math and NumPy alone"
     )
-
-
-def _path_told(typed: str, name: str) -> str:
-    """Suggest what works in place of the path of a file."""
-    path, folder = Path(typed).with_suffix(""), Path.cwd()
-    with suppress(ValueError):
-        path = path.relative_to(folder)
-    if path.is_absolute() or ".." in path.parts:
-        return (
-            f"{typed} is a file, and a module is wanted; in its folder, or with PYTHONPATH={path.parent}, write "
-            f"--system {path.name}:{name}"
-        )
-    return f"{typed} is a file, and a module is wanted: write --system {'.'.join(path.parts)}:{name}"
 
 
 def _module(name: str, which: str) -> Any:
@@ -115,9 +116,14 @@ def _module(name: str, which: str) -> Any:
             _folders.add(Path(file).resolve().parent)
         return module
     except PirrhtError as error:
-        raise OptionError(f"--system {which}: {error}, while {_line_of(error, name)} was imported") from None
+        trace, where = error.__traceback__, f"the module {name}"
+        while trace is not None:
+            if trace.tb_frame.f_globals.get("__name__") == name:
+                where = f"line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}"
+            trace = trace.tb_next
+        raise OptionError(f"--system {which}: {error}, while {where} was imported") from None
     except (Exception, SystemExit) as error:
-        if isinstance(error, ModuleNotFoundError) and error.name in _parents(name):
+        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
             raise OptionError(
                 f"--system {which}: there is no module {name} in {folder} or among what is installed; fix the name, "
                 "or set PYTHONPATH"
@@ -136,32 +142,3 @@ def _first_on_path(folder: str) -> Iterator[None]:
             sys.path.remove(folder)
         if folder not in sys.path:
             sys.path.append(folder)
-
-
-def _line_of(error: BaseException, name: str) -> str:
-    """Name the line of a module that raised an error, as far as it is known."""
-    trace, where = error.__traceback__, f"the module {name}"
-    while trace is not None:
-        if trace.tb_frame.f_globals.get("__name__") == name:
-            where = f"line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}"
-        trace = trace.tb_next
-    return where
-
-
-def _called(function: Callable[[], Any], which: str) -> Any:
-    try:
-        return function()
-    except PirrhtError as error:
-        raise OptionError(f"--system {which}: {error}") from None
-    except (Exception, SystemExit) as error:
-        raise OptionError(f"--system {which}: {one_line(error)} when it was called without arguments; fix it") from None
-
-
-def _parents(name: str) -> list[str]:
-    parts = name.split(".")
-    return [".".join(parts[: i + 1]) for i in range(len(parts))]
-
-
-def _offers(module: str) -> str:
-    found = [name for name, value in vars(sys.modules[module]).items() if isinstance(value, System)]
-    return f"its systems are {', '.join(found)}" if found else "it has no sim.systems.System at all"

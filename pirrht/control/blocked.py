@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -78,15 +79,11 @@ class Brake:
         angles = 2.0 * np.pi * np.arange(s.directions) / s.directions
         for ring in s.rings:
             for angle in angles if ring > 0.0 else angles[:1]:
-                yield self._to(spot + ring * np.array([np.cos(angle), np.sin(angle)]))
+                place = spot + ring * np.array([np.cos(angle), np.sin(angle)])
+                yield partial(self._brake, place)
 
-    def _to(self, place: Array) -> Law:
-        """Return the law that comes to rest at a place (2,)."""
-
-        def law(x: Array, _: float) -> Array:
-            return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))
-
-        return law
+    def _brake(self, place: Array, x: Array, _: float) -> Array:
+        return np.asarray(self.problem.dynamics.brake(x, place, self.settings.within))
 
     def _tried(self, law: Law, x: Array, space: FreeSpace, now: float) -> Halt:
         """Simulate a law without noise."""

@@ -132,11 +132,6 @@ class ProposalFactory:
             moving=self.world.setup.world.moving, time=time,
         )  # fmt: skip
 
-    def _clearance(self, x: Array, time: float) -> float:
-        """Return the distance of x (n,) from the nearest wall at a time [s], [m]."""
-        world = self.world.setup.world
-        return world.clearance(x[0], x[1], time) if self.world.moving else float(clearance(world.field, x[0], x[1]))
-
     def scales(self, x: Array) -> Scales:
         """Return the scales at x (n,), which are constant if G, B and R are."""
         return Scales.of(self.problem, x) if self._everywhere is None else self._everywhere
@@ -175,12 +170,16 @@ class ProposalFactory:
         H, T, m = len(batch.proposals), len(times) - 1, d.m
         C = max([1, *(proposal.lead.sections for proposal in batch.proposals)])
         scales, moving = self.scales(x), self.world.moving
-        near = min(self._clearance(x, batch.time), float(self._from_goal(x))) if self.pointlike else np.inf
+        near = np.inf
+        if self.pointlike:
+            near = min(setup.world.clearance(x[0], x[1], batch.time), float(self._from_goal(x)))
+        move = self.tuning.least_move * self.problem.scene.robot_radius if moving and d.noisy_position else 0.0
+        least = max(self.tuning.least_step * self.sampling.dt, move**2 / scales.noise)  # shortest steps near walls [s]
         tables = ProposalTables(
             control=np.zeros((H, T, m)), drift=np.zeros((H, T, m)), times=np.ascontiguousarray(times, dtype=float),
             active=np.zeros(H, dtype=np.int64), first=np.zeros(H + 1, dtype=np.int64),
             ways=no_tubes(H, C, PROPOSALS.nodes, scales.decay), wall_offset=scales.wall_offset if drifts else 0.0,
-            set_back=self.set_back, least=self._least_step(scales) if self.sampling.fitted else np.inf,
+            set_back=self.set_back, least=least if self.sampling.fitted else np.inf,
             weighed=self.sampling.exit == "bridge" and self.problem.phi > self.problem.least_rate * float(times[-1]),
             window=self._window(batch, scales, near) if self.pointlike else 1,
             mirrored=self.sampling.draws == "antithetic",
@@ -208,12 +207,6 @@ class ProposalFactory:
         for guide in (one.lead.guide for one in batch.proposals if one.lead.guide is not None):
             most = min(most, wall_drift.under_way(scales.noise, self._from_goal(_places(guide, times)), times))
         return max(most, wall_drift.window(scales.noise, 0.0, batch.times, self.sampling.window, shortest))
-
-    def _least_step(self, scales: Scales) -> float:
-        """Return the length of the shortest steps near walls [s]."""
-        moves = self.world.moving and self.problem.dynamics.noisy_position
-        move = self.tuning.least_move * self.problem.scene.robot_radius if moves else 0.0
-        return max(self.tuning.least_step * self.sampling.dt, move**2 / scales.noise)
 
 
 def _places(guide: DDPGuide, times: Array) -> Array:

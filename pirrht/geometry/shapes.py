@@ -40,8 +40,11 @@ class Solids(NamedTuple):
         """Gather M obstacles into arrays (M, ...) [m]."""
         M = len(obstacles)
         boxes = np.array([_rectangle(o) for o in obstacles]).reshape(M, 2, 2)
-        hulls = [np.zeros((0, 3, 3))]
-        hulls += [_triangles(o) if o.kind is Kind.MESH else hulls[0] for o in obstacles]
+        hulls = [np.zeros((0, 3, 3))] * (M + 1)
+        for i, o in enumerate(obstacles):
+            if o.kind is Kind.MESH:
+                vertices, faces = hull_of(o)
+                hulls[i + 1] = (vertices @ o.rotation.T + o.position)[faces]
         corner = np.concatenate(hulls)
         normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
         return cls(
@@ -67,13 +70,6 @@ def hull_of(obstacle: Obstacle) -> tuple[Array, IntArray]:
     inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), a - vertices.mean(axis=0)) < 0
     faces[inward] = faces[inward][:, ::-1]
     return vertices, faces
-
-
-def _triangles(obstacle: Obstacle) -> Array:
-    """Return the triangles of a mesh in the world, (l, 3, 3) [m]."""
-    vertices, faces = hull_of(obstacle)
-    corners: Array = (vertices @ obstacle.rotation.T + obstacle.position)[faces]
-    return corners
 
 
 def _rectangle(obstacle: Obstacle) -> tuple[Array, Array]:

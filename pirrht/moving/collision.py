@@ -129,7 +129,11 @@ class MovingObstacles:
         best, holds, ends = inf, -inf, inf
         for j in np.argsort(lower, kind="stable"):
             if lower[j] < best:
-                best = min(best, self._ask(int(j), place, time))
+                body = self._bodies[j]
+                count, row_time = body.lap(time)
+                free = body.clearance(place, row_time)
+                self._each[j] = free, place[0], place[1], time, time - row_time if count else -inf, body.until(time)
+                best = min(best, free)
         if len(lower):
             holds, ends = float(self._each[:, 4].max()), float(self._each[:, 5].min())
         self._all = best, float(place[0]), float(place[1]), time, holds, ends
@@ -157,13 +161,6 @@ class MovingObstacles:
     def travel(self, begin: float, end: float) -> float:
         """Bound how far any point of any obstacle goes between two times [s], jumps aside [m]."""
         return max((body.travel(begin, end) for body in self._bodies), default=0.0)
-
-    def _ask(self, j: int, place: Array, time: float) -> float:
-        body = self._bodies[j]
-        count, row_time = body.lap(time)
-        free = body.clearance(place, row_time)
-        self._each[j] = free, place[0], place[1], time, time - row_time if count else -inf, body.until(time)
-        return free
 
     def _lower(self, place: Array, time: float) -> Array:
         """Return lower bounds of the free distances to all obstacles, (J,) [m]."""

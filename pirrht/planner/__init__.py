@@ -5,7 +5,6 @@ references   Algorithm 5 (ExtractReference): paths of all classes, shortened
 expand       Algorithm 1 for many draws in one kernel, and draws in passages
 rewire       Algorithms 2 and 3 in kernels: classes that a vertex keeps (AppendNode), and the search over the queue
 graph        vertices, edges and nodes in memory: all of a tree that changes
-file         trees as files, which are examined before they are trusted
 shorten      shortens paths inside their class, by steering method: here straight lines, which the paper leaves as is
 chain        of any steering method: the cheapest chain of its own connections
 in_time      in space and time: knots are left out, and moved

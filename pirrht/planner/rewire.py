@@ -129,16 +129,6 @@ def admits(at, straight, source, slot, edge, rules):  # type: ignore[no-untyped-
     return True
 
 
-@inlined
-def _costliest(vertex, count):  # type: ignore[no-untyped-def]
-    """Slot of the costliest of so many nodes, at least one, of the vertex at an address."""
-    worst = 0
-    for i in range(1, count):
-        if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):
-            worst = i
-    return worst
-
-
 @kernel
 def _insert(at, v, offer, worst):  # type: ignore[no-untyped-def]
     """Append a node of a class that the vertex does not know, in place of its `worst` if that is one; done, or full."""
@@ -239,7 +229,10 @@ def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
         if not admits(at, at.straight + 8 * at.M * v, offer.source, offer.slot, edge, rules):
             return STATUS.done
         if 0 < K <= count:
-            worst = _costliest(vertex, count)
+            worst = 0
+            for i in range(1, count):
+                if load_float64(g.node_at(vertex, i), g.COST) > load_float64(g.node_at(vertex, worst), g.COST):
+                    worst = i
             if offer.cost >= load_float64(g.node_at(vertex, worst), g.COST) - TUNING.cost_tie:
                 store_int64(at.pruned, 0, load_int64(at.pruned, 0) + 1)
                 return STATUS.done

@@ -160,7 +160,7 @@ def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
     """
     if isinstance(steering, InTime):
         return in_time.taut_in_time(path, steering, checker)
-    if _straight(steering) and not np.any(path.curvature):
+    if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):
         length, (x, y, theta) = path.length[-1].sum(), path.start[-1]
         end = np.array([x + length * np.cos(theta), y + length * np.sin(theta)])
         short = taut_polyline(np.vstack([path.start[:, :2], end]), checker.around)
@@ -178,8 +178,3 @@ def resume(x: Array, path: Any, steering: Steering, checker: EdgeChecker) -> Any
     if isinstance(steering, InTime):
         return in_time.resumed(x, path, steering, checker)
     return chain.resumed(x, path, steering, checker)
-
-
-def _straight(steering: Steering) -> bool:
-    """Return whether motions are those of a point, whose paths are polylines."""
-    return steering.motion is ARCS and steering.n == 2

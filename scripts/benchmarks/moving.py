@@ -26,7 +26,6 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.proposals.proposal import Batch
 from pirrht.rollouts.tables import PredictedWorld
-from sim.drive.episode import Tally
 from sim.recording.recorder import Recorder, Sinks
 from sim.scenario import Scenario
 
@@ -148,16 +147,16 @@ def late_plans(scenarios: list[Scenario], seconds: float, predict: str) -> tuple
     for scenario in scenarios:
         timed = scenario.with_settings(max_time=seconds, real_time=True, predict=predict)
         tree = timed.grown_tree()
-        driver, tally = timed.driver(tree), Tally(PERIOD)
+        driver = timed.driver(tree)
         with tempfile.TemporaryDirectory() as folder:
             sinks = Sinks(file=Path(folder) / "drive.rrd")
             with Recorder(timed.loaded, tree, driver.path_integral, sinks, settings={"scene": "benchmark"}) as recorder:
                 before = ticks()
                 for frame in timed.drive(timed.plant(), driver):
-                    recorder.log(frame, tally.add(frame))
+                    recorder.log(frame, frame.news)
         taken, whole = np.subtract(ticks(), before).tolist()
         stolen, passed = stolen + taken, passed + whole
-        figures = tally.drive().real_time
+        figures = frame.metrics.result().real_time
         assert figures is not None
         late, plans = late + figures["deadline_misses"], plans + figures["periods"]
     return late, plans, stolen / max(passed, 1)

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
-from pirrht.files import replaced
 from sim.drawing.colors import DEAD_COLOR, mix
 from sim.drawing.colors import rgb as rgb
 from sim.figures.draw import INK as INK
-from sim.files import check_writable
+from sim.files import check_writable, replaced
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
 DPI = 300  # of PNG files

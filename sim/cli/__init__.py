@@ -1,4 +1,4 @@
-"""The command `pirrht`; what takes long to import is imported once signals are heeded."""
+"""The command `pirrht`; modules that take long to import are imported once signals are heeded."""
 
 from __future__ import annotations
 
@@ -16,10 +16,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns:
         0 for success, 1 for a run that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
     """
-    if argv is None:
-        _die_quietly()
-    from contextlib import nullcontext
+    if argv is None:  # until there is something to clean up Ctrl-C just ends the process, as the system does it
+        import _signal  # type: ignore[import-not-found]  # the built-in part of `signal`, there from the start
 
+        if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+            _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
+    from contextlib import nullcontext
+    from importlib.util import find_spec
+
+    from pirrht.errors import OptionError
     from sim.cli import ending
 
     def command() -> int:
@@ -27,31 +32,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             from sim.cli import parser
 
             arguments = parser.read(argv)
-            _check_installed()
+            missing = [one for one in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(one) is None]
+            if missing:
+                raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
             from sim.cli import commands
         return commands.COMMANDS[arguments.command](arguments)
 
     return ending.ended(command, process=argv is None)
-
-
-def _check_installed() -> None:
-    """Refuse to run without the packages of the extra `sim`.
-
-    Raises:
-        OptionError: names the missing package, and the command that installs it.
-    """
-    from importlib.util import find_spec
-
-    from pirrht.errors import OptionError
-
-    missing = [name for name in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(name) is None]
-    if missing:
-        raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
-
-
-def _die_quietly() -> None:
-    """Until there is something to clean up Ctrl-C just ends the process, as the system does it."""
-    import _signal  # type: ignore[import-not-found]  # the built-in part of `signal`, there from the start
-
-    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
-        _signal.signal(_signal.SIGINT, _signal.SIG_DFL)

@@ -16,11 +16,10 @@ from typing import Any
 from tqdm import tqdm
 
 from pirrht.errors import OptionError, printable
-from pirrht.files import path_text, replaced
 from sim import options
-from sim.cli import parser, plan_command, run_command, tables, warm
-from sim.cli.shared import check_outputs
-from sim.files import check_writable, refused, write_json
+from sim.cli import parser, plan_command, run_command, tables
+from sim.cli.shared import check_outputs, notice
+from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
@@ -83,11 +82,11 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
     scene, where = ("crossing", "among moving obstacles") if arguments.moving else ("slit", "in static scenes")
     for name in arguments.robots or robot_names():
         began = time.perf_counter()
-        warm.notice().words = [scene, name]
+        notice()
         scenario = prepare(scene, robot=name)
         rehearse(scenario)
         rehearse(scenario, driving=True)
-        warm.notice().finish()
+        notice().finish()
         print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
     return 0
 

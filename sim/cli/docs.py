@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from pirrht.files import replaced
 from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
+from sim.files import replaced
 from sim.options import NUMERICS, options_of
 from sim.settings import DRIVES, SINGLE, Option
 

@@ -22,8 +22,9 @@ from pirrht.errors import PirrhtError, printable
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
 AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
+_importing: list[bool] = []  # not empty: signals end the process without unwinding
 _swallowed: list[int] = []  # signals that callbacks of this command have kept to themselves
-_told: list[str] = []  # lines of this command
+_lines: list[str] = []  # of this command on standard error
 
 
 class Stopped(SystemExit):
@@ -49,10 +50,7 @@ def ended(command: Callable[[], int], *, process: bool = False) -> int:
             if process:
                 signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left cannot be done better by a traceback
     except (KeyboardInterrupt, Stopped) as stop:  # a second one, while the first was dealt with
-        number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
-        status = BY_SIGNAL + number
-        if not _told:
-            tell(WORDS[signal.Signals(number).name])
+        status = BY_SIGNAL + _number(stop) if _lines else _stopped(_number(stop))
     for stream in (sys.stdout, sys.stderr) if process else ():  # else the interpreter tries again, and reports that
         _discard(stream)
     return status
@@ -61,18 +59,11 @@ def ended(command: Callable[[], int], *, process: bool = False) -> int:
 @contextmanager
 def at_once() -> Iterator[None]:
     """Signals end the process without unwinding: for imports, of which C code catches and prints what interrupts it."""
-    numbers = [number for number in _numbers() if callable(signal.getsignal(number))]
-
-    def leave(number: int, _: FrameType | None) -> None:
-        tell(WORDS[signal.Signals(number).name])
-        os._exit(BY_SIGNAL + number)
-
-    before = {number: signal.signal(number, leave) for number in numbers}
+    _importing.append(True)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _importing.pop()
 
 
 def tell(line: str) -> None:
@@ -81,78 +72,64 @@ def tell(line: str) -> None:
     with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
         sys.stderr.write(text)
         sys.stderr.flush()
-    _told.append(line)
+    _lines.append(line)
+
+
+def _number(stop: BaseException) -> int:
+    return stop.number if isinstance(stop, Stopped) else signal.SIGINT
+
+
+def _stopped(number: int) -> int:
+    tell(WORDS[signal.Signals(number).name])
+    return BY_SIGNAL + number
 
 
 def _status(command: Callable[[], int]) -> int:
     try:
         return _flushed(command)
     except PirrhtError as error:
-        tell(str(error))
-        return BAD_INPUT
-    except KeyboardInterrupt:
-        tell(WORDS["SIGINT"])
-        return BY_SIGNAL + signal.SIGINT
-    except Stopped as stop:
-        tell(WORDS[signal.Signals(stop.number).name])
-        return BY_SIGNAL + stop.number
+        line = str(error)
+    except (KeyboardInterrupt, Stopped) as stop:
+        return _stopped(_number(stop))
     except MemoryError:
-        tell("there is not enough memory; ask for less (--vertices, --samples, --classes) or close other programs")
-        return BAD_INPUT
+        line = "there is not enough memory; ask for less (--vertices, --samples, --classes) or close other programs"
     except OSError as error:
-        number = _unwound(error)
-        if number is None:
-            return _refused(error)
-        tell(WORDS[signal.Signals(number).name])
-        return BY_SIGNAL + number
+        context: BaseException | None = error
+        while context is not None:  # a signal may have been unwinding
+            if isinstance(context, KeyboardInterrupt | Stopped):
+                return _stopped(_number(context))
+            context = context.__context__
+        gone = isinstance(error, BrokenPipeError) and _reader_gone()
+        _discard(sys.stdout)
+        if gone:
+            return 0
+        line = f"{error.filename or 'standard output'}: {error.strerror or error}"
     except Exception as error:
-        if not _swallowed:
-            return _blamed(error)
-        tell(WORDS[signal.Signals(_swallowed[0]).name])  # what a callback was kept from doing is missed now
-        return BY_SIGNAL + _swallowed[0]
-
-
-def _unwound(error: BaseException | None) -> int | None:
-    """The signal that was unwinding when an error came up; None if there was none."""
-    while error is not None and not isinstance(error, KeyboardInterrupt | Stopped):
-        error = error.__context__
-    return error.number if isinstance(error, Stopped) else signal.SIGINT if error is not None else None
-
-
-def _blamed(error: Exception) -> int:
-    """The status of an error in somebody's own system, told in a line; others are ours and are raised again."""
-    systems = sys.modules.get("sim.system_import")
-    told = None if systems is None else systems.blamed(error)
-    if told is None:
-        raise error
-    tell(told)
+        if _swallowed:  # what a callback was kept from doing is missed now
+            return _stopped(_swallowed[0])
+        systems = sys.modules.get("sim.system_import")
+        blamed = None if systems is None else systems.blamed(error)
+        if blamed is None:  # of no system of the user's, so it is ours
+            raise
+        line = blamed
+    tell(line)
     return BAD_INPUT
 
 
 def _flushed(command: Callable[[], int]) -> int:
-    """A command's status once all that it said has been taken; SystemExit is that of --help."""
+    """A command's status once its output has been taken."""
     leave = None
     try:
         status = command()
-    except SystemExit as exit:
-        if isinstance(exit, Stopped):
-            raise
+    except Stopped:
+        raise
+    except SystemExit as exit:  # of --help
         leave, status = exit, 0
     if sys.stdout is not None:
         sys.stdout.flush()
     if leave is not None:
         raise leave
     return status
-
-
-def _refused(error: OSError) -> int:
-    """The status where the system refused something: a reader who has gone is content, all else is one line."""
-    gone = isinstance(error, BrokenPipeError) and _reader_gone()
-    _discard(sys.stdout)
-    if gone:
-        return 0
-    tell(f"{error.filename or 'standard output'}: {error.strerror or error}")
-    return BAD_INPUT
 
 
 def _reader_gone() -> bool:
@@ -187,22 +164,6 @@ def _any_name_prints() -> None:
             setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115 - it stays open as long as the process
 
 
-def _waits(number: int) -> bool:
-    """Return whether kernels are just being made or loaded, so that a signal comes again a little later."""
-    compiled = sys.modules.get("pirrht.jit.patches")
-    return compiled is not None and bool(compiled.waits(number))
-
-
-def _deliver(number: int) -> None:
-    time.sleep(AGAIN)
-    if _swallowed:  # unless the command has ended meanwhile
-        interrupt_main(signal.Signals(number))
-
-
-def _numbers() -> list[signal.Signals]:
-    return [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
-
-
 @contextmanager
 def _signals() -> Iterator[None]:
     """SIGTERM and SIGHUP unwind as Ctrl-C does; whoever ignores or heeds them already goes on doing so."""
@@ -210,26 +171,28 @@ def _signals() -> Iterator[None]:
         yield
         return
     owner = os.getpid()
-    before = signal.getsignal(signal.SIGINT)
 
     def stop(number: int, _: FrameType | None) -> None:
+        patches = sys.modules.get("pirrht.jit.patches")
         if os.getpid() != owner:  # a forked process that has this handler from its parent
             signal.signal(number, signal.SIG_DFL)
             os.kill(os.getpid(), number)
-        elif not _waits(number):
+        elif _importing:
+            os._exit(_stopped(number))
+        elif patches is None or not patches.waits(number):  # else it comes again once a kernel is made or loaded
             raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
 
-    free = [number for number in _numbers()[1:] if signal.getsignal(number) is signal.SIG_DFL]
-    mine = [signal.SIGINT] if before in (signal.SIG_DFL, signal.default_int_handler) else []
-    for number in mine + free:
+    numbers = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    mine = {n: old for n, old in before.items() if old in (signal.SIG_DFL, signal.default_int_handler)}
+    for number in mine:
         signal.signal(number, stop)
     try:
         yield
     finally:
-        for number in free:
-            signal.signal(number, signal.SIG_DFL)
-        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-            signal.signal(signal.SIGINT, before)
+        for number, old in mine.items():
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as `ended` leaves SIGINT
+                signal.signal(number, old)
 
 
 @contextmanager
@@ -237,17 +200,20 @@ def _swallowed_again() -> Iterator[None]:
     """Callbacks and finalizers swallow interruptions, which Python then prints; here they are delivered once more."""
     before = sys.unraisablehook
 
+    def deliver(number: int) -> None:
+        time.sleep(AGAIN)
+        if _swallowed:  # unless the command has ended meanwhile
+            interrupt_main(signal.Signals(number))
+
     def hook(unraisable: Any) -> None:
-        stop = unraisable.exc_value
-        if not isinstance(stop, (KeyboardInterrupt, Stopped)):
+        if isinstance(unraisable.exc_value, (KeyboardInterrupt, Stopped)):
+            _swallowed.append(_number(unraisable.exc_value))
+            start_new_thread(deliver, (_swallowed[-1],))
+        else:
             before(unraisable)
-            return
-        number = stop.number if isinstance(stop, Stopped) else signal.SIGINT
-        _swallowed.append(number)
-        start_new_thread(_deliver, (number,))
 
     _swallowed.clear()
-    _told.clear()
+    _lines.clear()
     sys.unraisablehook = hook
     try:
         yield

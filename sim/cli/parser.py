@@ -49,8 +49,6 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise the OptionError of a command line that cannot be read."""
-        if message == "argument --seeds: expected one argument":  # a leading minus sign leads to it
-            message += " A:B, and seeds are not negative"
         raise OptionError(f"{message}; see `{self.prog} --help`")
 
 
@@ -70,14 +68,9 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
         OptionError: it cannot be read, or an option has a value that cannot work.
     """
     arguments, unknown = parser().parse_known_args(argv)
-    given = vars(arguments)
-    if given.get("goal") is not None:
-        for word in (*unknown, str(given.get("scene")), *given.get("scenes", ())):
-            if word.lstrip("-").replace(".", "", 1).isdigit():
-                raise OptionError("a goal has no heading: --goal takes X Y R, a disc that any heading reaches")
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
-    check(arguments.command, given)
+    check(arguments.command, vars(arguments))
     return arguments
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
 
 import numpy as np
 
@@ -11,19 +10,16 @@ from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, SceneError
 from pirrht.estimation.estimate import Estimate
-from pirrht.files import path_text
-from pirrht.planner import file as tree_file
 from pirrht.planner.references import Reference
-from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
+from sim import tree_file
+from sim.cli import tables
+from sim.cli.shared import check_outputs, notice, planned, progress_bar, report_prediction, scenario_of, solving
 from sim.drive.truth import Truth
-from sim.files import write_json
+from sim.files import path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, convergence
-from sim.systems import POSE, SPEED, VELOCITIES, typed
+from sim.systems import POSE, typed
 from sim.text import counted, say, width
-
-TOUCHING = 1e-4  # free distance below which paths end at once [m]
 
 
 def plan(arguments: argparse.Namespace) -> int:
@@ -37,7 +33,7 @@ def plan(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments)
     if scenario.settings.method in TREELESS:
         say(f"--method {scenario.settings.method} plans without a tree: this is the tree of pi-rrht")
-    began, lengths = warm.notice().clock(), None
+    began, lengths = notice().clock(), None
     if arguments.convergence:
         tree, vertices = scenario.empty_tree(), scenario.settings.vertices
         with progress_bar("plan", vertices, " vertices") as bar:
@@ -48,8 +44,8 @@ def plan(arguments: argparse.Namespace) -> int:
         references = scenario.references(tree)
     else:
         tree, references = planned(scenario)
-    seconds = warm.notice().clock() - began
-    warm.notice().finish()
+    seconds = notice().clock() - began
+    notice().finish()
     found = plan_json(scenario, tree, references, seconds)
     print(tables.class_table(references, width(), scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
@@ -93,14 +89,10 @@ def estimate(arguments: argparse.Namespace) -> int:
         decision = controller.plan(x)
         references = decision.references
         estimates.append(decision.estimate)
-    warm.notice().finish()
+    notice().finish()
     print(tables.estimate_table(estimates, [r.id for r in references], truth, width()))
     if dead := sum(e is None for e in estimates):
-        clearance = max(scenario.space.clearance(x[:2]), 0.0)
-        remedy = "start slower" if _too_fast(scenario, controller, x) else "try more --samples"
-        if clearance < TOUCHING:
-            remedy = f"the free distance there is {clearance:.1g} m, so paths end at once: choose another state"
-        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; {remedy}")
+        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     for line in tables.doubts(estimates, references, scenario.problem.temperature, scenario.settings.target_error):
@@ -134,13 +126,3 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if scenario.loaded.scene.goal.contains(x[:2]):
         raise SceneError(f"--at {where}: this state is already in the goal; choose another")
     return x
-
-
-def _too_fast(scenario: Scenario, controller: Any, x: Array) -> bool:
-    """Return whether samples reach the goal from the same place at rest, but not from x (n,) with its speed."""
-    rest = x.copy()
-    rest[[i for i, name in enumerate(scenario.system.states) if name in (*VELOCITIES, *SPEED)]] = 0.0
-    if np.array_equal(rest, x):
-        return False
-    controller.begin(rest)
-    return controller.plan(rest).estimate is not None

@@ -14,16 +14,13 @@ from tqdm import tqdm
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
-from pirrht.files import path_text
-from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
-from pirrht.planner.tree import HomologyTree
-from sim.cli import tables, warm
-from sim.cli.shared import check_outputs, planned, progress_bar, report_prediction, scenario_of, solving
+from sim.cli import tables
+from sim.cli.shared import check_outputs, notice, planned, progress_bar, report_prediction, scenario_of, solving
 from sim.drawing.colors import title
-from sim.drive import episode
-from sim.drive.truth import Witness
-from sim.files import write_json
+from sim.drive.episode import Frame
+from sim.drive.truth import ExactReference
+from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.scenario import Scenario
@@ -46,7 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.truth:
         with solving() as progress:
             truth = scenario.truth(progress)
-    witness = None if truth is None else Witness(truth)
+    exact = None if truth is None else ExactReference(truth)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
@@ -55,25 +52,23 @@ def run(arguments: argparse.Namespace) -> int:
     with solving() as progress:
         driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
     rehearse(scenario, driving=True)
-    warm.notice().finish()
-    tally, bar = episode.Tally(settings.period), progress_bar("run", settings.max_time, "s")
-    recorder = _recorder(arguments, scenario, tree, driver.path_integral, truth)
+    notice().finish()
+    bar = progress_bar("run", settings.max_time, "s")
+    recorder = _recorder(arguments, scenario, driver, truth)
     with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
-            news = tally.add(frame)
-            known = None if witness is None else witness.add(frame.plan)
+            known = None if exact is None else exact.add(frame.plan)
             if recorder is not None:
-                recorder.log(frame, news, known)
+                recorder.log(frame, frame.news, known)
             if film is not None:
                 film.add(frame, driver.path_integral)
-            if news and frame.outcome is None:  # how it ended is in the summary
-                bar.write(news)
+            if frame.news and frame.outcome is None:  # how it ended is in the summary
+                bar.write(frame.news)
             bar.update(round(frame.end_time - bar.n, 6))
-            bar.set_postfix_str(f"class {title(tally.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
-        if recorder is not None:
-            _wait(recorder)
-    drive = tally.drive()
-    result = {**drive.json(), **({} if witness is None else {"truth": witness.result()})}
+            favourite = title(frame.metrics.favourite or OTHER)
+            bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
+    drive = frame.metrics.result()
+    result = {**drive.json(), **({} if exact is None else {"truth": exact.result()})}
     tables.summary(drive, result.get("truth"))
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
@@ -93,16 +88,7 @@ def run(arguments: argparse.Namespace) -> int:
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
-    return 0 if tally.outcome is Outcome.GOAL else 1
-
-
-def _wait(recorder: Any) -> None:
-    """A bar, on a terminal, until the steps that a run against the clock has left to record are written."""
-    whole = recorder.waiting
-    with progress_bar("recording", whole, " steps") as bar:
-        while (left := recorder.waiting) > 0:
-            bar.update(whole - left - bar.n)
-            time.sleep(0.1)
+    return 0 if frame.outcome is Outcome.GOAL else 1
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
@@ -125,16 +111,13 @@ def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
     return look
 
 
-def _recorder(
-    arguments: argparse.Namespace, scenario: Scenario, tree: HomologyTree | None, path_integral: Any, truth: Any
-) -> Any:
-    sinks, look = _sinks(arguments), _look(arguments, scenario)
-    if not sinks:
+def _recorder(arguments: argparse.Namespace, scenario: Scenario, driver: Any, truth: Any) -> Any:
+    if not (sinks := _sinks(arguments)):
         return None
     from sim.recording.recorder import Recorder
 
-    settings = settings_json(scenario)
-    recorder = Recorder(scenario.loaded, tree, path_integral, sinks, look, settings=settings, grid=truth)
+    look, settings = _look(arguments, scenario), settings_json(scenario)
+    recorder = Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, look, settings=settings, grid=truth)
     if recorder.server is not None:
         print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     return recorder
@@ -163,7 +146,7 @@ def play(arguments: argparse.Namespace) -> int:
     with progress_bar("plan", settings.vertices, " vertices") as bar:
         built = first(scenario, lambda size: bar.update(size - bar.n))
     rehearse(scenario, driving=True)
-    warm.notice().finish()
+    notice().finish()
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
     with ExitStack() as stack:
         stack.callback(game.close)
@@ -171,19 +154,21 @@ def play(arguments: argparse.Namespace) -> int:
         if screen is not None:
             stack.callback(screen.close)
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
-        live = stack.enter_context(Live(arguments, game))
-        tally = _played(game, None, screen, live)
+        live = Live(arguments, game)
+        stack.callback(live.close)
+        last = _played(game, None, screen, live)
         while screen is not None and screen.open:
-            start = _next_start(game, screen, tally.outcome)
+            start = _next_start(game, screen, None if last is None else last.outcome)
             if start is not None:
-                tally = _played(game, start, screen, live)
-    if tally.last is None:
+                last = _played(game, start, screen, live)
+    if last is None:
         return 1
-    tables.summary(tally.drive())
+    result = last.metrics.result()
+    tables.summary(result)
     if arguments.json:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
-        write_json(arguments.json, {**run_json(scenario, [], tally.drive().json()), "events": done})
-    return 0 if tally.outcome is Outcome.GOAL else 1
+        write_json(arguments.json, {**run_json(scenario, [], result.json()), "events": done})
+    return 0 if last.outcome is Outcome.GOAL else 1
 
 
 def _check_display() -> None:
@@ -198,21 +183,20 @@ def _check_display() -> None:
         ) from None
 
 
-def _played(game: Any, start: Any, screen: Any, live: Live) -> episode.Tally:
-    """The results of one run."""
-    tally = episode.Tally(game.scenario.settings.period)
+def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
+    """Run once, and return the last frame; None if there is none."""
+    frame = None
     with closing(game.drive(start)) as frames:
         for frame in frames:
-            news = tally.add(frame)
-            if news:
-                tqdm.write(news)
-            live.log(frame, news)
+            if frame.news:
+                tqdm.write(frame.news)
+            live.log(frame, frame.news)
             if screen is not None and not screen.open:
                 break
-    return tally
+    return frame
 
 
-def _next_start(game: Any, screen: Any, outcome: Outcome) -> Any:
+def _next_start(game: Any, screen: Any, outcome: Outcome | None) -> Any:
     """Wait for the start (n,) of the next run; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
@@ -241,10 +225,10 @@ class Live:
     def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
         from sim.recording import viewer
 
-        self._game, self._server = game, None
-        self._space: FreeSpace | None = None
+        self._game = game
+        self._space: Any = None
         self._recorders: list[Any] = []
-        self._urls: list[str] = [] if arguments.connect is None else [arguments.connect]
+        self._urls = [] if arguments.connect is None else [arguments.connect]
         if arguments.view:
             self._urls.append(viewer.spawn())
         if arguments.serve:
@@ -252,31 +236,22 @@ class Live:
             self._urls.append(self._server.url)
             tqdm.write(f"watch it in a browser of this machine: {self._server.page}")
 
-    def __enter__(self) -> Live:
-        """Itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def close(self) -> None:
         """Write what is left."""
         for recorder in self._recorders:
             recorder.close()
 
-    def log(self, frame: episode.Frame, news: str | None) -> None:
+    def log(self, frame: Frame, news: str | None) -> None:
         """Show a control step."""
         if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
-            self._begin(frame.plan.space)
+            from sim.recording.options import Sinks
+            from sim.recording.recorder import Recorder
+
+            self.close()
+            built, self._space = self._game.live.built, frame.plan.space
+            scenario = built.world.scenario
+            shown = (scenario.loaded, built.tree, built.driver.path_integral)
+            settings = settings_json(scenario)
+            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=settings) for url in self._urls]
         for recorder in self._recorders:
             recorder.log(frame, news)
-
-    def _begin(self, space: FreeSpace) -> None:
-        from sim.recording.options import Sinks
-        from sim.recording.recorder import Recorder
-
-        self.__exit__()
-        built, self._space = self._game.live.built, space
-        scenario = built.world.scenario
-        path_integral, settings = built.driver.path_integral, settings_json(scenario)
-        self._recorders = [
-            Recorder(scenario.loaded, built.tree, path_integral, Sinks(connect=url), settings=settings)
-            for url in self._urls
-        ]

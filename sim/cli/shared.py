@@ -1,24 +1,79 @@
-"""Shared parts of commands: read the scene, check where results go, grow the tree, show progress."""
+"""Shared parts of commands: read the scene, check where results go, grow the tree, show progress and compiling."""
 
 from __future__ import annotations
 
 import argparse
+import functools
+import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from numba.core import event
 from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.exact.grid import Progress
+from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim import options
-from sim.cli import tables, warm
+from sim.cli import tables
 from sim.files import check_writable
 from sim.scenario import Scenario, prepare
 from sim.text import counted, say
+
+LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
+
+
+class Notice(event.Listener):  # type: ignore[misc]
+    """Reports that the first command of an installation compiles, and adds up how long."""
+
+    def __init__(self) -> None:
+        self.reported = False
+        self.seconds = 0.0  # spent compiling
+        self._depth, self._began = 0, 0.0
+        self._bar: Any = None
+
+    def clock(self) -> float:
+        """A time [s] that does not count compiling."""
+        return time.perf_counter() - self.seconds
+
+    def on_start(self, happening: Any) -> None:
+        """Report a kernel that is compiled, maybe for another one: a line, and on a terminal how many there are."""
+        if happening.data["dispatcher"].py_func.__module__.startswith("pirrht."):
+            if not self.reported:
+                self.reported = True
+                tqdm.write(LINE.format(often="once" if cache.kept() else "every time"), sys.stderr)
+                sys.stderr.flush()
+                style = "compiling: {n_fmt} kernels, {elapsed}"
+                self._bar = tqdm(disable=None, leave=False, bar_format=style, file=sys.stderr)
+            if self._bar is not None:
+                self._bar.update()
+        if self._depth == 0:
+            self._began = time.perf_counter()
+        self._depth += 1
+
+    def on_end(self, happening: Any) -> None:
+        """Note that it has been compiled, or cannot be."""
+        self._depth -= 1
+        if self._depth == 0:
+            self.seconds += time.perf_counter() - self._began
+
+    def finish(self) -> None:
+        """Remove the count from the terminal."""
+        if self._bar is not None:
+            self._bar.close()
+
+
+@functools.cache
+def notice() -> Notice:
+    """That of this process, which hears from now on what is compiled."""
+    listener = Notice()
+    event.register("numba:compile", listener)
+    return listener
 
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
@@ -33,9 +88,7 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             f"--start has {counted(len(start), 'number')}; it must be X Y, and TH of a robot with a heading; runs "
             "begin at rest (`pirrht estimate --at` takes any state)"
         )
-    if arguments.system is None:
-        samples = arguments.command != "plan" and arguments.method != "optimal"
-        warm.notice().words = [arguments.scene, arguments.robot or "", *([] if samples else ["--plan"])]
+    notice()
     settings = options.settings(arguments.command, given)
     driven = arguments.command not in ("plan", "estimate")
     scenario = prepare(arguments.scene, given=settings, loose=loose, driven=driven, **options.scene_options(given))

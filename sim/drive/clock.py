@@ -1,4 +1,4 @@
-"""Clocks that real-time runs go by, how well these keep their times, and work that gives way to them."""
+"""The clock of real-time runs, how well these keep their times, and work that gives way to them."""
 
 from __future__ import annotations
 
@@ -7,26 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from threading import Event
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 
-LONGEST = 0.1  # what gives way goes on after this time in any case, lest it never end [s]
+LONGEST_WAIT = 0.1  # after which work that gives way continues in any case [s]
 
 
-class Clock(Protocol):
-    """Tells the time and lets it pass."""
-
-    def now(self) -> float:
-        """Time since some moment [s]."""
-
-    def wait(self, until: float) -> None:
-        """Return when it is `until` [s], at once if that has passed."""
-
-
-class WallClock:
+class Clock:
     """The machine's monotonic clock."""
 
     def now(self) -> float:
@@ -35,60 +25,58 @@ class WallClock:
 
     def wait(self, until: float) -> None:
         """Return when it is `until` [s], at once if that has passed."""
-        rest = until - time.monotonic()
+        rest = until - self.now()
         if rest > 0.0:
             time.sleep(rest)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Timing:
-    """One control period of a real-time drive."""
+    """One control period of a real-time run."""
 
     missed: bool  # its plan was not ready when it began
     samples: int | None  # of the plan that it began with; None if that is an older one, or the first
-    slack: float | None  # time between the end of planning and the period's beginning [s]; None likewise
+    slack: float | None  # time between the end of planning and the period's beginning [s]; None as for the samples
     late: Array  # (k,) how late each physics step began [s]
 
 
 def figures(timings: Sequence[Timing], period: float) -> dict[str, Any]:
-    """The figures of a drive under the names of the public JSON."""
-    samples = [t.samples for t in timings if t.samples is not None]
-    slack = [1e3 * t.slack for t in timings if t.slack is not None]
+    """The figures of a run under the names of the public JSON."""
     late = 1e3 * np.concatenate([t.late for t in timings])
     return {
         "period": period,
         "periods": len(timings),
         "deadline_misses": sum(t.missed for t in timings),
-        "samples_per_period": {"median": _of(np.median, samples), "min": _of(np.min, samples)},
-        "slack_ms": {"median": _of(np.median, slack), "min": _of(np.min, slack)},
+        "samples_per_period": _spread([t.samples for t in timings if t.samples is not None]),
+        "slack_ms": _spread([1e3 * t.slack for t in timings if t.slack is not None]),
         "late_ms": {"median": float(np.median(late)), "p99": float(np.percentile(late, 99)), "max": float(late.max())},
     }
 
 
+def _spread(values: Sequence[float]) -> dict[str, float | None]:
+    known = (float(np.median(values)), float(np.min(values))) if values else (None, None)
+    return dict(zip(("median", "min"), known, strict=True))
+
+
 def summary(figures: Mapping[str, Any]) -> str:
     """Sum up `figures` in a line for a person."""
-    samples, slack, late = figures["samples_per_period"], figures["slack_ms"], figures["late_ms"]
+    samples, slack = (
+        {name: "none" if value is None else f"{value:.0f}" for name, value in figures[key].items()}
+        for key in ("samples_per_period", "slack_ms")
+    )
+    late = figures["late_ms"]
     return (
         f"real time: {figures['deadline_misses']} of {figures['periods']} plans late; samples per period "
-        f"{_text(samples['median'])} (least {_text(samples['min'])}), slack {_text(slack['median'])} ms "
-        f"(least {_text(slack['min'])}); physics steps late by {late['median']:.2g} ms, p99 {late['p99']:.2g}, "
-        f"max {late['max']:.2g}"
+        f"{samples['median']} (least {samples['min']}), slack {slack['median']} ms (least {slack['min']}); "
+        f"physics steps late by {late['median']:.2g} ms, p99 {late['p99']:.2g}, max {late['max']:.2g}"
     )
 
 
-def _of(function: Any, values: Sequence[float]) -> float | None:
-    return float(function(values)) if values else None
-
-
-def _text(value: float | None) -> str:
-    return "none" if value is None else f"{value:.0f}"
-
-
-class Urgent:
-    """Priority of what a clock waits for.
+class PlannerPriority:
+    """Priority of planning that a clock waits for.
 
     Attributes:
-        clocked: whether a drive runs against the clock, after which there will be more time.
+        clocked: whether a run goes by the clock, after which there will be more time.
     """
 
     def __init__(self) -> None:
@@ -98,7 +86,7 @@ class Urgent:
 
     @contextmanager
     def drive(self) -> Iterator[None]:
-        """A drive runs against the clock meanwhile."""
+        """Mark that a run goes by the clock meanwhile."""
         self.clocked = True
         try:
             yield
@@ -107,7 +95,7 @@ class Urgent:
 
     @contextmanager
     def work(self) -> Iterator[None]:
-        """Everything else gives way meanwhile."""
+        """Let everything else give way meanwhile."""
         self._idle.clear()
         try:
             yield
@@ -115,8 +103,8 @@ class Urgent:
             self._idle.set()
 
     def give_way(self) -> None:
-        """Return when nothing is urgent, or after LONGEST."""
-        self._idle.wait(LONGEST)
+        """Return when nothing is urgent, or after LONGEST_WAIT."""
+        self._idle.wait(LONGEST_WAIT)
 
 
-URGENT = Urgent()  # the interpreter is one for all, too
+URGENT = PlannerPriority()  # the interpreter is one for all, too

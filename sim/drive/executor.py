@@ -1,14 +1,13 @@
-"""The plant: a robot driven for one control period at a time, in MuJoCo or by its stochastic equation alone.
+"""The robot in MuJoCo, driven for one control period at a time.
 
-Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever
-the method and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or where noise enters through
-the inputs `ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a
-step of MuJoCo is then the Euler-Maruyama step of the equation, and the displacement has covariance B B' t. Motors
-take accelerations instead: the velocity's step is then that of the equation, and the position moves on with the
-velocity of the step's end (semi-implicit Euler) where the equation alone takes that of its start.
-Wheels with slow servos follow it up to their lag; models/robots/diffdrive.xml says how far.
-A step of white noise may be longer than a wall is thick: the way between two steps is judged as well as their ends.
-Bodies that move are where their motions say at the end of each step, by the plant's own clock.
+Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever the method
+and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or where noise enters through the inputs
+`ctrl = M @ twist(x, u + s dw/h)`. With deadbeat servos a step of MuJoCo is then the Euler-Maruyama step of the
+equation, and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then
+that of the equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the
+equation alone takes that of its start. Wheels with slow servos follow it up to their lag (models/robots/diffdrive.xml).
+A step of white noise may be longer than a wall is thick: what is between two steps counts as well as their ends.
+Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import ROUNDING
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.plant import Advance, Control, Loop, LoopPlant
+from sim.drive.plant import Plant
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
@@ -35,93 +34,85 @@ from sim.systems import named
 FOOTPRINT = "robot/footprint"  # geom of every robot
 
 
-class Executor(LoopPlant):
-    """The robot in MuJoCo."""
+class Executor(Plant):
+    """The robot in MuJoCo.
+
+    Attributes:
+        data: MuJoCo's state, for pictures; positions and contacts belong to `state`.
+    """
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
-        self._model = loaded.model
-        called = named(loaded.dynamics_name).called
-        if problem.dynamics.n != len(loaded.states):
+        model = self._model = loaded.model
+        called, n = named(loaded.dynamics_name).called, problem.dynamics.n
+        if n != len(loaded.states):
             raise OptionError(
-                f'robot "{loaded.robot}" moves as a {called} with '
-                f"{len(loaded.states)} states; "
-                f"{type(problem.dynamics).__name__} has {problem.dynamics.n}"
+                f'robot "{loaded.robot}" moves as a {called} with {len(loaded.states)} states; '
+                f"{type(problem.dynamics).__name__} has {n}"
             )
-        check_motion(self._model, called, problem.dynamics, loaded.command)
-        self._loop = Loop(problem, period, float(self._model.opt.timestep))
-        self._data = mujoco.MjData(self._model)
-        self._ctrl, self._stance = self._data.ctrl, stance_of(self._model, loaded.states)
+        check_motion(model, called, problem.dynamics, loaded.command)
+        super().__init__(problem, _clearance(problem), period, float(model.opt.timestep))
+        self._rate = commanded_rate(problem.dynamics, self.physics_step)
+        self.data, self._stance = mujoco.MjData(model), stance_of(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
-        scene = loaded.scene
-        self.enter(problem)
-        self._mocap = Mocap(self._model, scene.movers) if scene.movers else None
-        self._radius, self._joints = scene.robot_radius, np.empty(self._model.nq)
+        self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
-        self._sweeps = bool(self._model.geom(FOOTPRINT).contype[0] | self._model.geom(FOOTPRINT).conaffinity[0])
+        self._sweeps = bool(model.geom(FOOTPRINT).contype[0] | model.geom(FOOTPRINT).conaffinity[0])
         self._sweep: Sweep | None = None
+        self._joints = np.empty(model.nq)  # before the step
         if self._mocap is not None and not self._sweeps:
             bodies = loaded.moving_geoms & loaded.obstacle_geoms
-            self._sweep = Sweep(self._model, loaded.robot_geoms, bodies, self._mocap)
+            self._sweep = Sweep(model, loaded.robot_geoms, bodies, self._mocap)
         self.reset(problem.dynamics.state_of(problem.scene.start))
 
     def enter(self, problem: Problem) -> None:
-        """Go on in this problem, of the same robot: among its obstacles, to its goal, under its noise.
+        """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise.
 
-        What stands in MuJoCo is up to who moved it there.
+        Bodies in MuJoCo stay where they are.
         """
-        self._loop.enter(problem)
-        self._dynamics, self._twist, self._n = problem.dynamics, problem.dynamics.twist, problem.dynamics.n
-        self._rate = commanded_rate(problem.dynamics, self._loop.step)
-        # FCL moves its objects when it is asked, and in real time the planner asks its own meanwhile.
-        self._room = self._loop.room(Collision(problem.scene.world, problem.scene.footprint).clearance)
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's state, for pictures; positions and contacts belong to `state`."""
-        return self._data
+        self._enter(problem, _clearance(problem))
+        self._rate = commanded_rate(problem.dynamics, self.physics_step)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
-        """Stand at the first n entries of `state` at a time [s]; a robot on wheels rolls as it does without control."""
+        """Start from the first n entries of `state` at a time [s]; wheels roll as they do without control."""
         super().reset(state, time)
-        twist = self._twist(self._state, self._dynamics.idle(self._state))
-        mujoco.mj_resetDataKeyframe(self._model, self._data, 0)
-        self._stance.place(self._data, self._state, twist, self._command.dot(twist))
+        dynamics = self._problem.dynamics
+        twist = dynamics.twist(self._state, dynamics.idle(self._state))
+        mujoco.mj_resetDataKeyframe(self._model, self.data, 0)
+        self._stance.place(self.data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
-            self._mocap.place(self._data, time)
-        mujoco.mj_step1(self._model, self._data)
-
-    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
-        """Drive for one period; see `Plant.advance`."""
-        return self._loop.drive(self.state, self._move, self._touching, self._room, control_at, rng)
+            self._mocap.place(self.data, time)
+        mujoco.mj_step1(self._model, self.data)
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
-        """One step, cut after its position stage, so that the contacts are those of the new state."""
-        self._ctrl[:] = self._command.dot(self._twist(x, self._rate(x, u, dw)))
+        """Make one step, cut after its position stage, so that the contacts are those of the new state."""
+        self.data.ctrl[:] = self._command.dot(self._problem.dynamics.twist(x, self._rate(x, u, dw)))
         if self._sweep is not None:
-            self._joints[:] = self._data.qpos
-        mujoco.mj_step2(self._model, self._data)
+            self._joints[:] = self.data.qpos
+        mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
-            self._mocap.place(self._data, self.time)
-        mujoco.mj_step1(self._model, self._data)
-        self._state = self._stance.read(self._data, x)
-        return self._state
+            self._mocap.place(self.data, self.time)
+        mujoco.mj_step1(self._model, self.data)
+        return self._stance.read(self.data, x)
 
     def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
-        contact = self._data.contact
-        if self._data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
+        contact, now = self.data.contact, self.time
+        begin = now - self.physics_step
+        if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
-        if self._sweep is not None:
-            return self._run_over(self._sweep, before, x)
-        return self._sweeps and self._room.blocked(before, x)
-
-    def _run_over(self, sweep: Sweep, before: Array, x: Array) -> bool:
-        """Tell whether a body passes over the robot within the step; its own shape counts if the footprint is met."""
-        if not self._room.met(before, x):
+        crowd = self._checker.crowd
+        if self._sweep is None or crowd is None:
+            return self._sweeps and self._checker.blocked(before, x, begin, now)
+        if not self._checker.met(before, x, begin, now):
             return False
-        own = hypot(x[0] - before[0], x[1] - before[1]) + self._radius * float(np.abs(x[2:3] - before[2:3]).sum())
-        now = self.time
-        return sweep.meets(self._joints, self._data.qpos, now - self._loop.step, now, own, self._room.way)
+        turned = self._problem.scene.robot_radius * float(np.abs(x[2:3] - before[2:3]).sum())
+        own = hypot(x[0] - before[0], x[1] - before[1]) + turned
+        return self._sweep.meets(self._joints, self.data.qpos, begin, now, own, crowd.travel)
+
+
+def _clearance(problem: Problem) -> Callable[[Array], Array]:
+    # FCL moves its objects when it is queried, and in real time the planner queries its own meanwhile.
+    return Collision(problem.scene.world, problem.scene.footprint).clearance
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

@@ -1,8 +1,9 @@
-"""Real-time drives: the plant runs against the clock on one thread, plans are made ahead on another.
+"""Real-time runs: the plant runs against the clock on one thread, plans are made ahead on another.
 
 While period k is driven, the plan for period k+1 is made: at the state where the present law will have taken the robot
-by then, without noise. What noise does meanwhile the law itself answers, asked at every physics step at the true state.
-A plan takes over when its period begins, or as soon as it is ready if that is later: until then the old law goes on.
+by then, without noise. What noise does meanwhile the law itself answers, queried at every physics step at the true
+state. A plan takes over when its period begins, or as soon as it is ready if that is later: until then the old law goes
+on.
 
     period         k                   k+1
     plant     steps under plan k   | steps under plan k+1
@@ -12,108 +13,147 @@ A plan takes over when its period begins, or as soon as it is ready if that is l
 from __future__ import annotations
 
 import gc
+import math
 import sys
 import threading
+from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from queue import SimpleQueue
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.policy import Policy
-from sim.drive.clock import URGENT, Clock, Timing, WallClock
-from sim.drive.odometer import Frame, Odometer, ending
-from sim.drive.plant import Advance, Plant
-from sim.drive.realtime_planner import Handover, Planner, Ready, Stopped
+from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy, RunState
+from pirrht.geometry.field import clearance
+from sim.drive.clock import URGENT, Clock, Timing
+from sim.drive.metrics import Period, ending
+from sim.drive.plant import Plant
 
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
+SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
+LEAST_SHARE = 0.3  # of it is, however long weighing takes
+RESERVE = 1.25  # times as long as weighing and the like takes is kept for it,
+RECENT, RARE = 40, 2  # which is the second longest of so many: one that was disturbed is no rule
+QUICKLY, SLOWLY = 0.3, 0.03  # shares by which a duration is learned when it is more, or less, than the last ones
+FULLER = 8  # times as many vertices as it begins with a tree has at most: there is space for so many
+PIECES, MOST_PIECES = 10, 20  # integration steps in which a period is predicted, and any time if a plant is late
+BEHIND = 0.2  # of a period that the plant is late by: then the tree does not grow
+
+
+class Stopped(Exception):
+    """The run is over."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moved:
-    """Result of the plant in one period."""
+class TimedPlan:
+    """A plan, and when it is meant to take over."""
 
-    step: int
-    start: Array  # (n,) where it began
-    met: Ready  # the plan in force then
-    advance: Advance
-    late: Array  # (k,) how late each physics step began [s]
-
-
-News = SimpleQueue[Moved | BaseException]
+    plan: Plan
+    begin: float  # time of the run for which it was made [s]
+    seconds: float  # that planning took
+    slack: float  # from the end of planning to `begin` [s]; negative if it is late
+    vertices: int  # of the tree
+    run: RunState  # of the policy
 
 
-def run(
-    plant: Plant,
-    controller: Policy,
-    start: Array,
-    rng: np.random.Generator,
-    *,
-    period: float,
-    max_time: float,
-    grow: int | None = None,
-    clock: Clock | None = None,
-) -> Generator[Frame]:
-    """Drive in real time from start until the goal, a collision or max_time [s].
+@dataclass(slots=True)
+class SharedPlan:
+    """Fields that plant and planner share; each has one writer."""
+
+    first: TimedPlan  # the plan that the run begins with
+    start: Array  # (n,) and where
+    arrived: deque[TimedPlan] = field(default_factory=deque)  # planner to plant, in the order of their beginnings
+    driven: deque[Array] = field(default_factory=deque)  # plant to planner: states of the periods that are over
+    seen: tuple[float, Array] = field(init=False)  # plant to planner: time [s] and state of the last physics step
+    stopped: bool = False
+
+    def __post_init__(self) -> None:
+        self.seen = (0.0, self.start)
+
+
+def periods(
+    plant: Plant, policy: Policy, rng: np.random.Generator, clock: Clock, *, grow: int | None, max_time: float
+) -> Generator[Period]:
+    """Drive on from where the plant is, in real time, until max_time [s] or whoever listens has enough.
 
     Args:
-        period: that of the plant [s].
         grow: vertices that the tree gains per period at most; None: as many as there is time for.
 
     Raises:
         NoReference: already the start has no reference.
     """
-    clock = clock or WallClock()
-    planner = Planner(controller, clock, period, grow)
-    _warm_up(plant, planner, start)
-    planner.make_room()
-    share = Handover(planner.first(plant.state), plant.state)
-    news, problem, space = News(), controller.problem, controller.space
-    odometer = Odometer(problem, space, plant.state, max_time, homology=controller.homology, busy=True)
+    planner, start = Planner(policy, clock, plant.period, grow), plant.state
+    plant.advance(planner.first(start).plan.at, np.random.default_rng(0))  # compile and load everything before
+    plant.reset(start)
+    planner.reserve()
+    share, news = SharedPlan(planner.first(start), start), SimpleQueue[Period | BaseException]()
+
+    def thread(name: str, work: Callable[[], None]) -> threading.Thread:
+        """Start a thread; its end is the other's, and its error goes to whoever waits for news."""
+
+        def guarded() -> None:
+            try:
+                with suppress(Stopped):
+                    work()
+            except BaseException as error:
+                news.put(error)
+            finally:
+                share.stopped = True
+
+        started = threading.Thread(target=guarded, name=name, daemon=True)
+        started.start()
+        return started
+
     with _undisturbed(), URGENT.drive():
         origin = clock.now()
-        pacer = _Pacer(share, clock, origin)
         threads = [
-            _thread("plant", lambda: _drive(plant, pacer, rng, period, max_time, news), share, news),
-            _thread("planner", lambda: planner.work(share, origin), share, news),
+            thread("plant", lambda: _drive(plant, _Pacer(share, clock, origin), rng, max_time, news.put)),
+            thread("planner", lambda: planner.work(share, origin)),
         ]
         try:
-            outcome = None
-            while outcome is None:
-                moved = news.get()
-                if isinstance(moved, BaseException):
-                    raise moved
-                frame = _frame(odometer, moved, period)
-                outcome = frame.outcome
-                yield frame
+            while True:
+                period = news.get()
+                if isinstance(period, BaseException):
+                    raise period
+                yield period
         finally:
             share.stopped = True
-            for thread in threads:
-                thread.join()
+            for one in threads:
+                one.join()
 
 
-def _drive(plant: Plant, pacer: _Pacer, rng: np.random.Generator, period: float, max_time: float, news: News) -> None:
-    """The plant's thread."""
+def _drive(
+    plant: Plant, pacer: _Pacer, rng: np.random.Generator, max_time: float, put: Callable[[Period], None]
+) -> None:
+    """Do the plant's thread."""
     for step in count():
-        now, start = step * period, plant.state
+        now, start = step * plant.period, plant.state
         advance = plant.advance(pacer.beginning(now), rng)
         pacer.share.driven.append(advance.states)
-        late = np.array(pacer.late)
-        news.put(Moved(step=step, start=start, met=pacer.met, advance=advance, late=late))
+        met = pacer.met
+        missed = met.begin < now - 1e-9
+        fresh, estimate = not missed and step > 0, met.plan.estimate
+        samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
+        timing = Timing(
+            missed=missed, samples=samples if fresh else None, slack=met.slack if fresh else None,
+            late=np.array(pacer.late),
+        )  # fmt: skip
+        plan = replace(met.plan, state=start)
+        put(Period(plan=plan, advance=advance, seconds=met.seconds, vertices=met.vertices, run=met.run, timing=timing))
         if ending(advance, now, max_time) is not None:
             return
 
 
 class _Pacer:
-    """The control that the plant asks for at every physics step: it is told when its time has come."""
+    """The control that the plant queries at every physics step, which is told when its time has come."""
 
-    def __init__(self, share: Handover, clock: Clock, origin: float) -> None:
+    def __init__(self, share: SharedPlan, clock: Clock, origin: float) -> None:
         self.share, self._clock, self._origin = share, clock, origin
-        self._now = share.first
-        self.met = share.first  # the plan in force when the period began
+        self._now = self.met = share.first  # in force now, and when the period began
         self.late: list[float] = []
 
     def beginning(self, begin: float) -> Callable[[Array, float], Array]:
@@ -121,65 +161,124 @@ class _Pacer:
         self.late = []
 
         def at(x: Array, s: float) -> Array:
-            t = begin + s
+            t, arrived = begin + s, self.share.arrived
             self.share.seen = (t, x)
             self._clock.wait(self._origin + t)
             if self.share.stopped:
                 raise Stopped
             self.late.append(max(0.0, self._clock.now() - self._origin - t))
-            self._take_over(t)
+            while arrived and arrived[0].begin <= t + 1e-9:
+                self._now = arrived.popleft()
             if len(self.late) == 1:
                 self.met = self._now
             return self._now.plan.at(x, t - self._now.begin)
 
         return at
 
-    def _take_over(self, t: float) -> None:
-        arrived = self.share.arrived
-        while arrived and arrived[0].begin <= t + 1e-9:
-            self._now = arrived.popleft()
+
+class Planner:
+    """Makes the plan of the next period while one is driven, and lets the tree grow in what time is left.
+
+    Args:
+        grow: vertices per period at most; None: as many as there is time for.
+    """
+
+    def __init__(self, policy: Policy, clock: Clock, period: float, grow: int | None) -> None:
+        self.policy, self.clock, self.period, self.grow = policy, clock, period, grow
+        self._most = math.inf  # vertices
+        self._vertex = 1e-3  # time that a vertex takes [s]
+        self._after: deque[float] = deque(maxlen=RECENT)  # time that plans took once their samples were drawn [s]
+
+    def first(self, x: Array) -> TimedPlan:
+        """Return a plan at x (n,) for the beginning of a run, made in a period from that of one without a clock.
+
+        Guides go on from those of the last plan, and the first ones are what takes long: the run waits for them.
+        """
+        self.policy.begin(x)
+        self.policy.plan(x)
+        return self._made(x, begin=0.0, zero=self.clock.now() + self.period)
+
+    def reserve(self) -> None:
+        """Reserve the tree's memory before the run: that takes longer than a period."""
+        tree = self.policy.tree
+        if tree is not None:
+            self._most = FULLER * tree.size
+            tree.reserve(FULLER * tree.size)
+
+    def work(self, share: SharedPlan, origin: float) -> None:
+        """Plan until the run is over; it began when the clock said `origin` [s]."""
+        period, step, last = self.period, 0, share.first
+        while True:
+            self.clock.wait(origin + step * period)
+            if share.stopped:
+                return
+            step = max(step, int((self.clock.now() - origin) / period + 1e-9))
+            with URGENT.work():
+                last = self._ahead(share, last, (step + 1) * period, origin)
+            share.arrived.append(last)
+            gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
+            self.extend(share, origin, origin + last.begin)
+            step += 1
+
+    def _ahead(self, share: SharedPlan, last: TimedPlan, begin: float, origin: float) -> TimedPlan:
+        """Return the plan for the period that begins at `begin` [s]."""
+        driven = [share.driven.popleft() for _ in range(len(share.driven))]
+        time, x = share.seen
+        if driven:
+            self.policy.observe(np.vstack(driven), 0.0, time)
+        states = predicted(self.policy, last, time, x, begin, self.period / PIECES)
+        self.policy.expect(states, begin - last.begin)
+        return self._made(states[-1], begin=begin, zero=origin)
+
+    def _made(self, x: Array, *, begin: float, zero: float) -> TimedPlan:
+        """Return a plan at x (n,), made in the period before `begin`; `zero` is the run's start on the clock [s]."""
+        began = self.clock.now()
+        after = sorted(self._after)[-RARE] if len(self._after) >= RARE else max(self._after, default=0.0)
+        share = float(np.clip(1.0 - RESERVE * after / self.period, LEAST_SHARE, SHARE))
+        until = zero + begin + (share - 1.0) * self.period
+        plan = self.policy.plan(x, lambda: until - self.clock.now())
+        ended, tree = self.clock.now(), self.policy.tree
+        if began < until:
+            self._after.append(max(0.0, ended - until))
+        return TimedPlan(
+            plan=plan, begin=begin, seconds=ended - began, slack=zero + begin - ended,
+            vertices=0 if tree is None else tree.size, run=self.policy.run,
+        )  # fmt: skip
+
+    def extend(self, share: SharedPlan, origin: float, until: float) -> None:
+        """Let the tree grow, vertex by vertex, until a time of the clock [s]; not while the plant is late."""
+        tree, clock, added = self.policy.tree, self.clock, 0
+        while tree is not None and not share.stopped and (self.grow is None or added < self.grow):
+            before = clock.now()
+            behind = before - origin - share.seen[0] > BEHIND * self.period
+            if behind or before + 2.0 * self._vertex > until or tree.size >= self._most:
+                return
+            tree.grow(tree.size + 1, enough=lambda _: clock.now() > until)
+            more = clock.now() - before - self._vertex
+            self._vertex += (QUICKLY if more > 0.0 else SLOWLY) * more
+            added += 1
 
 
-def _frame(odometer: Odometer, moved: Moved, period: float) -> Frame:
-    """Make the frame of one period."""
-    met = moved.met
-    missed = met.begin < moved.step * period - 1e-9
-    fresh = not missed and moved.step > 0
-    timing = Timing(
-        missed=missed, samples=met.samples if fresh else None, slack=met.slack if fresh else None, late=moved.late
-    )
-    plan = replace(met.plan, state=moved.start)
-    return odometer.frame(plan, moved.advance, seconds=met.seconds, vertices=met.vertices, timing=timing)
+def predicted(policy: Policy, last: TimedPlan, time: float, x: Array, until: float, step: float) -> Array:
+    """States (k, n) from x (n,) at `time` to `until` [s] under a plan's law without noise; x itself is the first.
 
-
-def _thread(name: str, work: Callable[[], None], share: Handover, news: News) -> threading.Thread:
-    """Start a thread; its end is the other's, and what goes wrong is told to the one that waits for news."""
-
-    def guarded() -> None:
-        try:
-            with suppress(Stopped):
-                work()
-        except BaseException as error:
-            news.put(error)
-        finally:
-            share.stopped = True
-
-    thread = threading.Thread(target=guarded, name=name, daemon=True)
-    thread.start()
-    return thread
-
-
-def _warm_up(plant: Plant, planner: Planner, start: Array) -> None:
-    """Do everything once before the clock starts: compile it and load it."""
-    plant.reset(start)
-    plan = planner.first(plant.state).plan
-    plant.advance(plan.at, np.random.default_rng(0))
-    plant.reset(start)
+    They end before they enter the goal or a wall, where nothing can be planned.
+    """
+    space, dynamics = policy.space, policy.problem.dynamics
+    pieces = min(max(0, int(np.ceil((until - time) / step - 1e-9))), MOST_PIECES)
+    h, states = (until - time) / max(1, pieces), [x]
+    for i in range(pieces):
+        u = last.plan.at(x, max(0.0, time + i * h - last.begin))
+        x = dynamics.step(x, u, np.zeros(dynamics.m), h)
+        if space.scene.goal.contains(x[:2]) or clearance(space.field, x[0], x[1]) <= 0.0:
+            break
+        states.append(x)
+    return np.array(states)
 
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """No long pauses: only new garbage is collected, and between plans; threads take turns quickly."""
+    """Avoid long pauses: only new garbage is collected, and between plans; threads take turns quickly."""
     before, collecting = sys.getswitchinterval(), gc.isenabled()
     sys.setswitchinterval(SWITCH)
     gc.collect()

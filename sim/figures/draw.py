@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.files import replaced
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal
 from pirrht.planner.references import Reference
@@ -26,6 +25,7 @@ from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, by_side, called, passed, places_of
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import outlines
+from sim.files import replaced
 from sim.plotting import ground
 from sim.plotting.ground import MOVER
 from sim.scenario import Scenario

@@ -16,12 +16,12 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.files import replaced
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, title
 from sim.drawing.sides import NAMED
 from sim.drawing.strokes import DEAD, Fan, at_most, fans
 from sim.drawing.tubes import foreseen
 from sim.drive.episode import Frame
+from sim.files import replaced
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of

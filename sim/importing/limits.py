@@ -6,7 +6,7 @@ import stat
 from pathlib import Path
 
 from pirrht.errors import SceneError
-from pirrht.files import read_bounded
+from sim.files import read_bounded
 
 LARGEST_FILE = 32 * 2**20  # bytes; the worlds of the BARN data set have one megabyte
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre

@@ -16,7 +16,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from pirrht.files import why_unreadable
+from sim.files import why_unreadable
 from sim.importing import decomposed, dynabarn, ros_map
 from sim.importing.limits import content_of
 from sim.importing.sdf import Solid, World, read_sdf

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 
 from pirrht.errors import SceneError
-from pirrht.files import MISSING, why_unreadable
+from sim.files import MISSING, why_unreadable
 from sim.mjcf import limits
 
 # Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in.
@@ -94,8 +94,10 @@ def _compiled(path: Path) -> None:
     mujoco.mj_kinematics(model, mujoco.MjData(model))
     if model.nbody + model.ngeom + model.nsite > limits.MOST_PARTS:
         raise SceneError(f"{path}: it has more than {limits.MOST_PARTS} bodies, geoms and sites; write fewer")
-    for words in (model.names, *(text.data for text in spec.texts)):
-        words.decode() if isinstance(words, bytes) else words.encode()
+    try:
+        _ = model.names.decode(), [text.data for text in spec.texts]
+    except UnicodeError:
+        raise SceneError(f"{path}: it has names that are not UTF-8 text; rename them") from None
 
 
 def _read(path: Path) -> mujoco.MjSpec:

@@ -17,7 +17,7 @@ from math import prod
 from pathlib import Path
 
 from pirrht.errors import SceneError
-from pirrht.files import MISSING, read_bounded, why_unreadable
+from sim.files import MISSING, read_bounded, why_unreadable
 
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
 FINEST = 1e-6  # of any measure of an imported file [m]

@@ -1,4 +1,4 @@
-"""A policy whose world may change under way: plans for a new one are made in the background, and take over."""
+"""A policy whose world may change during a run: plans for a new one are made in the background, and take over."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy, RunState
+from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import NoReference, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
-from pirrht.topology.homology import Homology
 from sim.play.world import World
 from sim.scenario import Driver
 
-FULLER = 2  # times as many vertices there is room for in a tree that grows on
+FULLER = 2  # times as many vertices there is space for in a tree that grows on
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,12 +28,6 @@ class Built:
     world: World  # whose free space is that of its scene
     tree: HomologyTree | None
     driver: Driver
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Wanted:
-    at: float  # time of the drive at which it was asked for [s]
-    future: Future[Built]
 
 
 def build(world: World, before: HomologyTree | None) -> Built:
@@ -52,114 +45,72 @@ def build(world: World, before: HomologyTree | None) -> Built:
     return Built(world=replace(world, scenario=scenario, grounded=True), tree=tree, driver=scenario.driver(tree))
 
 
-class Builder:
-    """Builds the newest world that was asked for, one at a time.
-
-    Args:
-        latency: simulated time after which what was asked for is waited for, so that it takes over at a time that does
-            not depend on the machine [s]; None: it takes over when it is ready.
-    """
-
-    def __init__(self, latency: float | None = None) -> None:
-        self._latency, self._wanted = latency, None  # type: float | None, _Wanted | None
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
-
-    def want(self, world: World, before: HomologyTree | None, at: float) -> None:
-        """Ask for a world at a time of the drive [s]; what was asked for before is no longer wanted."""
-        if self._wanted is not None:
-            self._wanted.future.cancel()
-        self._wanted = _Wanted(at=at, future=self._pool.submit(build, world, before))
-
-    @property
-    def busy(self) -> bool:
-        """Return whether something that was asked for has not been taken."""
-        return self._wanted is not None
-
-    def ready(self, now: float) -> Built | PirrhtError | None:
-        """Return what was asked for, once, or why it cannot be had; None if there is nothing yet at this time [s].
-
-        At infinity it is waited for.
-        """
-        wanted = self._wanted
-        if wanted is None:
-            return None
-        late = now >= (inf if self._latency is None else wanted.at + self._latency - 1e-9)
-        if not late and not (self._latency is None and wanted.future.done()):
-            return None
-        self._wanted = None
-        try:
-            return wanted.future.result()
-        except PirrhtError as error:
-            return error
-
-    def close(self) -> None:
-        """Let what is under way end, and nothing more begin."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
+def _theirs(name: str) -> Any:
+    """Return an attribute of the policy that decides now."""
+    return property(lambda live: getattr(live.built.driver, name))
 
 
 class Live(Policy):
-    """Whoever decides now; everything but `plan` is theirs.
+    """The policy that decides now; the newest world that was requested is built, one at a time, and takes over.
 
     Args:
-        built: who decides at first.
-        builder: of those that come later.
+        built: decides at first.
         tell: takes a line on what could not be planned.
+        latency: simulated time after a request at which its world is waited for, so that it takes over at a time that
+            does not depend on the machine [s]; None: it takes over when it is ready.
     """
 
-    def __init__(self, built: Built, builder: Builder, tell: Callable[[str], object]) -> None:
-        self.built, self.builder, self._tell = built, builder, tell
+    tree, run, path_integral, homology = map(_theirs, ("tree", "run", "path_integral", "homology"))
 
-    @property
-    def tree(self) -> HomologyTree | None:  # type: ignore[override]
-        """Theirs."""
-        return self.built.tree
+    def __init__(self, built: Built, tell: Callable[[str], object], latency: float | None) -> None:
+        self.built, self._tell, self._latency = built, tell, latency
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
+        self._requested: tuple[float, Future[Built]] | None = None  # at which time of the run [s]
 
-    @property
-    def run(self) -> RunState:  # type: ignore[override]
-        """Memory of whoever decides."""
-        return self.built.driver.run
-
-    @property
-    def path_integral(self) -> Any:  # type: ignore[override]
-        """Theirs."""
-        return self.built.driver.path_integral
-
-    @property
-    def homology(self) -> Homology:  # type: ignore[override]
-        """Theirs."""
-        return self.built.driver.homology
+    def request(self, world: World, at: float) -> None:
+        """Request a world at a time of the run [s], in place of what was requested before."""
+        if self._requested is not None:
+            self._requested[1].cancel()
+        tree = self.built.tree if world.grounded else None
+        self._requested = at, self._pool.submit(build, world, tree)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         self.built.driver.begin(x, time)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
-        """Decide at state x (n,), in a new world if one is ready."""
-        ready = self.builder.ready(self.run.time)
-        if isinstance(ready, PirrhtError):
-            self._tell(f"{ready}; the drive goes on as planned before")
-        elif ready is not None and (plan := self._first(ready, x, left)) is not None:
-            self.built = ready
-            return plan
+        """Decide at state x (n,), in a new world if one is ready and has a path to the goal from there."""
+        now = self.run.time
+        try:
+            ready = self._ready(now)
+            if ready is not None:
+                ready.driver.begin(x, now)
+                plan = ready.driver.plan(x, left)
+                self.built = ready
+                return plan
+        except (PirrhtError, NoReference) as error:
+            self._tell(f"{error}; the drive goes on as planned before")
         return self.built.driver.plan(x, left)
 
     def catch_up(self) -> None:
-        """Wait for what is being built, and take it.
+        """Wait for the requested world, and take it.
 
         Raises:
             SceneError, OptionError: nothing can be planned there.
         """
-        ready = self.builder.ready(inf)
-        if isinstance(ready, PirrhtError):
-            raise ready
-        self.built = ready or self.built
+        self.built = self._ready(inf) or self.built
 
-    def _first(self, ready: Built, x: Array, left: Callable[[], float] | None) -> Plan | None:
-        """The first plan in a new world; None if it has no way to the goal from here."""
-        now = self.run.time
-        ready.driver.begin(x, now)
-        try:
-            return ready.driver.plan(x, left)
-        except NoReference as error:
-            self._tell(f"{error}; the drive goes on as planned before")
+    def _ready(self, now: float) -> Built | None:
+        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait."""
+        if self._requested is None:
             return None
+        at, future = self._requested
+        due = inf if self._latency is None else at + self._latency - 1e-9
+        if now < due and not (self._latency is None and future.done()):
+            return None
+        self._requested = None
+        return future.result()
+
+    def close(self) -> None:
+        """Let what is under way end, and nothing more begin."""
+        self._pool.shutdown(wait=True, cancel_futures=True)

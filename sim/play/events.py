@@ -1,6 +1,6 @@
 """Events that interfere with a run, and scripts that time them, as JSON.
 
-A script is a list of steps, each at a time of the drive:
+A script is a list of steps, each at a time of the run:
 
     [{"at": 0.5, "push": [0, 0.4], "for": 0.3},
      {"at": 1.0, "move": "upper wall", "by": [0, 0.3]},
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError
-from pirrht.files import why_unreadable
+from sim.files import why_unreadable
 
 GOAL = "goal"  # the name under which the goal's disc is moved
 FASTEST, FARTHEST, LATEST = 20.0, 1e4, 1e5  # of a push [m/s], a place [m], a time [s]
@@ -31,7 +31,7 @@ _KEYS = {"push": {"at", "push", "for"}, "move": {"at", "move", "to", "by"}, "noi
 class Push:
     """A push on the robot's body: one with velocity servos is carried along meanwhile, others gain that speed."""
 
-    at: float  # time of the drive [s]
+    at: float  # time of the run [s]
     speed: tuple[float, float]  # [m/s]
     lasts: float = 0.2  # [s]
 
@@ -41,9 +41,9 @@ class Push:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Move:
-    """Something that stands, or the goal, is put elsewhere."""
+    """A static obstacle, or the goal, is put elsewhere."""
 
-    at: float  # time of the drive [s]
+    at: float  # time of the run [s]
     what: str
     to: tuple[float, float]  # where its centre goes [m], or how far
     relative: bool = False  # `to` is how far
@@ -56,7 +56,7 @@ class Move:
 class Noise:
     """The noise becomes another."""
 
-    at: float  # time of the drive [s]
+    at: float  # time of the run [s]
     noise: float  # b, as --noise
 
     def __str__(self) -> str:
@@ -67,10 +67,10 @@ Event = Push | Move | Noise
 
 
 def read(path: Path) -> tuple[Event, ...]:
-    """The steps of a script in the order of their times.
+    """Return the steps of a script in the order of their times.
 
     Raises:
-        OptionError: it cannot be read, or a step is none; names it and says what a script looks like.
+        OptionError: it cannot be read, or a step is none; names it and shows a script.
     """
     why = why_unreadable(path)
     if why is not None:
@@ -83,41 +83,39 @@ def read(path: Path) -> tuple[Event, ...]:
         raise OptionError(f"--script {path}: this is no JSON ({reason}); write a list like {FORM}") from None
     if not isinstance(steps, list):
         raise OptionError(f"--script {path}: it holds no list of steps; write one like {FORM}")
-    return tuple(sorted((_event(path, i, step) for i, step in enumerate(steps, 1)), key=lambda event: event.at))
+    events = [_event(f"--script {path}: step {i}", step) for i, step in enumerate(steps, 1)]
+    return tuple(sorted(events, key=lambda event: event.at))
 
 
-def _event(path: Path, number: int, step: Any) -> Event:
-    where = f"--script {path}: step {number}"
+def _event(where: str, step: Any) -> Event:
     kinds = [kind for kind in _KEYS if isinstance(step, Mapping) and kind in step]
     if len(kinds) != 1:
         raise OptionError(f"{where} is not one of push, move and noise; write it as in {FORM}")
-    strange = sorted(set(step) - _KEYS[kinds[0]])
+    keys = _KEYS[kinds[0]]
+    strange = sorted(set(step) - keys)
     if strange:
-        raise OptionError(f'{where} has "{strange[0]}"; a {kinds[0]} has {", ".join(sorted(_KEYS[kinds[0]]))}')
-    at = _number(where, "at", step.get("at"), 0.0, LATEST)
+        raise OptionError(f'{where} has "{strange[0]}"; a {kinds[0]} has {", ".join(sorted(keys))}')
+
+    def number(name: str, value: Any, low: float, high: float) -> float:
+        known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+        if not (known and low <= value <= high):
+            raise OptionError(
+                f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be a number from {low:g} to {high:g}'
+            )
+        return float(value)
+
+    def pair(name: str, most: float) -> tuple[float, float]:
+        value = step[name]
+        if not isinstance(value, list) or len(value) != 2:
+            raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be two numbers [x, y]')
+        return number(name, value[0], -most, most), number(name, value[1], -most, most)
+
+    at = number("at", step.get("at"), 0.0, LATEST)
     if kinds[0] == "push":
-        lasts = _number(where, "for", step.get("for", 0.2), 1e-3, LATEST)
-        return Push(at=at, speed=_pair(where, "push", step["push"], FASTEST), lasts=lasts)
+        return Push(at=at, speed=pair("push", FASTEST), lasts=number("for", step.get("for", 0.2), 1e-3, LATEST))
     if kinds[0] == "noise":
-        return Noise(at=at, noise=_number(where, "noise", step["noise"], 1e-6, 1e3))
+        return Noise(at=at, noise=number("noise", step["noise"], 1e-6, 1e3))
     given = [key for key in ("to", "by") if key in step]
     if len(given) != 1 or not isinstance(step["move"], str):
         raise OptionError(f'{where}: a move names what is moved, and has either "to": [x, y] or "by": [x, y]')
-    to = _pair(where, given[0], step[given[0]], FARTHEST)
-    return Move(at=at, what=step["move"], to=to, relative=given[0] == "by")
-
-
-def _number(where: str, name: str, value: Any, low: float, high: float) -> float:
-    known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not (known and low <= value <= high):
-        raise OptionError(
-            f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be a number from {low:g} to {high:g}'
-        )
-    return float(value)
-
-
-def _pair(where: str, name: str, value: Any, most: float) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be two numbers [x, y]')
-    x, y = (_number(where, name, one, -most, most) for one in value)
-    return x, y
+    return Move(at=at, what=step["move"], to=pair(given[0], FARTHEST), relative=given[0] == "by")

@@ -11,7 +11,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -19,43 +18,20 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.scene import Scene
 from sim.mjcf.dressed import dress
 from sim.mjcf.edits import PREFIX
-from sim.play.drive import ROBOT, Disturbed, Snapshot
+from sim.play.drive import ROBOT, InteractivePlant
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.world import loose_bodies
 
 REFRESH = 1.0 / 60.0  # [s]
 PATIENCE = 3.0  # with a window that is to close [s]
 PULL, PULLED = 4.0, 3.0  # speed per distance from the cursor [1/s], at most [m/s]
-LASTS = 0.1  # of a pull, after which it is told anew [s]
+LASTS = 0.1  # of a pull, after which it is repeated [s]
 LESS, MORE, HOME = ord("8"), ord("9"), 268  # keys of the viewer: 8, 9 and Home
 AWAY = 1.35  # times the size of the workspace the camera is away
 FACTOR = 1.25  # of noise per stroke
 KEYS = "8 less noise, 9 more; Home: back to the start"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Held:
-    """A body that is dragged."""
-
-    body: int
-    place: Array  # (2,) where it was taken [m]
-    cursor: Array  # (3,) and the cursor then [m]
-
-    def dragged_to(self, cursor: Array, azimuth: float) -> Array:
-        """Move the taken place with the cursor, (2,) [m]: up in the picture is away from the camera, on the ground."""
-        way, ahead = cursor - self.cursor, np.radians(azimuth)
-        there: Array = self.place + way[:2] + way[2] * np.array([np.cos(ahead), np.sin(ahead)])
-        return there
-
-
-def _pull(way: Array) -> Push:
-    """A push towards a place that is `way` (2,) [m] ahead."""
-    speed = PULL * way
-    speed *= min(1.0, PULLED / max(float(np.hypot(*speed)), 1e-9))
-    return Push(at=0.0, speed=(float(speed[0]), float(speed[1])), lasts=LASTS)
 
 
 class Mouse:
@@ -65,8 +41,9 @@ class Mouse:
         self._robot = int(model.body(ROBOT).id)
         self._names = {body: name for name, body in loose_bodies(model).items()}
         self._names[int(model.body(PREFIX + GOAL).id)] = GOAL
-        self._held: _Held | None = None
-        self._there = np.zeros(2)  # and where it is dragged to [m]
+        self.held: int | None = None  # body that is dragged
+        self._place, self._cursor = np.zeros(2), np.zeros(3)  # where it was taken, and the cursor then [m]
+        self._there = np.zeros(2)  # where it is dragged to [m]
 
     def events(self, data: mujoco.MjData, perturb: Any, azimuth: float) -> list[Event]:
         """Return events of the mouse now; a loose body that is dragged is shown where it is held.
@@ -74,44 +51,45 @@ class Mouse:
         Args:
             data: what is shown.
             perturb: the viewer's.
-            azimuth: where its camera looks to [degrees].
+            azimuth: direction of its camera [degrees].
         """
         body = int(perturb.select) if perturb.active else None
-        done: list[Event] = []
-        if self._held is not None and body != self._held.body:
-            done += self._released(self._held)
-            self._held = None
-        if body == self._robot or body in self._names:
-            place = np.array(data.xpos[body, :2], dtype=float)
-            if self._held is None:
-                self._held = _Held(body=body, place=place, cursor=np.array(perturb.refpos, dtype=float))
-            there = self._there = self._held.dragged_to(np.array(perturb.refpos, dtype=float), azimuth)
-            if body == self._robot:
-                done.append(_pull(there - place))
-            else:
-                data.mocap_pos[data.model.body_mocapid[body], :2] = there
-        return done
+        events: list[Event] = []
+        if self.held is not None and body != self.held:
+            if self.held in self._names and not np.array_equal(self._there, self._place):
+                x, y = self._there.tolist()  # not what is shown: the viewer has moved that after its own ways
+                events.append(Move(at=0.0, what=self._names[self.held], to=(x, y)))
+            self.held = None
+        if body is None or not (body == self._robot or body in self._names):
+            return events
+        place, cursor = np.array(data.xpos[body, :2], dtype=float), np.array(perturb.refpos, dtype=float)
+        if self.held is None:
+            self.held, self._place, self._cursor = body, place, cursor
+        gone, ahead = cursor - self._cursor, np.radians(azimuth)  # up in the picture is away from the camera
+        self._there = self._place + gone[:2] + gone[2] * np.array([np.cos(ahead), np.sin(ahead)])
+        if body == self._robot:
+            events.append(_pull(self._there - place))
+        else:
+            data.mocap_pos[data.model.body_mocapid[body], :2] = self._there
+        return events
 
-    def _released(self, held: _Held) -> list[Event]:
-        if held.body not in self._names:
-            return []
-        x, y = (float(v) for v in self._there)  # not what is shown: the viewer has moved that after its own ways
-        return [Move(at=0.0, what=self._names[held.body], to=(x, y))] if (x, y) != tuple(held.place) else []
 
-    def holds(self, row: int, model: mujoco.MjModel) -> bool:
-        """Return whether a row of the mocap poses is what is being dragged."""
-        return self._held is not None and int(model.body_mocapid[self._held.body]) == row
+def _pull(way: Array) -> Push:
+    """Return a push towards a place that is `way` (2,) [m] ahead."""
+    speed = PULL * way
+    speed *= min(1.0, PULLED / max(float(np.hypot(*speed)), 1e-9))
+    return Push(at=0.0, speed=(float(speed[0]), float(speed[1])), lasts=LASTS)
 
 
 class Window:
-    """A viewer's window on a drive, kept up to date on a thread of its own.
+    """A viewer's window on a run, kept up to date on a thread of its own.
 
     Args:
         plant: what is shown and interfered with.
         launch: (model, data, key_callback=...) -> a handle, as `mujoco.viewer.launch_passive`.
     """
 
-    def __init__(self, plant: Disturbed, launch: Callable[..., Any] | None = None) -> None:
+    def __init__(self, plant: InteractivePlant, launch: Callable[..., Any] | None = None) -> None:
         self._plant, self.keys = plant, deque[int]()
         self.model = copy.copy(plant.world.scenario.loaded.model)
         dress(self.model)
@@ -119,15 +97,20 @@ class Window:
         self._mouse = Mouse(self.model)
         self.home = False  # whether the key Home was struck
         self._ended = threading.Event()
-        self._put(plant.snapshot)
+        self._put()
         mujoco.mj_forward(self.model, self.data)
-        self.handle = (launch or launcher())(self.model, self.data, key_callback=self.keys.append)
-        self._look(plant.world.scene)
-        self._thread = threading.Thread(target=self._watch, name="window", daemon=True)
+        self.handle = (launch or _launcher())(self.model, self.data, key_callback=self.keys.append)
+        scene = plant.world.scene
+        with self.handle.lock():  # the workspace from above, and a little from the south
+            width, depth = (scene.upper - scene.lower).tolist()
+            camera = self.handle.cam
+            camera.lookat[:] = *(0.5 * (scene.upper + scene.lower)), 0.0
+            camera.distance, camera.azimuth, camera.elevation = AWAY * max(depth, width / 1.6), 90.0, -70.0
+        self.thread = threading.Thread(target=self._watch, name="window", daemon=True)
 
     def start(self) -> Window:
         """Begin to show; the window itself."""
-        self._thread.start()
+        self.thread.start()
         return self
 
     @property
@@ -138,21 +121,12 @@ class Window:
     def close(self) -> None:
         """Close it."""
         self._ended.set()
-        if self._thread.is_alive():
-            self._thread.join()
+        if self.thread.is_alive():
+            self.thread.join()
         self.handle.close()
         until = time.monotonic() + PATIENCE
         while self.handle.m is not None and time.monotonic() < until:  # X minds if it draws while the process ends
             time.sleep(REFRESH)
-
-    def _look(self, scene: Scene) -> None:
-        """Look at the workspace from above, and a little from the south."""
-        size, middle = scene.upper - scene.lower, 0.5 * (scene.upper + scene.lower)
-        with self.handle.lock():
-            camera = self.handle.cam
-            camera.lookat[:] = *middle, 0.0
-            camera.distance = AWAY * max(float(size[1]), float(size[0]) / 1.6)
-            camera.azimuth, camera.elevation = 90.0, -70.0
 
     def _watch(self) -> None:
         while self.open and not self._ended.wait(REFRESH):
@@ -161,35 +135,28 @@ class Window:
     def refresh(self) -> None:
         """Show where everything is, and pass on what was done since."""
         with self.handle.lock():
-            self._put(self._plant.snapshot)
-            events = [
-                *self._mouse.events(self.data, self.handle.perturb, float(self.handle.cam.azimuth)),
-                *self._typed(),
-            ]
+            self._put()
+            events = self._mouse.events(self.data, self.handle.perturb, float(self.handle.cam.azimuth))
             mujoco.mj_forward(self.model, self.data)
-        self.handle.sync()
-        self._plant.asked.extend(events)
-
-    def _put(self, seen: Snapshot) -> None:
-        data = self.data
-        data.time, data.qpos[:] = seen.time, seen.qpos
-        for row in range(self.model.nmocap):
-            if not self._mouse.holds(row, self.model):
-                data.mocap_pos[row], data.mocap_quat[row] = seen.mocap[row], seen.turns[row]
-
-    def _typed(self) -> list[Event]:
-        events: list[Event] = []
         while self.keys:
             key = self.keys.popleft()
             self.home |= key == HOME
             if key in (LESS, MORE):
                 noise = self._plant.world.scenario.settings.noise
                 events.append(Noise(at=0.0, noise=noise * (FACTOR if key == MORE else 1.0 / FACTOR)))
-        return events
+        self.handle.sync()
+        self._plant.asked.extend(events)
+
+    def _put(self) -> None:
+        data, seen = self.data, self._plant.snapshot
+        held = -1 if self._mouse.held is None else self.model.body_mocapid[self._mouse.held]
+        others = np.arange(self.model.nmocap) != held
+        data.time, data.qpos[:] = seen.time, seen.qpos
+        data.mocap_pos[others], data.mocap_quat[others] = seen.mocap[others], seen.turns[others]
 
 
-def launcher() -> Callable[..., Any]:
-    """MuJoCo's passive viewer.
+def _launcher() -> Callable[..., Any]:
+    """Return MuJoCo's passive viewer.
 
     Raises:
         OptionError: it cannot be had.
@@ -198,8 +165,4 @@ def launcher() -> Callable[..., Any]:
         from mujoco import viewer
     except (ImportError, RuntimeError) as error:
         raise OptionError(f"MuJoCo's viewer cannot be had ({error}); use --headless, or pip install mujoco") from None
-
-    def launch(*arguments: Any, **named: Any) -> Any:
-        return viewer.launch_passive(*arguments, show_left_ui=False, show_right_ui=False, **named)
-
-    return launch
+    return lambda *data, **named: viewer.launch_passive(*data, show_left_ui=False, show_right_ui=False, **named)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -18,9 +17,9 @@ from sim.play.events import GOAL, Move, Noise
 from sim.scenario import Scenario
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:
-    """A scenario that may have been changed since it was loaded, and where its loose bodies stand.
+    """A scenario that may have been changed since it was loaded, and where its loose bodies are.
 
     Attributes:
         scenario: with the scene as it is now; its free space is that of the scene as it was planned for last.
@@ -34,51 +33,43 @@ class World:
 
     @classmethod
     def of(cls, scenario: Scenario) -> World:
-        """That of a scenario whose scene was loaded loose."""
-        model = scenario.loaded.model
-        own = {mover.name for mover in scenario.loaded.scene.movers}  # those go where their motions say
+        """Return that of a scenario whose scene was loaded loose."""
+        model, scene = scenario.loaded.model, scenario.loaded.scene
+        own = {mover.name for mover in scene.movers}  # those go where their motions say
         loose = {name: body for name, body in loose_bodies(model).items() if name not in own}
-        found = {name: np.array(model.body_pos[body, :2]) for name, body in loose.items()}
-        return cls(scenario=scenario, places={**found, GOAL: scenario.loaded.scene.goal.center.astype(float)})
+        places = {name: np.array(model.body_pos[body, :2]) for name, body in loose.items()}
+        return cls(scenario=scenario, places={**places, GOAL: scene.goal.center.astype(float)})
 
     @property
     def scene(self) -> Scene:
         """As it is now."""
         return self.scenario.loaded.scene
 
-    @cached_property
-    def _solids(self) -> dict[str, list[int]]:
-        """Obstacles of the scene by loose body."""
-        loaded = self.scenario.loaded
-        geoms = np.flatnonzero(loaded.obstacle_geoms & ~loaded.moving_geoms)
-        owner = {body: name for name, body in loose_bodies(loaded.model).items()}
-        solids: dict[str, list[int]] = {}
-        for number, geom in enumerate(geoms.tolist()):
-            root = int(loaded.model.body_rootid[loaded.model.geom_bodyid[geom]])
-            if root in owner:
-                solids.setdefault(owner[root], []).append(number)
-        return solids
-
     def moved(self, event: Move, x: Array) -> World:
-        """The world once something has been moved, with the robot in a state x (n,).
+        """Return the world once something has been moved, with the robot in a state x (n,).
 
         Raises:
             OptionError: nothing of that name can be moved, or not there.
         """
         if event.what not in self.places:
-            known = ", ".join(self.places)
-            raise OptionError(f'there is no "{event.what}" that could be moved; there are {known}')
+            raise OptionError(f'there is no "{event.what}" that could be moved; there are {", ".join(self.places)}')
         there = np.array(event.to) + (self.places[event.what] if event.relative else 0.0)
+        s, states = self.scenario, self.scenario.system.states
+        heading = float(x[states.index("heading")]) if "heading" in states else 0.0
         try:
-            scene = replace(self._with(event.what, there), start=self._pose(x))
-            self._check(scene, x, str(event))
+            start = np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
+            scene = replace(self._with(event.what, there), start=start)
         except SceneError as error:
             raise OptionError(f"{event}: {error}") from None
-        places = {**self.places, event.what: there}
-        return replace(self, scenario=self._in(scene), places=places, grounded=False)
+        clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
+        for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
+            if clearance <= 0.0:
+                raise OptionError(f"{event}: that is on top of {place}, or too close; it stays where it was")
+        scenario = replace(s, loaded=replace(s.loaded, scene=scene), problem=s.system.problem(scene, s.settings))
+        return replace(self, scenario=scenario, places={**self.places, event.what: there}, grounded=False)
 
     def shaken(self, event: Noise) -> World:
-        """The world under another noise.
+        """Return the world under another noise.
 
         Raises:
             OptionError: this robot has no such number, or it cannot work.
@@ -89,35 +80,18 @@ class World:
             raise OptionError(f"{event}: {error}") from None
 
     def _with(self, what: str, there: Array) -> Scene:
-        scene = self.scene
+        scene, loaded = self.scene, self.scenario.loaded
         if what == GOAL:
             return replace(scene, goal=Goal(center=there, radius=scene.goal.radius))
         shift = np.array([*(there - self.places[what]), 0.0])
-        mine = set(self._solids.get(what, ()))
-        solids = [replace(o, position=o.position + shift) if i in mine else o for i, o in enumerate(scene.obstacles)]
-        return replace(scene, obstacles=tuple(solids))
-
-    def _check(self, scene: Scene, x: Array, what: str) -> None:
-        robot, goal = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
-        for place, clearance in (("the robot", robot), ("the goal", goal)):
-            if clearance <= 0.0:
-                raise OptionError(f"{what}: that is on top of {place}, or too close; it stays where it was")
-
-    def _pose(self, x: Array) -> Array:
-        states = self.scenario.system.states
-        heading = float(x[states.index("heading")]) if "heading" in states else 0.0
-        return np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
-
-    def _in(self, scene: Scene) -> Scenario:
-        s = self.scenario
-        return replace(s, loaded=replace(s.loaded, scene=scene), problem=s.system.problem(scene, s.settings))
+        geoms = np.flatnonzero(loaded.obstacle_geoms & ~loaded.moving_geoms)  # in the order of the scene's obstacles
+        mine = loaded.model.body_rootid[loaded.model.geom_bodyid[geoms]] == loose_bodies(loaded.model)[what]
+        pairs = zip(scene.obstacles, mine, strict=True)
+        return replace(scene, obstacles=tuple(replace(o, position=o.position + shift) if i else o for o, i in pairs))
 
 
 def loose_bodies(model: mujoco.MjModel) -> dict[str, int]:
-    """Bodies that can be moved by the names under which they are, without the one that shows the goal."""
-    found = {}
-    for body in np.flatnonzero(model.body_mocapid >= 0).tolist():
-        name = model.body(body).name or f"body{body}"
-        if name != PREFIX + GOAL:
-            found[name.removeprefix(PREFIX)] = body
-    return found
+    """Return bodies that can be moved by the names under which they are, without the one that shows the goal."""
+    bodies = np.flatnonzero(model.body_mocapid >= 0).tolist()
+    names = {model.body(body).name or f"body{body}": body for body in bodies}
+    return {name.removeprefix(PREFIX): body for name, body in names.items() if name != PREFIX + GOAL}

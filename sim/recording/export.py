@@ -23,9 +23,8 @@ from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.files import path_text, replaced
 from sim.drawing.colors import title
-from sim.files import checked_name
+from sim.files import checked_name, path_text, replaced
 from sim.recording.columns import CLASSES, COLUMNS, Column, described, of_states
 from sim.systems import POSE
 

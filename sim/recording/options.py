@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pirrht.errors import OptionError
-from pirrht.files import path_text, takes_as_it_comes
 from pirrht.freespace import FreeSpace
-from sim.files import check_writable
+from sim.files import check_writable, path_text, takes_as_it_comes
 from sim.recording import viewer
 
 SAMPLES = ("all", "some", "none")

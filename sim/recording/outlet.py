@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import ClassVar
 
 from pirrht.errors import OptionError
-from pirrht.files import SHOWN, Draft, path_text, takes_as_it_comes
+from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 from sim.recording.layout import layout
 from sim.recording.stream import Stream, forget_lost_viewers

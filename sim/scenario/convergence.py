@@ -20,22 +20,12 @@ class Convergence:
 
     iterations: NDArray[np.int64]  # (k,) random states drawn so far
     vertices: NDArray[np.int64]  # (k,) vertices of the tree after them
-    windings: tuple[tuple[int, ...], ...]  # (C,) classes relative to the state, shortest first
+    ids: tuple[str, ...]  # (C,) public names of the classes, shortest first
     lengths: Array  # (k, C) [m], never rising; inf before a class is found
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        """Public names of the C classes, in the order of `windings`."""
-        return tuple(class_id(winding) for winding in self.windings)
 
 
 def grow(
-    tree: HomologyTree,
-    x: Array,
-    vertices: int,
-    *,
-    every: int = 10,
-    progress: Callable[[int], None] | None = None,
+    tree: HomologyTree, x: Array, vertices: int, *, every: int = 10, progress: Callable[[int], None] | None = None
 ) -> Convergence:
     """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not shortened.
 
@@ -48,25 +38,19 @@ def grow(
     """
     if every < 1:
         raise OptionError(f"every is {every}; it must be at least 1 vertex")
-    iterations, sizes, notes = [], [], []
-    while True:
+    counts, notes = [(tree.draws, tree.size)], [tree.lengths(x)]
+    while tree.size < vertices:
         before = tree.size
-        iterations.append(tree.draws)
-        sizes.append(before)
-        notes.append(tree.lengths(x))
-        if before >= vertices:
-            break
         tree.grow(min(vertices, before + every), progress=progress)
         if tree.size == before:
             break
-    found = sorted({winding for note in notes for winding in note})
-    table = np.array([[note.get(winding, np.inf) for winding in found] for note in notes]).reshape(len(notes), -1)
+        counts.append((tree.draws, tree.size))
+        notes.append(tree.lengths(x))
+    windings = sorted({winding for note in notes for winding in note})
+    table = np.array([[note.get(winding, np.inf) for winding in windings] for note in notes]).reshape(len(notes), -1)
     # A path once found stays one, also when the state's nearest vertices or the K cheapest classes become others.
     lengths = np.minimum.accumulate(table, axis=0)
     order = np.argsort(lengths[-1], kind="stable")
-    return Convergence(
-        iterations=np.array(iterations),
-        vertices=np.array(sizes),
-        windings=tuple(found[c] for c in order),
-        lengths=lengths[:, order],
-    )
+    iterations, sizes = np.array(counts).T
+    ids = tuple(class_id(windings[c]) for c in order)
+    return Convergence(iterations=iterations, vertices=sizes, ids=ids, lengths=lengths[:, order])

@@ -1,4 +1,4 @@
-"""Prepare a scenario from a scene and what was said of it; where nobody says a margin, noise and clearance decide."""
+"""Prepare a scenario from a scene and options; without a margin, noise and clearance decide."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
 from sim.system_import import chosen
 from sim.systems import named, refuse
 
-AMONG = 0.8  # H_limit where bodies move and nobody says another: who waits for one is turned about by it meanwhile
+AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
-SHARE = 0.25  # of the room that the robot has in the narrowest passage, at the start and at the goal point
+SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at the start and at the goal point
 STEPS = 20  # of that time, by which the noise adds up
 WORTH = 2e-3  # a smaller margin is none [m]
 
@@ -49,13 +49,12 @@ def prepare(
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
-    task = SceneOptions(**options)
+    task, given = SceneOptions(**options), given or {}
     system = None if task.system is None else chosen(task.system)
     read = partial(load, scene, loose=loose, **{name: getattr(task, name) for name in BY_SCENE} | {"system": system})
     loaded = read()
     kind = named(loaded.dynamics_name)
-    said = given or {}
-    for name in (name for name in said if name not in BY_SETTING):
+    for name in (name for name in given if name not in BY_SETTING):
         if name in BY_SCENE:
             raise OptionError(f"given: {name!r} is no setting but an argument: prepare(..., {name}=...)")
         like = get_close_matches(name, BY_SETTING, n=1) or sorted(BY_SETTING)
@@ -63,31 +62,30 @@ def prepare(
             f"given: {name!r} is no setting; {'did you mean' if len(like) == 1 else 'those are'} {', '.join(like)}"
         )
     overlay = kind.preset(task.preset)
-    refuse(kind, said)
+    refuse(kind, given)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
-    settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, said)
+    settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
     problem = kind.problem(loaded.scene, settings)
-    space = FreeSpace.of(loaded.scene)
-    room = loaded.margin
+    space, own = FreeSpace.of(loaded.scene), loaded.margin
     if task.margin is None and "margin" not in loaded.scene.defaults:
-        room = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
-        if room > 0.0:
-            loaded = read(margin=room)
+        own = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
+        if own > 0.0:
+            loaded = read(margin=own)
             problem, space = kind.problem(loaded.scene, settings), FreeSpace.of(loaded.scene)
-    widens = said.get("limit") is None and "limit" not in overlay
     scenario = Scenario(
-        loaded=loaded, system=kind, settings=settings, problem=problem, space=space, margin=room, widens=widens
-    )
+        loaded=loaded, system=kind, settings=settings, problem=problem, space=space, margin=own,
+        widens=given.get("limit") is None and "limit" not in overlay,
+    )  # fmt: skip
     if driven:
         scenario.plant()
     return scenario
 
 
 def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:
-    """The margin [m] for a problem without one; 0 where there is no room.
+    """Return the margin [m] for a problem without one; 0 where there is no clearance for it.
 
     It is three standard deviations of the place that noise alone moves the robot to before it reacts [s], and takes
-    no more than a quarter of the room anywhere, so that no class is lost.
+    no more than a quarter of the clearance anywhere, so that no class is lost.
     """
     scene = space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
@@ -96,25 +94,23 @@ def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float
     if scene.movers:
         ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
     widths = find_passages(space.field, space.collision).width
-    room = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
-    margin = min(max(LEAST, DEVIATIONS * _deviation(problem, reaction)), SHARE * room)
+    clearance = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
+    margin = min(max(LEAST, DEVIATIONS * _deviation(problem, reaction)), SHARE * clearance)
     return round(margin, 4) if margin > WORTH else 0.0
 
 
 def _deviation(problem: Problem, time: float) -> float:
-    """Standard deviation of the place after a time [s] from the start, along its worst direction [m]."""
-    d, h = problem.dynamics, time / STEPS
-    start = d.state_of(problem.scene.start)
-    still, shift = np.zeros(d.m), 1e-4
+    """Return the standard deviation of the place after a time [s] from the start, along its worst direction [m]."""
+    d, h, shift = problem.dynamics, time / STEPS, 1e-4
+    start, still = d.state_of(problem.scene.start), np.zeros(d.m)
     total = np.zeros((2, 2))
     for i in range(STEPS):  # noise of one step each, carried on to the end; the equation is linear in it
         ends = []
-        for j in range(d.m):
-            for sign in (shift, -shift):
-                x = d.step(start, still, sign * np.eye(d.m)[j], h)
-                for _ in range(STEPS - 1 - i):
-                    x = d.step(x, still, still, h)
-                ends.append(x[:2])
-        moved = (np.array(ends[::2]) - np.array(ends[1::2])) / (2.0 * shift)
+        for noise in shift * np.vstack([np.eye(d.m), -np.eye(d.m)]):
+            x = d.step(start, still, noise, h)
+            for _ in range(STEPS - 1 - i):
+                x = d.step(x, still, still, h)
+            ends.append(x[:2])
+        moved = (np.array(ends[: d.m]) - np.array(ends[d.m :])) / (2.0 * shift)
         total += h * moved.T @ moved
     return float(np.sqrt(np.linalg.eigvalsh(total)[-1]))

@@ -42,7 +42,7 @@ def required_limit(tree: HomologyTree, x: Array) -> float:
     least = 0.0
     for k in near[shortest].tolist():
         path = points[[*_chain(before[0], k)[::-1], *_chain(before[1], k)[1:]]]
-        rest = np.cumsum(_seen_turns(path[:-1], path[1:], markers)[::-1], axis=0)  # H of the rest of the path
+        rest = np.cumsum(_turns_of(path[:-1], path[1:], markers)[::-1], axis=0)  # H of the rest of the path
         least = max(least, float(np.abs(rest).max()))
     return least if least > tree.limit else 0.0
 
@@ -54,17 +54,14 @@ def _surely_allowed(tree: HomologyTree, x: Array) -> bool:
     except NoReference:
         return False
     passages, goal = tree.passages, tree.space.scene.goal.center
-    used = np.zeros(passages.count, dtype=bool)
-    for reference in references:
-        used |= passages.crossed(reference.trajectory.points)
-    place = passages.place[~used]
-    cheapest = min(one.length for one in references)
+    used = np.any([passages.crossed(reference.trajectory.points) for reference in references], axis=0)
+    place, cheapest = passages.place[~used], min(one.length for one in references)
     around = np.hypot(*(place - x[:2]).T) + np.hypot(*(place - goal).T)  # no path through is shorter
     return cheapest <= LONGER * math.dist(x[:2], goal) and not np.any(around <= LONGER * cheapest)
 
 
 def _shortest_paths(tree: HomologyTree, start: Array, count: int) -> tuple[Array, IntArray, Array]:
-    """Points (k, 2) [m], predecessors on shortest paths from start and goal, and lengths of these, (2, k) each.
+    """Return points (k, 2) [m], predecessors on shortest paths from start and goal, and lengths of these, (2, k) each.
 
     They are a lattice of about `count` points and the axes of passages, which have points where a lattice has none.
     """
@@ -74,10 +71,8 @@ def _shortest_paths(tree: HomologyTree, start: Array, count: int) -> tuple[Array
 
     scene, collision = tree.space.scene, tree.space.collision
     spacing = math.sqrt(float(np.prod(scene.upper - scene.lower)) / count)
-    lattice = [
-        np.arange(low + 0.5 * spacing, high, spacing) for low, high in zip(scene.lower, scene.upper, strict=True)
-    ]
-    grid = np.stack(np.meshgrid(*lattice), axis=-1).reshape(-1, 2)
+    axes = [np.arange(low + 0.5 * spacing, high, spacing) for low, high in zip(scene.lower, scene.upper, strict=True)]
+    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
     points = np.vstack([start, scene.goal.center, tree.passages.axis[:, :2], grid])
     free, own = np.empty(len(points)), len(points) - len(grid)
     clearances(tree.space.field, points, free)
@@ -89,11 +84,11 @@ def _shortest_paths(tree: HomologyTree, start: Array, count: int) -> tuple[Array
     doubtful = np.flatnonzero(open_ & ~sure & ((tail < own) | (head < own)))
     sure[doubtful] = collision.segments_free(points[tail[doubtful]], points[head[doubtful]])
     graph = csr_matrix((length[sure], (tail[sure], head[sure])), shape=(len(points), len(points)))
-    found, before = dijkstra(graph, directed=False, indices=[0, 1], return_predecessors=True)
-    return points, before, found
+    lengths, before = dijkstra(graph, directed=False, indices=[0, 1], return_predecessors=True)
+    return points, before, lengths
 
 
-def _seen_turns(a: Array, b: Array, markers: Array) -> Array:
+def _turns_of(a: Array, b: Array, markers: Array) -> Array:
     """Turns about markers (M, 2) of straight lines from points a to b, (k, 2) each, (k, M) [turns]."""
     a, b = a[:, None] - markers, b[:, None] - markers
     return np.asarray(np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1)) / (2.0 * np.pi))
@@ -101,10 +96,11 @@ def _seen_turns(a: Array, b: Array, markers: Array) -> Array:
 
 def _turns(points: Array, before: IntArray, markers: Array, near: IntArray) -> Array:
     """Turns about markers (M, 2) of the paths from points `near` (k,) back to the first of all, (k, M) [turns]."""
+    own = np.arange(len(near))
     index = np.full(len(points), -1)
-    index[near] = np.arange(len(near))
-    parent = np.where(before[near] < 0, np.arange(len(near)), index[np.maximum(before[near], 0)])
-    turns = _seen_turns(points[near], points[near][parent], markers)
+    index[near] = own
+    parent = np.where(before[near] < 0, own, index[np.maximum(before[near], 0)])
+    turns = _turns_of(points[near], points[near][parent], markers)
     while np.any(parent != parent[parent]):  # the path doubles each time
         turns += turns[parent]
         parent = parent[parent]

@@ -1,9 +1,10 @@
-"""From a task to the objects of a run: tree, controller, exact solution, plant and frames."""
+"""A scene with a robot, a problem and settings, and the objects of a run: tree, policy, exact solution, plant."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,25 +19,34 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
-from pirrht.planner import file as tree_file
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drive import episode, realtime
+from pirrht.problem import Problem
+from pirrht.steering.in_time import InTime
+from pirrht.steering.steering import Steering
+from pirrht.topology.homology import Homology
+from sim import tree_file
+from sim.drive import episode
+from sim.drive.clock import Clock
 from sim.drive.executor import Executor
-from sim.drive.odometer import Frame
+from sim.drive.metrics import Frame
 from sim.drive.plant import Analytic, Plant
+from sim.mjcf import Loaded
 from sim.mjcf.motions import goal_blocker
+from sim.options import check_size
 from sim.scenario.required_limit import required_limit
-from sim.scenario.task import Task
+from sim.settings import Settings
+from sim.systems import System, refuse
 
 WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
 QUICK = 400  # vertices at most of a tree that is grown within a control period
+ENOUGH = 30.0  # effective samples that the first plan of a run rests on, if it can be had
 
 Driver = Controller | Mppi | Optimal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
-class Scenario(Task):
+class Scenario:
     """A scene with a robot, a problem and settings; everything random comes from `settings.seed`.
 
     Examples:
@@ -53,13 +63,97 @@ class Scenario(Task):
         OptionError: plans under these settings would fit into no memory, or never end.
     """
 
+    loaded: Loaded
+    system: System
+    settings: Settings
+    problem: Problem
+    space: FreeSpace
+    margin: float = 0.0  # that plans leave around the robot [m]
+    widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
+
+    def __post_init__(self) -> None:
+        check_size(self)
+
     def __repr__(self) -> str:
         s, loaded = self.settings, self.loaded
         return f"Scenario({loaded.robot} in {loaded.scene.name!r}, {s.method}, noise {s.noise:g}, seed {s.seed})"
 
+    def with_settings(self, **changes: Any) -> Self:
+        """Return the scene under other settings; the free space is kept.
+
+        Raises:
+            OptionError: the system has no such number, or a value cannot work.
+        """
+        refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
+        settings = replace(self.settings, **changes)
+        problem = self.system.problem(self.loaded.scene, settings)
+        return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
+
+    @property
+    def start(self) -> Array:
+        """Start state, (n,)."""
+        return self.problem.dynamics.state_of(self.problem.scene.start)
+
+    @property
+    def moving(self) -> bool:
+        """Check for moving obstacles in the scene."""
+        return bool(self.loaded.scene.movers)
+
+    @property
+    def homology(self) -> Homology:
+        """Homology by which classes of runs are told apart."""
+        return self._in_time().homology(self.space) if self.moving else self.space.homology
+
+    def _in_time(self) -> InTime:
+        """Return the steering in space and time.
+
+        Its best speed is as declared, or else what the system's own steering makes of the path to the goal.
+        """
+        speed, problem = self.system.pace, self.problem
+        if speed is None and self.system.steering is not None and not problem.dynamics.noisy_position:
+            steering: Steering = self.system.steered(problem)
+            goal = np.asarray(steering.roots(problem.scene.goal.center))[:1]
+            path = steering.trajectory(steering.connect(steering.vertex_of(self.start)[None], goal))
+            speed = float(path.length / path.durations.sum())
+        return InTime.of(problem, self.settings.speed_limit, speed)
+
+    def steering(self) -> Steering:
+        """Return the two-point optimum that fits the dynamics; in space and time among moving obstacles."""
+        steering: Steering = self._in_time() if self.moving else self.system.steered(self.problem)
+        return steering
+
+    def _seeds(self) -> tuple[np.random.SeedSequence, ...]:
+        """Return independent seeds of the tree, the sampler and the plant."""
+        tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
+        if self.settings.plan_seed is not None:
+            tree = np.random.SeedSequence(self.settings.plan_seed).spawn(3)[0]
+        return tree, sampler, plant
+
+    def plant_rng(self) -> np.random.Generator:
+        """Return the plant's noise; one increment per physics step whatever the method."""
+        return np.random.default_rng(self._seeds()[2])
+
+    @property
+    def sampling(self) -> Sampling:
+        """Sampling of the settings."""
+        s = self.settings
+        return Sampling(
+            dt=s.dt, first=s.period if s.period < s.dt else None, samples=s.samples, exit=s.exit, steps=s.steps,
+            weights=s.weights, guide=s.guide, allocation=s.allocation, draws=s.draws, target=s.target_error,
+            least=ENOUGH if s.guide == "feedback" else 0.0, budget=s.budget, threads=s.threads,
+        )  # fmt: skip
+
+    def classes_at_start(self) -> int:
+        """Count classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
+        homology, limit = self.homology, self.settings.limit
+        straight = homology.base(homology.at(self.start, 0.0))
+        most = self.settings.classes or Settings().classes
+        number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
+        return int(np.clip(np.prod(number), 1, most))
+
     def empty_tree(self, limit: float | None = None) -> HomologyTree:
         """Return a tree that has its roots only; within another limit than the settings' if one is given."""
-        return self._rooted(self.space, np.random.default_rng(self.seeds()[0]), limit)
+        return self._rooted(self.space, np.random.default_rng(self._seeds()[0]), limit)
 
     def _rooted(self, space: FreeSpace, rng: np.random.Generator, limit: float | None = None) -> HomologyTree:
         s = self.settings
@@ -77,19 +171,22 @@ class Scenario(Task):
         s, x = self.settings, self.start if at is None else at
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
-        first = tree = self._grown_within(s.limit, progress)
+
+        def grown(limit: float) -> HomologyTree:
+            tree = self.empty_tree(limit)
+            tree.grow(s.vertices, progress=progress)
+            return tree
+
+        def reaches(tree: HomologyTree) -> bool:
+            return bool(tree.lengths(tree.at(x, 0.0)))
+
+        first = tree = grown(s.limit)
         while self.widens and tree.limit < WIDER[-1]:
             least = required_limit(tree, x)
-            if not least and _reaches(tree, x):
+            if not least and reaches(tree):
                 return tree
-            wider = (limit for limit in WIDER if limit > tree.limit)
-            tree = self._grown_within(next((limit for limit in wider if limit >= least), WIDER[-1]), progress)
-        return tree if tree is first or _reaches(tree, x) else first
-
-    def _grown_within(self, limit: float, progress: Callable[[int], None] | None) -> HomologyTree:
-        tree = self.empty_tree(limit)
-        tree.grow(self.settings.vertices, progress=progress)
-        return tree
+            tree = grown(next((limit for limit in WIDER if limit > tree.limit and limit >= least), WIDER[-1]))
+        return tree if tree is first or reaches(tree) else first
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first.
@@ -129,9 +226,6 @@ class Scenario(Task):
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before.
 
-        Args:
-            progress: called with the share that is done, where it has not and that takes long.
-
         Raises:
             OptionError: no grid solves this problem, or moving obstacles are to be predicted.
         """
@@ -164,29 +258,21 @@ class Scenario(Task):
         s = self.settings
         if s.method == "mppi":
             return self.mppi()
+        sampling = self._at_once() if s.method in ("single", "passive") else self.sampling
         return Controller(
-            self.problem,
-            self.space,
-            tree,
-            self._at_once() if s.method in ("single", "passive") else self.sampling,
-            method=s.method,
-            shortened=s.polish,
-            consistency=s.consistency,
-            between=s.between,
-            homology=self.homology,
-            predict=self._prediction(trees=s.method not in TREELESS),
-            rng=np.random.default_rng(self.seeds()[1]),
-        )
+            self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
+            between=s.between, homology=self.homology, predict=self._prediction(trees=s.method not in TREELESS),
+            rng=np.random.default_rng(self._seeds()[1]),
+        )  # fmt: skip
 
     def mppi(self) -> Mppi:
         """Return MPPI, with at least as many samples as "pi-rrht" draws from the start."""
         s = self.settings
         sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
         problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
-        home, rng = self.system.way_home(problem), np.random.default_rng(self.seeds()[1])
         return Mppi(
-            problem, self.space, sampling, horizon=s.horizon, terminal_cost=home, homology=self.homology,
-            predict=self._prediction(trees=False), rng=rng,
+            problem, self.space, sampling, horizon=s.horizon, terminal_cost=self.system.way_home(problem),
+            homology=self.homology, predict=self._prediction(trees=False), rng=np.random.default_rng(self._seeds()[1]),
         )  # fmt: skip
 
     def _at_once(self) -> Sampling:
@@ -199,13 +285,13 @@ class Scenario(Task):
         """Return what predicts moving obstacles for plans; None: they know."""
         if not self.moving or self.settings.predict == "known":
             return None
-        seeds = self.seeds()[0].spawn(1)[0]
+        seeds = self._seeds()[0].spawn(1)[0]
 
         def grown(space: FreeSpace) -> HomologyTree:
             return self._rooted(space, np.random.default_rng(seeds.spawn(1)[0]))
 
         vertices = min(self.settings.vertices, QUICK)
-        return ConstantVelocity(self.space, self.in_time, grown if trees else None, vertices=vertices)
+        return ConstantVelocity(self.space, self._in_time(), grown if trees else None, vertices=vertices)
 
     def driver(
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
@@ -219,17 +305,6 @@ class Scenario(Task):
         """
         return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
-    def drive(self, plant: Plant, driver: Policy) -> Generator[Frame]:
-        """Run from the start, as fast as it goes or in real time; one frame per control period.
-
-        Raises:
-            NoReference: already the start has no reference.
-        """
-        s, start, rng = self.settings, self.start, self.plant_rng()
-        if s.real_time:
-            return realtime.run(plant, driver, start, rng, period=s.period, max_time=s.max_time, grow=s.grow)
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow or 0)
-
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""
         period = self.settings.period
@@ -238,11 +313,18 @@ class Scenario(Task):
         step = float(self.loaded.model.opt.timestep)
         return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
-    def plant_rng(self) -> np.random.Generator:
-        """Return the plant's noise; one increment per physics step whatever the method."""
-        return np.random.default_rng(self.seeds()[2])
+    def drive(
+        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None
+    ) -> Generator[Frame]:
+        """Run, as fast as it goes or in real time; one frame per control period.
 
+        Args:
+            start: state (n,); None: the scene's.
+            rng: the plant's noise; None: that of the settings' seed.
 
-def _reaches(tree: HomologyTree, x: Array) -> bool:
-    """Tell whether any class reaches the goal from x (n,)."""
-    return bool(tree.lengths(tree.at(x, 0.0)))
+        Raises:
+            NoReference: already the start has no reference.
+        """
+        s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
+        clock = Clock() if s.real_time else None
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock)

@@ -18,8 +18,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from pirrht.files import MISSING, path_text, why_unreadable
-from sim.files import refused
+from sim.files import MISSING, path_text, refused, why_unreadable
 from sim.sweeps import manifests, parts
 from sim.sweeps.parts import key_of, record_of, row_of
 

@@ -15,8 +15,8 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from pirrht.files import why_unreadable
 from sim.drive.result import FIGURES, Column
+from sim.files import why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
 

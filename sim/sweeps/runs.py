@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import threading
 import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -16,9 +17,8 @@ import numpy as np
 
 from pirrht.control.settings import TREELESS
 from pirrht.errors import PirrhtError
-from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree
-from sim.drive import episode
+from sim import tree_file
 from sim.drive.result import DriveResult
 from sim.mjcf.library import find
 from sim.rehearsal import rehearse
@@ -173,11 +173,10 @@ def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
     driver = _driver(job, scenario, planned)
     _ready(job, scenario)
-    began, tally = time.perf_counter(), episode.Tally(scenario.settings.period)
-    for frame in scenario.drive(scenario.plant(), driver):
-        tally.add(frame)
+    began = time.perf_counter()
+    last = deque(scenario.drive(scenario.plant(), driver), maxlen=1).pop()
     seconds = time.perf_counter() - began
-    return finished(key(job, scenario.settings.noise), scenario, tally.drive(), seconds, planned)
+    return finished(key(job, scenario.settings.noise), scenario, last.metrics.result(), seconds, planned)
 
 
 def finished(

@@ -1,24 +1,16 @@
 """Systems, one record each: dynamics, costs, steering and defaults; a registry that robots name them in.
 
-A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes one of somebody's own instead. Ten lines
-make one:
-
-    from sim.systems import System
+A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes one of somebody's own instead:
 
     BOAT = System(
-        name="boat",
-        dynamics=lambda settings: Boat(settings.noise),
-        steering=lambda problem: GroundTrack(),
-        R=2 * np.eye(2),
-        defaults={"samples": 300},
+        name="boat", dynamics=lambda settings: Boat(settings.noise), steering=lambda problem: GroundTrack(),
+        R=2 * np.eye(2), defaults={"samples": 300},
     )
 
 Without `steering` its references are those of a point that moves straight at a pace, on a tree of positions alone, and
 guides make them feasible. That costs: references are not the system's optimum, their classes are ordered by what they
 cost the point, whatever its start faces, and guides take more passes. The pace is where the system's cost per meter is
-least, if that tells one; else declare `pace`.
-
-record      what there is to know of a system      registry      those of the package, and all by name
+least, if there is such a one; else declare `pace`.
 """
 
 from __future__ import annotations
@@ -26,6 +18,4 @@ from __future__ import annotations
 from sim.systems.record import POSE, SPEED, VELOCITIES, System, typed
 from sim.systems.registry import BUILT_IN, named, names, refuse, register
 
-__all__ = [
-    "BUILT_IN", "POSE", "SPEED", "VELOCITIES", "System", "named", "names", "refuse", "register", "typed",
-]  # fmt: skip
+__all__ = ["BUILT_IN", "POSE", "SPEED", "VELOCITIES", "System", "named", "names", "refuse", "register", "typed"]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError, PirrhtError
+from pirrht.errors import OptionError, PirrhtError, one_line
 from sim.settings import BY_SETTING, PRESETS, SPECIAL, Settings
 
 POSE = ("x", "y", "heading")  # states that are the place of a robot; the others move with it
@@ -31,32 +32,32 @@ class System:
     R: Array | Callable[[Array], Array]  # control cost, as in `pirrht.Problem`
     steering: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> its `pirrht.Steering`; None: guides find a way
     pace: float | None = None  # of references without steering [m/s]; None: what the cost says
-    q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], likewise; or MODULE:NAME of a function
+    q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], or MODULE:NAME of a function
     q_min: float | None = None
     urge: Callable[[Settings], float] | None = None  # that rate as settings have it, in place of q
-    states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
+    states: tuple[str, ...] = ()  # (n,) names of the components of a state; none: those of the dynamics
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
-    home: Callable[[Any], Any] | None = (
-        None  # a `pirrht.Problem` -> `beyond` of `pirrht.control.baselines`; None: straight
-    )
+    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> the terminal cost of MPPI; None: the steering's
     twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
-    robots: str = ""  # what the help calls its robots; empty: it says nothing of them
+    robots: str = ""  # name of its robots in the help; empty: the help leaves it out
     noise_in: str = ""  # the unit of `--noise`, for the help
 
     def __post_init__(self) -> None:
         for name, known, what in (
-            ("defaults", BY_SETTING, "setting"),
-            ("own", BY_SETTING, "setting"),
-            ("heeds", SPECIAL, "setting to heed"),
-        ):
+            ("defaults", BY_SETTING, "setting"), ("own", BY_SETTING, "setting"), ("heeds", SPECIAL, "setting to heed"),
+        ):  # fmt: skip
             strange = [entry for entry in getattr(self, name) if entry not in known]
             if strange:
                 raise OptionError(
                     f"system {self.name}: {strange[0]!r} is no {what}; those are {', '.join(sorted(known))}"
                 )
+        if not self.states:
+            object.__setattr__(self, "states", POSE[:2])
+            with suppress(Exception):  # `problem` tells what is wrong
+                object.__setattr__(self, "states", tuple(self.dynamics(self.settings).states))
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
         _ = self.settings
@@ -66,7 +67,7 @@ class System:
 
     @property
     def settings(self) -> Settings:
-        """Those of a run that nobody says anything about."""
+        """Settings of a run without options."""
         return Settings(**self.defaults)
 
     @property
@@ -94,7 +95,7 @@ class System:
         return {name: value for name, value in scene.items() if name.replace("-", "_") not in deaf}
 
     def preset(self, name: str | None) -> dict[str, Any]:
-        """The settings of a preset; none without a name.
+        """Return the settings of a preset; none without a name.
 
         Raises:
             OptionError: there is none of that name.
@@ -108,80 +109,33 @@ class System:
         return {**fixed, **own, **{one: round(by * getattr(self.settings, one)) for one, by in factors.items()}}
 
     def problem(self, scene: Any, settings: Settings) -> Any:
-        """The `pirrht.Problem` in a `pirrht.Scene`.
+        """Return the `pirrht.Problem` in a `pirrht.Scene`.
 
         Raises:
             OptionError, NotLinearlySolvable: the system cannot work there.
         """
         from pirrht.problem import Problem
 
-        dynamics = self._asked("dynamics", settings)
+        dynamics, q = self._made("dynamics", settings), self.q
         if tuple(getattr(dynamics, "states", ())) != self.states:
             raise OptionError(
                 f"system {self.name}: {type(dynamics).__name__} has the states {getattr(dynamics, 'states', None)} and "
                 f"the system says {self.states}; make them the same"
             )
-        q = self._rate(settings)
+        if self.urge is not None:
+            q = float(self._made("urge", settings))
+        elif isinstance(q, str):
+            q = imported(q)
         return Problem(dynamics=dynamics, scene=scene, R=self.R, q=q, q_min=self.q_min, phi=settings.phi)
 
     def steered(self, problem: Any) -> Any:
-        """The `pirrht.Steering` of a problem.
+        """Return the `pirrht.Steering` of a problem.
 
         Raises:
             OptionError: there is none.
         """
-        return self._asked("steering", problem) if self.steering is not None else self._tracked(problem)
-
-    def way_home(self, problem: Any) -> Any:
-        """Return the cost of the path from states (k, n) to the goal, as `pirrht.control.baselines` takes it; None: a
-        straight one.
-
-        Raises:
-            OptionError: it cannot be told.
-        """
-        if self.home is not None:
-            return self._asked("home", problem)
-        if self.steering is None:
-            return self._straight_home(problem)
-        d = problem.dynamics
-        moves = d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()
-        return None if moves else self._steered_home(problem)
-
-    def _steered_home(self, problem: Any) -> Any:
-        """The cost of the steering's own way to the rim of the goal's disc, at the best of its ends there."""
-        steering, goal = self.steered(problem), problem.scene.goal
-        ends = np.asarray(steering.roots(goal.center))
-
-        def beyond(states: Array) -> Array:
-            off = states[:, :2] - goal.center
-            away = np.hypot(*off.T)
-            shift = off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None]
-            heads = np.repeat(ends[None], len(states), axis=0)
-            heads[:, :, :2] += shift[:, None]
-            costs = [steering.distance(states, heads[:, k]) for k in range(len(ends))]
-            return np.where(away > goal.radius, np.min(costs, axis=0), 0.0)
-
-        return beyond
-
-    def _straight_home(self, problem: Any) -> Any:
-        steering, goal = self.steered(problem), problem.scene.goal
-
-        def beyond(states: Array) -> Array:
-            away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius
-            return np.asarray(steering.cost_per_meter * np.maximum(away, 0.0))
-
-        return beyond
-
-    def _rate(self, settings: Settings) -> float | Callable[..., float]:
-        if self.urge is not None:
-            return float(self._asked("urge", settings))
-        if not isinstance(self.q, str):
-            return self.q
-        module, _, name = self.q.partition(":")
-        found: Callable[..., float] = getattr(importlib.import_module(module), name)
-        return found
-
-    def _tracked(self, problem: Any) -> Any:
+        if self.steering is not None:
+            return self._made("steering", problem)
         from pirrht.steering.straight_line import Tracked
 
         try:
@@ -189,16 +143,49 @@ class System:
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
 
-    def _asked(self, what: str, argument: Any) -> Any:
+    def way_home(self, problem: Any) -> Any:
+        """Return the cost of the path from states (k, n) to the goal, for MPPI; None: a straight one.
+
+        It is the steering's own to the rim of the goal's disc, at the best of its ends there; a point's without one.
+
+        Raises:
+            OptionError: it cannot be computed.
+        """
+        if self.home is not None:
+            return self._made("home", problem)
+        d, goal, steering = problem.dynamics, problem.scene.goal, self.steered(problem)
+        if self.steering is not None and (d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()):
+            return None
+        ends = np.asarray(steering.roots(goal.center))
+
+        def terminal_cost(states: Array) -> Array:
+            off = states[:, :2] - goal.center
+            away = np.hypot(*off.T)
+            if self.steering is None:
+                return np.asarray(steering.cost_per_meter * np.maximum(away - goal.radius, 0.0))
+            heads = np.repeat(ends[None], len(states), axis=0)
+            heads[:, :, :2] += (off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None])[:, None]
+            costs = [steering.distance(states, heads[:, k]) for k in range(len(ends))]
+            return np.where(away > goal.radius, np.min(costs, axis=0), 0.0)
+
+        return terminal_cost
+
+    def _made(self, what: str, argument: Any) -> Any:
+        """Call one of its functions; an error of its own names it."""
         try:
             return getattr(self, what)(argument)
         except PirrhtError:
             raise
         except Exception as error:
-            told = " ".join(f"{type(error).__name__}: {error}".split())
-            raise OptionError(f"system {self.name}: {told} in its {what}; fix it") from error
+            raise OptionError(f"system {self.name}: {one_line(error)} in its {what}; fix it") from error
+
+
+def imported(path: str) -> Any:
+    """Import MODULE:NAME."""
+    module, _, name = path.partition(":")
+    return getattr(importlib.import_module(module), name)
 
 
 def typed(states: Sequence[str]) -> str:
-    """Names of states as the command line calls them."""
+    """Return names of states as the command line has them."""
     return " ".join({"heading": "TH", "speed": "V"}.get(name, name.upper()) for name in states)

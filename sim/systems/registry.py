@@ -3,36 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from pirrht.errors import OptionError
 from sim.settings import SPECIAL, Settings
-from sim.systems.record import POSE, System
-
-
-def _class(path: str) -> Any:
-    """Import the class MODULE:CLASS of `pirrht`."""
-    module, _, name = path.partition(":")
-    return getattr(import_module(f"pirrht.{module}"), name)
+from sim.systems.record import POSE, System, imported
 
 
 def _dynamics(path: str) -> Callable[[Settings], Any]:
     """Return what makes dynamics of a class with the noise of the settings; the class is imported only then."""
-    return lambda settings: _class(path)(b=settings.noise)
+    return lambda settings: imported(f"pirrht.systems.{path}")(b=settings.noise)
 
 
 def _steering(path: str) -> Callable[[Any], Any]:
     """Return what makes the steering of a problem, of a class that is imported only then."""
-    return lambda problem: _class(path).of(problem)
+    return lambda problem: imported(f"pirrht.steering.{path}").of(problem)
 
 
-def _car(settings: Settings) -> Any:
-    from pirrht.systems.unicycle import Unicycle
-
-    return Unicycle(V=settings.speed, rho=settings.rho, b=settings.noise)
+def _unicycle(settings: Settings) -> Any:
+    return imported("pirrht.systems.unicycle:Unicycle")(V=settings.speed, rho=settings.rho, b=settings.noise)
 
 
 def _at_speed(settings: Settings) -> float:
@@ -43,9 +34,10 @@ def _at_speed(settings: Settings) -> float:
 SYSTEMS = (
     System(
         name="single_integrator",
-        dynamics=_dynamics("systems.single_integrator:SingleIntegrator"),
-        steering=_steering("steering.straight_line:StraightLine"),
+        dynamics=_dynamics("single_integrator:SingleIntegrator"),
+        steering=_steering("straight_line:StraightLine"),
         R=2.0 * np.eye(2),
+        states=POSE[:2],
         urge=_at_speed,
         heeds=("noise", "speed"),
         paper_samples=200,
@@ -54,8 +46,8 @@ SYSTEMS = (
     ),
     System(
         name="unicycle",
-        dynamics=_car,
-        steering=_steering("steering.dubins:Dubins"),
+        dynamics=_unicycle,
+        steering=_steering("dubins:Dubins"),
         R=np.eye(1),
         states=POSE,
         defaults={
@@ -66,7 +58,7 @@ SYSTEMS = (
             "period": 0.1,
             "limit": 0.8,
             "max_time": 60.0,
-            "exploration": 10.0,  # with the robot's own noise tapes hardly move, and none of a few drives arrives
+            "exploration": 10.0,  # with its own noise control sequences hardly move, and few arrive
         },
         paper_samples=300,
         heeds=("noise", "speed", "rho"),
@@ -75,8 +67,8 @@ SYSTEMS = (
     ),
     System(
         name="double_integrator",
-        dynamics=_dynamics("systems.double_integrator:DoubleIntegrator"),
-        steering=_steering("steering.double_integrator:MassSteering"),
+        dynamics=_dynamics("double_integrator:DoubleIntegrator"),
+        steering=_steering("double_integrator:MassSteering"),
         R=2.0 * np.eye(2),
         states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05},
@@ -87,7 +79,7 @@ SYSTEMS = (
     ),
     System(
         name="rover",
-        dynamics=_dynamics("systems.rover:Rover"),
+        dynamics=_dynamics("rover:Rover"),
         R=np.diag([2.0, 0.5]),
         urge=_at_speed,
         heeds=("noise", "speed"),
@@ -100,7 +92,7 @@ SYSTEMS = (
     ),
     System(
         name="second_order_car",
-        dynamics=_dynamics("systems.second_order_car:SecondOrderCar"),
+        dynamics=_dynamics("second_order_car:SecondOrderCar"),
         R=np.eye(2),
         q="pirrht.systems.second_order_car:cruising",
         q_min=1.0,
@@ -132,12 +124,12 @@ def register(system: System) -> System:
 
 
 def names() -> tuple[str, ...]:
-    """The names of all that are registered, built-in ones first."""
+    """Return the names of all that are registered, built-in ones first."""
     return tuple(_known)
 
 
 def named(name: str) -> System:
-    """The system of that name.
+    """Return the system of that name.
 
     Raises:
         OptionError: none has it.
@@ -156,6 +148,6 @@ def refuse(system: System, given: Mapping[str, Any]) -> None:
     for name in sorted(SPECIAL - set(system.heeds)):
         if given.get(name) is not None:
             *others, last = [one.called for one in _known.values() if name in one.heeds] or ["other systems"]
-            who = " or ".join(filter(None, (", ".join(others), last)))
+            who = f"{', '.join(others)} or {last}" if others else last
             ours = "" if system.name in BUILT_IN else f', or write `heeds=("{name}",)` and read it from its settings'
             raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out{ours}")

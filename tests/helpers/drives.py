@@ -23,7 +23,7 @@ from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
-from sim.drive.episode import Frame, Tally, run
+from sim.drive.episode import Frame, run
 from sim.drive.executor import Executor
 from sim.mjcf import load
 from sim.recording.recorder import Look, Recorder, Sinks
@@ -85,14 +85,13 @@ def timed(frames: Iterable[Frame]) -> Iterator[Frame]:
 
 
 def record(file: Path) -> tuple[list[Frame], list[str]]:
-    drive, tally = Drive(), Tally(PERIOD)
+    drive = Drive()
     frames, news = [], []
     with drive.recorder(file) as recorder:
         for frame in timed(drive.frames()):
-            line = tally.add(frame)
-            recorder.log(frame, line)
+            recorder.log(frame, frame.news)
             frames.append(frame)
-            news += [line] if line else []
+            news += [frame.news] if frame.news else []
     return frames, news
 
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
 from pirrht.problem import Problem
+from pirrht.systems.dynamics import Dynamics
 from sim.drive.executor import Executor
 from sim.drive.plant import Advance, Analytic
 from sim.mjcf import Loaded, load
@@ -16,20 +18,28 @@ from sim.mjcf import Loaded, load
 QUIET = 1e-12  # a noise level that is as good as none
 STEP = 0.002
 SIZE = 1e4  # of the workspace [m]
+WALL = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.65 0 0.3"/>'  # face at 0.6
 
 
-def scene_file(folder: Path, *, world: str = "", option: str = "", goal: str = "9000 0 0") -> Path:
+def scene_file(folder: Path, *, world: str = "", option: str = "", goal: str = "9000 0 0", size: float = SIZE) -> Path:
     path = folder / "field.xml"
     path.write_text(
         f"""<mujoco>{option}<worldbody><site name="start" pos="0 0 0"/>
-        <site name="workspace" type="box" size="{SIZE} {SIZE} 1"/>
+        <site name="workspace" type="box" size="{size} {size} 1"/>
         <site name="goal" type="cylinder" pos="{goal}" size="0.1 0.01"/>{world}</worldbody></mujoco>"""
     )
     return path
 
 
-def free(points: Array) -> Array:
-    return np.ones(len(points))
+def problem_of(loaded: Loaded, dynamics: Dynamics, **options) -> Problem:
+    return Problem(dynamics=dynamics, scene=loaded.scene, **{"R": 2.0 * np.eye(dynamics.m), **options})
+
+
+def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Analytic]:
+    """Both plants of a problem."""
+    clearance = Collision(problem.scene.world, problem.scene.footprint).clearance
+    step = float(loaded.model.opt.timestep)
+    return Executor(loaded, problem, period=period), Analytic(problem, clearance, period=period, physics_step=step)
 
 
 def plants(
@@ -37,11 +47,18 @@ def plants(
 ) -> tuple[Executor, Analytic]:
     """Both plants of a robot under noise b, with a period of so many physics steps."""
     loaded = load(path, robot=robot)
-    problem, h = problem_of(loaded, b), float(loaded.model.opt.timestep)
-    analytic = Analytic(problem, free, period=steps * h, physics_step=h)
-    return Executor(loaded, problem, period=steps * h), analytic
+    return both(loaded, problem_of(loaded, b), steps * float(loaded.model.opt.timestep))
+
+
+def hold(*control: float):
+    """A control that stays."""
+    return lambda x, s: np.array(control)
 
 
 def driven(plant: Executor | Analytic, control, seed: int, periods: int) -> list[Advance]:
     rng = np.random.default_rng(seed)
     return [plant.advance(control, rng) for _ in range(periods)]
+
+
+def states_of(advances: list[Advance]) -> Array:
+    return np.concatenate([advance.states for advance in advances])

@@ -8,9 +8,9 @@ from io import BytesIO
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.planner import file as tree_file
 from pirrht.planner.graph import class_at
 from pirrht.planner.tree import HomologyTree
+from sim import tree_file
 from sim.scenario import Scenario
 
 COUNTED = ("straight", "tail", "head", "first_out", "first_in", "next_out", "next_in", "edge_cost", "edge_key")

@@ -6,14 +6,12 @@ import importlib.util
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from repository import ROOT, environment
 
 from pirrht.errors import OptionError
 from sim import system_import
-from sim.cli import warm
 from sim.recording import export, viewer
 
 PACKAGES = ("sim", "pirrht", "rerun", "rerun_cli", "multiprocessing", "mujoco", "numpy")
@@ -95,23 +93,6 @@ def test_recordings_are_repaired_without_importing_anything_from_there(project: 
     file.write_bytes(b"RRF2" + bytes(60))
     with pytest.raises(OptionError, match="no Rerun recording"):
         export.read(file)
-    assert executed(project) == []
-
-
-def test_what_compiles_ahead_imports_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
-    begun: list[list[str]] = []
-    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="pirrht.planner.expand"))
-    notice = warm.Notice()
-    notice.words = ["slit", "puck"]
-    with monkeypatch.context() as patched:
-        patched.setattr(warm.subprocess, "Popen", lambda command, **_: begun.append(command))
-        patched.setattr(warm.cache, "kept", lambda: True)
-        notice.on_start(SimpleNamespace(data={"dispatcher": kernel}))
-    (command,) = begun
-    module = command.index("-m")
-    code = "import rerun_cli, sim.cli.warm as found; print(found.__file__)"
-    ran = subprocess.run([*command[:module], "-c", code], capture_output=True, text=True)
-    assert Path(ran.stdout.strip()).is_relative_to(ROOT), ran.stderr
     assert executed(project) == []
 
 

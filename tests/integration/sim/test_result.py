@@ -1,4 +1,4 @@
-"""One record of a drive: what tells of it agrees, adds up, and says when to doubt it."""
+"""One record of a run: its figures agree, add up, and say when to doubt it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import main, plan_command, warm
-from sim.drive.episode import Frame, Tally
-from sim.drive.odometer import Odometer, ending
+from sim.cli import main, plan_command, shared
+from sim.cli.parser import parser
+from sim.drive.metrics import EpisodeMetrics, Frame, Period, ending
 from sim.drive.plant import Advance
 from sim.drive.result import FIGURES, DriveResult, explained
 from sim.rehearsal import rehearse, small_of
@@ -25,40 +25,39 @@ from sim.sweeps.parts import COLUMNS, row_of
 PERIOD = 0.01
 
 
-def advance(outcome: Outcome | None = None, **changes: Any) -> Advance:
-    known: dict[str, Any] = {"time": PERIOD, "cost": 0.25, "length": 0.02, "clearance": 0.3}
-    known |= {"states": np.array([[1.01, 2.5]]), "controls": np.zeros((1, 2)), "noise": np.zeros((1, 2))}
-    return Advance(outcome=outcome, **{**known, **changes})
+def advance(outcome: Outcome | None = None) -> Advance:
+    return Advance(
+        outcome=outcome, time=PERIOD, cost=0.25, length=0.02, clearance=0.3, states=np.array([[1.01, 2.5]]),
+        controls=np.zeros((1, 2)), noise=np.zeros((1, 2)),
+    )  # fmt: skip
 
 
-def plan(ess: float | None = None) -> Plan:
-    estimate = (
-        None if ess is None else SimpleNamespace(ess=ess, doubtful=ess < 10.0, value=8.0, class_weights={"0,0": 1.0})
-    )
-    return Plan(
+@pytest.fixture
+def metrics(slit: Scenario) -> EpisodeMetrics:
+    return EpisodeMetrics(slit, slit.start, period=PERIOD, max_time=10.0)
+
+
+def enter(metrics: EpisodeMetrics, ess: float | None = None, outcome: Outcome | None = None) -> Frame:
+    estimate = None
+    if ess is not None:
+        estimate = SimpleNamespace(ess=ess, doubtful=ess < 10.0, value=8.0, class_weights={"0,0": 1.0})
+    plan = Plan(
         state=np.array([1.0, 2.5]), times=np.array([0.0, 0.1]), references=(), ids=("0,0",), fallback=None,
         estimate=estimate, instead=np.zeros((1, 2)),
     )  # fmt: skip
+    return metrics.frame(Period(plan=plan, advance=advance(outcome), seconds=0.001))
 
 
-def frame(step: int, ess: float | None = None, outcome: Outcome | None = None) -> Frame:
-    return Frame(
-        step=step, time=step * PERIOD, plan=plan(ess), advance=advance(outcome), outcome=outcome, cost=1.0, length=1.0,
-        noisy_length=2.0, clearance=0.2, driven_class=(0, 0), plan_seconds=0.001,
-    )  # fmt: skip
-
-
-# -- the odometer ------------------------------------------------------------------------------------------------
+# -- metrics -----------------------------------------------------------------------------------------------------
 
 
 def test_periods_add_up_and_the_time_is_up_in_the_one_that_reaches_it(slit: Scenario):
-    odometer = Odometer(slit.problem, slit.space, slit.start, max_time=0.1)
-    frames = [odometer.frame(plan(), advance(), seconds=0.5) for _ in range(10)]
+    metrics = EpisodeMetrics(slit, slit.start, period=PERIOD, max_time=0.1)
+    frames = [enter(metrics) for _ in range(10)]
     assert [f.step for f in frames] == list(range(10))
     assert [f.outcome for f in frames] == [None] * 9 + [Outcome.TIMEOUT]
-    assert frames[-1].end_time == pytest.approx(0.1)
-    assert frames[-1].cost == pytest.approx(2.5)
-    assert frames[-1].noisy_length == pytest.approx(0.2)
+    last = frames[-1]
+    assert (last.end_time, last.cost, last.noisy_length) == pytest.approx((0.1, 2.5, 0.2))
     assert frames[0].clearance == pytest.approx(slit.space.clearance(slit.start))
 
 
@@ -73,56 +72,51 @@ def test_what_happens_in_the_last_period_counts_more_than_the_clock(outcome: Out
 
 
 def test_every_figure_is_described_and_is_a_column_of_a_sweep():
-    told = {f.name for f in fields(DriveResult)} - {"step_ms", "deadline_misses", "real_time", "blocked"}
-    assert {figure.name for figure in FIGURES} == told
+    described = {f.name for f in fields(DriveResult)} - {"step_ms", "deadline_misses", "real_time", "blocked"}
+    assert {figure.name for figure in FIGURES} == described
     assert all(figure in COLUMNS for figure in FIGURES)
     assert all(figure.text in explained() for figure in FIGURES)
 
 
-def test_a_row_holds_what_the_json_tells():
-    tally = Tally(PERIOD)
+def test_a_row_holds_the_figures_of_the_json(metrics: EpisodeMetrics):
     for i in range(3):
-        tally.add(frame(i, 20.0 - i, Outcome.GOAL if i == 2 else None))
-    told = tally.result()
-    row = row_of({"scene": "slit", **told})
-    assert {name: row[name] for name in told if name in row} == {k: v for k, v in told.items() if k in row}
-    assert row["timing_step_max_ms"] == told["step_ms"]["max"] == pytest.approx(1.0)
-    assert (told["outcome"], told["executed_class"], told["least_ess"]) == ("goal", "0,0", 18.0)
-    assert "real_time" not in told
+        enter(metrics, 20.0 - i, Outcome.GOAL if i == 2 else None)
+    result = metrics.result().json()
+    row = row_of({"scene": "slit", **result})
+    assert {name: row[name] for name in result if name in row} == {k: v for k, v in result.items() if k in row}
+    assert row["timing_step_max_ms"] == result["step_ms"]["max"] == pytest.approx(1.0)
+    assert (result["outcome"], result["executed_class"], result["least_ess"]) == ("goal", "0,0", 18.0)
+    assert "real_time" not in result
 
 
 # -- doubt -------------------------------------------------------------------------------------------------------
 
 
-def test_weak_plans_are_counted_and_told_of_once_per_stretch():
-    tally, news = Tally(PERIOD), []
+def test_weak_plans_are_counted_and_reported_once_per_stretch(metrics: EpisodeMetrics):
     sizes = {0: 50.0, 10: 3.0, 11: 2.0, 12: 9.9, 60: 4.0, 400: 1.2}
-    for i in range(401):
-        news.append(tally.add(frame(i, sizes.get(i, 50.0))))
-    told = [line for line in news if line]
-    assert told == [
+    news = [enter(metrics, sizes.get(i, 50.0)).news for i in range(401)]
+    assert [line for line in news if line] == [
         "3.0 effective samples at 0.10 s: the control is a guess",
         "1.2 effective samples at 4.00 s: the control is a guess",
     ]
-    result = tally.drive()
+    result = metrics.result()
     assert (result.doubtful_plans, result.least_ess, result.least_ess_time) == (5, 1.2, pytest.approx(4.0))
 
 
-def test_policies_without_samples_are_not_doubted():
-    tally = Tally(PERIOD)
-    assert tally.add(frame(0)) is None
-    assert (tally.drive().doubtful_plans, tally.drive().least_ess) == (0, None)
+def test_policies_without_samples_are_not_doubted(metrics: EpisodeMetrics):
+    assert enter(metrics).news is None
+    assert (metrics.result().doubtful_plans, metrics.result().least_ess) == (0, None)
 
 
-def test_a_drive_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
+def test_a_run_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     file = tmp_path / "run.json"
     words = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--max-time", "0.1", "--json", str(file)]
     assert main([*words, "--samples", "2"]) == 1
-    told, known = capsys.readouterr().out, json.loads(file.read_text())
+    said, known = capsys.readouterr().out, json.loads(file.read_text())
     assert known["doubtful_plans"] > 0
     weak = f"{known['doubtful_plans']} of 10 plans on fewer than 10 effective samples, the weakest on"
-    assert f"{weak} {known['least_ess']:.1f} at {known['least_ess_time']:.2f} s" in told
-    assert told.count("the control is a guess") == 1
+    assert f"{weak} {known['least_ess']:.1f} at {known['least_ess_time']:.2f} s" in said
+    assert said.count("the control is a guess") == 1
     assert known["path_length"] < known["noisy_path_length"]
     assert main([*words, "--samples", "400"]) == 1
     assert "effective samples" not in capsys.readouterr().out
@@ -131,21 +125,8 @@ def test_a_drive_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
 # -- what times hold ---------------------------------------------------------------------------------------------
 
 
-class Compiler:
-    """A clock, and a rehearsal that takes a minute and a half by it."""
-
-    def __init__(self) -> None:
-        self.now = 0.0
-
-    def __call__(self, scenario: Scenario, *, driving: bool = False) -> None:
-        self.now += 90.0
-
-    def perf_counter(self) -> float:
-        return self.now
-
-
-def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
-    wall, notice, real = Compiler(), warm.notice(), plan_command.planned
+def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
+    wall, notice, real = SimpleNamespace(now=0.0), shared.notice(), plan_command.planned
     kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
 
     def planned(scenario: Scenario) -> Any:
@@ -154,33 +135,11 @@ def test_compiling_is_not_told_as_planning(monkeypatch: pytest.MonkeyPatch, caps
         notice.on_end(SimpleNamespace(data={"dispatcher": kernel}))
         return real(scenario)
 
-    monkeypatch.setattr(warm, "time", wall)
+    monkeypatch.setattr(shared, "time", SimpleNamespace(perf_counter=lambda: wall.now))
     monkeypatch.setattr(plan_command, "planned", planned)
-    assert plan_command.plan(_arguments("plan slit --vertices 60")) == 0
+    assert plan_command.plan(parser().parse_args(["plan", "slit", "--vertices", "60"])) == 0
     assert wall.now == 90.0
     assert "FCL calls, 0.00 s" in capsys.readouterr().out
-
-
-def _arguments(line: str) -> Any:
-    from sim.cli.parser import parser
-
-    return parser().parse_args(line.split())
-
-
-def test_a_sweeps_times_hold_no_compiling(monkeypatch: pytest.MonkeyPatch):
-    compiler = Compiler()
-    monkeypatch.setattr(runs, "rehearse", compiler)
-    monkeypatch.setattr(runs, "time", compiler)
-    monkeypatch.setattr(runs, "_rehearsed", set())
-    task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
-    given = (("vertices", 60), ("samples", 10), ("max_time", 0.02))
-    job = runs.Job(scene="slit", method="pi-rrht", noise=0.1, seed=0, task=task, given=given)
-    _, planned = runs.survey(runs.Survey(job=job))
-    record = runs.drive(job, planned)
-    assert compiler.now == 180.0
-    assert (record["plan_seconds"], record["drive_seconds"]) == (0.0, 0.0)
-    runs.drive(job, planned)
-    assert compiler.now == 180.0  # once per kind of drive
 
 
 def test_a_rehearsal_that_cannot_be_prevents_nothing(slit: Scenario, monkeypatch: pytest.MonkeyPatch):

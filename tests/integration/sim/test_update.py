@@ -10,7 +10,7 @@ import pytest
 from thoroughly import first
 
 from pirrht import Controller, FreeSpace, HomologyTree, Outcome, Problem, Sampling, SingleIntegrator, StraightLine
-from sim.drive.episode import Frame, Tally, run
+from sim.drive.episode import Frame, run
 from sim.drive.executor import Executor
 from sim.mjcf import load
 
@@ -24,7 +24,7 @@ SCENE = """<mujoco model="room"><worldbody>
 </worldbody></mujoco>"""
 
 
-def driven(file: Path, seed: int, *, informed: bool) -> tuple[list[Frame], Tally]:
+def driven(file: Path, seed: int, *, informed: bool) -> list[Frame]:
     """A run of which the controller learns of the crate after 0.6 s, or never."""
     file.write_text(SCENE)
     loaded = load(file)
@@ -36,21 +36,21 @@ def driven(file: Path, seed: int, *, informed: bool) -> tuple[list[Frame], Tally
     sampling = Sampling(samples=100, first=PERIOD)
     controller = Controller(problem, space, tree, sampling, rng=np.random.default_rng(1))
     plant = Executor(loaded, replace(problem, scene=whole), period=PERIOD)
-    frames, tally = [], Tally(PERIOD)
+    frames = []
     for frame in run(plant, controller, whole.start, np.random.default_rng(seed), max_time=20.0):
         frames.append(frame)
-        tally.add(frame)
         if informed and frame.end_time > 0.6:
             controller.update(whole)
-    return frames, tally
+    return frames
 
 
 @pytest.mark.parametrize("seed", first(range(4)))
 def test_a_crate_is_passed_once_the_controller_is_informed_of_it(seed: int, tmp_path: Path):
-    frames, tally = driven(tmp_path / "room.xml", seed, informed=True)
+    frames = driven(tmp_path / "room.xml", seed, informed=True)
     assert frames[-1].outcome is Outcome.GOAL
     assert {len(frame.driven_class) for frame in frames} == {2, 3}
-    assert tally.result()["executed_class"] in ("0,0", "0,0,-1", "0,0,1")
-    assert tally.result()["executed_class"] == frames[-1].plan.favourite
-    assert 0.0 < tally.min_clearance < 0.3
-    assert driven(tmp_path / "room.xml", seed, informed=False)[0][-1].outcome is Outcome.COLLISION
+    result = frames[-1].metrics.result()
+    assert result.executed_class in ("0,0", "0,0,-1", "0,0,1")
+    assert result.executed_class == frames[-1].plan.favourite
+    assert 0.0 < result.min_clearance < 0.3
+    assert driven(tmp_path / "room.xml", seed, informed=False)[-1].outcome is Outcome.COLLISION

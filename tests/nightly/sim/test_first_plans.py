@@ -6,7 +6,7 @@ import pytest
 
 from sim.mjcf import scene_names
 from sim.scenario import prepare
-from sim.scenario.task import ENOUGH
+from sim.scenario.scenario import ENOUGH
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -11,8 +11,7 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
-from pirrht.files import path_text, replaced
-from sim.files import check_writable, write_json
+from sim.files import check_writable, path_text, replaced, write_json
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits as Linux has them")
 

@@ -12,7 +12,6 @@ from pirrht.errors import OptionError
 from pirrht.planner.tree import HomologyTree
 from pirrht.systems.unicycle import Unicycle
 from sim import gym
-from sim.drive import episode
 from sim.mjcf.robot import control_limits
 from sim.scenario import Scenario
 
@@ -40,24 +39,36 @@ def test_a_seed_gives_the_noise_that_a_run_has(slit: Scenario, seed: int):
     noise = []
     for _ in range(10):
         env.step(np.zeros(2))
-        noise.append(env._frame.advance.noise)
+        noise.append(env.frame.advance.noise)
     again = slit.with_settings(seed=seed).plant_rng()
     np.testing.assert_array_equal(np.vstack(noise), np.sqrt(0.002) * again.standard_normal((50, 2)))
 
 
+class Following:
+    """A controller as a policy that is queried more often than it plans, feedback between plans included."""
+
+    def __init__(self, controller) -> None:
+        self.controller, self.plan = controller, None
+
+    def __call__(self, x):
+        if self.plan is None:
+            self.controller.begin(x)
+        else:
+            self.since.append(x)
+        if self.plan is None or len(self.since) == 5:
+            if self.plan is not None:
+                self.controller.observe(np.array(self.since), 0.01)
+            self.plan, self.since = self.controller.plan(x), []
+        return self.plan.at(x, 0.002 * len(self.since))
+
+
 def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
     scenario = slit.with_settings(noise=0.3, seed=2, samples=60, threads=1)
-    tally = episode.Tally(0.01)
-    frames = []
-    controller = scenario.controller(slit_tree)
-    for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=30.0):
-        tally.add(frame)
-        frames.append(frame)
+    frames = list(scenario.drive(scenario.plant(), scenario.controller(slit_tree)))
     env = gym.Drive("slit", noise=0.3, period=0.002)
-    policy = gym.Following(scenario.controller(slit_tree), period=0.01, step=0.002)
-    states, rewards, ends, info = driven(env, policy, seed=2)
+    states, rewards, ends, info = driven(env, Following(scenario.controller(slit_tree)), seed=2)
     np.testing.assert_array_equal(states[1:], np.vstack([frame.advance.states for frame in frames]))
-    one, other = tally.result(), env.result()
+    one, other = frames[-1].metrics.result().json(), env.result()
     for name in ("time", "cost", "path_length"):
         assert other[name] == pytest.approx(one[name], rel=1e-9)
     for name in ("outcome", "executed_class"):
@@ -83,34 +94,28 @@ def test_a_control_that_is_held_costs_what_the_sde_plant_says():
 # -- ends --------------------------------------------------------------------------------------------------------
 
 
-def test_every_episode_begins_with_the_bodies_where_they_set_out():
+def test_every_episode_begins_with_the_obstacles_where_they_set_out():
     env = gym.Drive("crossing", noise=1e-6)
-    ends = [driven(env, lambda x: np.array([1.0, 0.0])) for _ in range(2)]
-    assert [end[3]["outcome"] for end in ends] == ["collision", "collision"]
-    assert ends[0][3]["time"] == ends[1][3]["time"]
+    one, other = (driven(env, lambda x: np.array([1.0, 0.0]))[3] for _ in range(2))
+    assert one["outcome"] == other["outcome"] == "collision"
+    assert one["time"] == other["time"]
     # at a speed of 1 the puck is 0.4 m from the disc's centre, at (3.25, 1.09 + 0.6 t), when t = 1.9...
-    t = ends[0][3]["time"]
-    assert np.hypot(3.25 - 1 - t, 1.09 + 0.6 * t - 2.5) == pytest.approx(0.4, abs=0.004)
+    assert np.hypot(3.25 - 1 - one["time"], 1.09 + 0.6 * one["time"] - 2.5) == pytest.approx(0.4, abs=0.004)
 
 
-def test_goal_collision_and_time_are_told_apart():
-    goal = driven(gym.Drive("slit", noise=0.01), ahead)
-    assert goal[2] == (True, False)
-    assert goal[3]["outcome"] == "goal"
-    assert -goal[1].sum() == pytest.approx(goal[3]["cost"])
-    wall = driven(gym.Drive("slit", noise=0.01, penalty=7.0), lambda x: np.array([0.0, 3.0]))
-    assert wall[2] == (True, False)
-    assert wall[3]["outcome"] == "collision"
-    assert -wall[1].sum() == pytest.approx(wall[3]["cost"] + 7.0)
-    late = driven(gym.Drive("slit", noise=0.01, max_time=0.05), lambda x: np.zeros(2))
-    assert late[2] == (False, True)
-    assert late[3]["outcome"] == "timeout"
-    assert late[3]["time"] == pytest.approx(0.05)
-
-
-def test_a_finite_phi_is_the_penalty_of_a_collision():
-    _, rewards, _, info = driven(gym.Drive("slit", noise=0.01, phi=31.0), lambda x: np.array([0.0, 3.0]))
-    assert -rewards.sum() == pytest.approx(info["cost"] + 31.0)
+@pytest.mark.parametrize(
+    ("options", "policy", "ends", "outcome", "penalty"),
+    [
+        ({}, ahead, (True, False), "goal", 0.0),
+        ({"penalty": 7.0}, lambda x: np.array([0.0, 3.0]), (True, False), "collision", 7.0),
+        ({"phi": 31.0}, lambda x: np.array([0.0, 3.0]), (True, False), "collision", 31.0),
+        ({"max_time": 0.05}, lambda x: np.zeros(2), (False, True), "timeout", 0.0),
+    ],
+)
+def test_goal_collision_and_time_are_told_apart(options, policy, ends, outcome, penalty):
+    _, rewards, ended, info = driven(gym.Drive("slit", noise=0.01, **options), policy)
+    assert (ended, info["outcome"]) == (ends, outcome)
+    assert -rewards.sum() == pytest.approx(info["cost"] + penalty)
 
 
 def test_nothing_moves_before_the_beginning_and_after_the_end():
@@ -129,25 +134,15 @@ def test_nothing_moves_before_the_beginning_and_after_the_end():
 def test_actions_beyond_the_bound_are_clipped():
     free, bound = gym.Drive("slit"), gym.Drive("slit", bound=0.5)
     assert bound.action_space.contains(np.array([0.5, -0.5]))
-    one = [driven_step(free, np.array([0.5, -0.5])), driven_step(bound, np.array([3.0, -9.0]))]
-    np.testing.assert_array_equal(*one)
-
-
-def driven_step(env, action):
-    env.reset(seed=1)
-    return env.step(action)[0]
+    for env in (free, bound):
+        env.reset(seed=1)
+    np.testing.assert_array_equal(free.step(np.array([0.5, -0.5]))[0], bound.step(np.array([3.0, -9.0]))[0])
 
 
 def test_what_cannot_be_is_refused():
     for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
         with pytest.raises(OptionError):
             gym.Drive("slit", **options)
-
-
-# -- scores ------------------------------------------------------------------------------------------------------
-
-
-# -- scores in a sweep's folder ----------------------------------------------------------------------------------
 
 
 def test_the_ranges_of_the_actuators_bound_the_actions():

@@ -1,4 +1,4 @@
-"""The length of a noisy path: that of the way it is driven along, however finely it is looked at."""
+"""The length of a noisy path: that of the path it is driven along, however fine its steps are."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.odometer import Length
+from sim.drive.metrics import Length
 
 STEP, TIME = 0.002, 6.0
 SCENE = room().scene
@@ -21,7 +21,7 @@ def point(b: float) -> Problem:
 
 
 def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5) -> Length:
-    """A path (k, n), start included, as a drive takes note of it, `period` steps at a time."""
+    """A path (k, n), start included, as a run takes note of it, `period` steps at a time."""
     length = Length(problem, path[0])
     for i in range(0, len(path) - 1, period):
         part = path[i : i + period + 1]
@@ -29,9 +29,9 @@ def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5)
     return length
 
 
-def noisy(way: Array, b: float, rng: np.random.Generator, step: float = STEP) -> Array:
-    """A way (k, 2) with Brownian noise on it."""
-    return way + b * np.sqrt(step) * np.vstack([np.zeros(2), rng.standard_normal((len(way) - 1, 2)).cumsum(axis=0)])
+def noisy(path: Array, b: float, rng: np.random.Generator, step: float = STEP) -> Array:
+    """A path (k, 2) with Brownian noise on it."""
+    return path + b * np.sqrt(step) * np.vstack([np.zeros(2), rng.standard_normal((len(path) - 1, 2)).cumsum(axis=0)])
 
 
 def straight(step: float = STEP) -> Array:
@@ -39,36 +39,37 @@ def straight(step: float = STEP) -> Array:
     return np.column_stack([along, np.zeros_like(along)])
 
 
-@pytest.mark.parametrize("b", [0.03, 0.1, 0.2, 0.3])
-def test_a_straight_drive_is_as_long_as_its_mean_path_whatever_the_noise(b: float):
-    rng, problem = np.random.default_rng(1), point(b)
-    found = [measured(problem, noisy(straight(), b, rng)) for _ in range(60)]
-    assert np.mean([one.total for one in found]) == pytest.approx(TIME, rel=0.03)
-    assert np.mean([one.noisy for one in found]) > 1.2 * TIME  # what was told before
+def cornered() -> Array:
+    along, third = straight()[:, 0], TIME / 3
+    x = np.minimum(along, third) + np.maximum(along - 2 * third, 0.0)
+    return np.column_stack([x, np.clip(along - third, 0.0, third)])
 
 
-@pytest.mark.parametrize("b", [0.1, 0.3])
-def test_a_way_with_corners_is_as_long_as_its_mean_path(b: float):
-    rng, problem, way = np.random.default_rng(2), point(b), straight()
-    third = TIME / 3
-    x = np.minimum(way[:, 0], third) + np.maximum(way[:, 0] - 2 * third, 0.0)
-    corners = np.column_stack([x, np.clip(way[:, 0] - third, 0.0, third)])
-    found = [measured(problem, noisy(corners, b, rng)).total for _ in range(60)]
-    assert np.mean(found) == pytest.approx(TIME, rel=0.05)
+@pytest.mark.parametrize(
+    ("b", "path", "seed", "off"),
+    [(b, straight(), 1, 0.03) for b in (0.03, 0.1, 0.2, 0.3)] + [(b, cornered(), 2, 0.05) for b in (0.1, 0.3)],
+)
+def test_a_path_is_as_long_as_its_mean_whatever_the_noise(b: float, path: Array, seed: int, off: float):
+    rng, problem = np.random.default_rng(seed), point(b)
+    lengths = [measured(problem, noisy(path, b, rng)) for _ in range(60)]
+    assert np.mean([one.total for one in lengths]) == pytest.approx(TIME, rel=off)
+    assert np.mean([one.noisy for one in lengths]) > 1.2 * TIME
 
 
-def test_without_noise_it_is_the_length_of_the_path():
+def test_without_noise_it_is_the_length_of_the_path_and_one_that_has_not_begun_has_none():
     angle = np.linspace(0.0, 9.0, 4000)
     circle = 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])
     assert measured(point(1e-6), circle).total == pytest.approx(4.5, rel=1e-5)
+    length = Length(point(0.3), np.zeros(2))
+    length.add(np.zeros((0, 2)), STEP, 0.0)
+    assert length.total == length.noisy == 0.0
 
 
 @pytest.mark.parametrize("finer", [2, 5])
 def test_a_finer_physics_step_changes_the_noisy_length_only(finer: int):
-    b, rng = 0.3, np.random.default_rng(3)
     step = STEP / finer
-    fine = noisy(straight(step), b, rng, step)
-    one, other = measured(point(b), fine, step), measured(point(b), fine[::finer])
+    fine = noisy(straight(step), 0.3, np.random.default_rng(3), step)
+    one, other = measured(point(0.3), fine, step), measured(point(0.3), fine[::finer])
     assert one.total == pytest.approx(other.total, rel=1e-9)
     assert one.noisy > 1.3 * other.noisy
 
@@ -93,9 +94,3 @@ def test_it_lies_between_the_distance_of_the_ends_and_the_noisy_length(seed: int
     path = noisy(straight()[: count + 1], b, rng)
     length = measured(point(b), path)
     assert np.hypot(*(path[-1] - path[0])) - 1e-12 <= length.total <= length.noisy + 1e-12
-
-
-def test_a_drive_that_has_not_begun_has_no_length():
-    length = Length(point(0.3), np.zeros(2))
-    length.add(np.zeros((0, 2)), STEP, 0.0)
-    assert length.total == length.noisy == 0.0

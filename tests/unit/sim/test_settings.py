@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import inspect
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,16 +19,14 @@ import pirrht
 from pirrht.control.baselines import Mppi
 from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
-from sim import plan_size
 from sim.cli import docs, main, parser, run_command
-from sim.options import DAILY, OPTIONS, check, options_of
+from sim.options import DAILY, GIB, OPTIONS, check, check_size, options_of
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, PRESETS, Option, Settings, refuse_unused
 from sim.systems import named, names
 
 QUICK = ["--vertices", "30", "--samples", "4"]
 BOUNDED = [option for option in OPTIONS if option.bounds]
-SIZE = {"states": 2, "controls": 2, "obstacles": 2, "classes": 3, "distance": 4.5, "speed": 1.0, "rate": 1.0}
 ODD = st.one_of(st.floats(), st.integers(), st.sampled_from([10**400, -(10**400), "x", "", None]))
 WORDS = st.one_of(
     st.floats().map(str), st.integers().map(str), st.sampled_from(["1" + "0" * 400, "x", "", "1e999", "0x1"])
@@ -92,22 +91,24 @@ def test_every_number_but_places_is_bounded():
     assert {o.name for o in OPTIONS if o.kind in (int, float) and not o.bounds} == {"start", "goal", "at"}
 
 
-@pytest.mark.parametrize("changes", [{"samples": 1_000_000}, {"vertices": 1_000_000}])
-def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made(changes):
-    size, large = plan_size.Size(**SIZE, temperature=0.02), Settings(**changes)
-    (name,) = changes
-    plan_size.check(prepare("slit").settings, size, 8 * plan_size.GIB)
-    needed = size.tree(large) if name == "vertices" else size.sampling(large)
-    plan_size.check(large, size, 2.1 * needed)
-    with pytest.raises(OptionError, match=rf"{needed / plan_size.GIB:.3g} GiB.*--{name}"):
-        plan_size.check(large, size, 1.9 * needed)
+@pytest.mark.parametrize(("name", "bytes"), [("samples", 8.0 * 3 * 19), ("vertices", 8.0 * 2 + 480.0)])
+def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made(slit, name, bytes):
+    """Half of the memory must hold more than `bytes` for each sample of three classes, or each vertex."""
+    check_size(slit, 8 * GIB)
+    large = SimpleNamespace(
+        settings=replace(slit.settings, **{name: 1_000_000}), problem=slit.problem, loaded=slit.loaded,
+        system=slit.system, space=slit.space, classes_at_start=slit.classes_at_start,
+    )  # fmt: skip
+    with pytest.raises(OptionError, match=rf" GiB of memory.*--{name}"):
+        check_size(large, 2e6 * bytes)
+    check_size(large, 64 * GIB)
 
 
-@pytest.mark.parametrize(("temperature", "remedy"), [(3e3, "raise --dt or lower --noise"), (3e6, "lower --noise")])
-def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(temperature, remedy):
-    """Paths of 40 lambda / q: 100 000 steps of 10 s at most are enough for 10^6 s."""
+@pytest.mark.parametrize(("noise", "remedy"), [(38.7, "raise --dt or lower --noise"), (1e3, "lower --noise")])
+def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(noise, remedy):
+    """Paths of 40 lambda / q, lambda = 2 b^2: 100 000 steps of 10 s at most are enough for 10^6 s."""
     with pytest.raises(OptionError, match=rf"are possible; {remedy}$"):
-        plan_size.check(Settings(dt=0.1), plan_size.Size(**SIZE, temperature=temperature), 8 * plan_size.GIB)
+        prepare("slit", given={"noise": noise})
 
 
 @pytest.mark.parametrize(

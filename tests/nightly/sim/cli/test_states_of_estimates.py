@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pirrht.errors import NoReference
-from sim.cli import main
 from sim.cli.plan_command import state_of
 from sim.scenario import prepare
 
@@ -38,9 +37,3 @@ def test_a_speed_that_nothing_can_brake_is_named_as_the_reason():
     assert controller.plan(np.array([*FAST[:2], 0.0, 0.0])).references
     with pytest.raises(NoReference, match="more vertices"):  # at rest outside of everything there is none either
         tree.references(np.array([-50.0, 0.0, 6.0, 0.0]))
-
-
-def test_where_samples_of_a_fast_car_all_die_its_speed_is_named(capsys):
-    words = "estimate slit --robot car --vertices 200 --samples 50 --at 2.2 2.8 0 8"
-    assert main(words.split()) == 0
-    assert "no sample reached the goal; start slower" in capsys.readouterr().out

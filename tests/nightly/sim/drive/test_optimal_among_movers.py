@@ -8,8 +8,7 @@ import pytest
 from pirrht.control.policy import RunState
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
-from sim.drive.episode import Tally
-from sim.drive.truth import Witness
+from sim.drive.truth import ExactReference
 from sim.scenario import prepare
 
 
@@ -29,12 +28,10 @@ def test_drives_under_the_exact_law_cost_what_it_foretells_and_arrive():
     v, costs, lost = float(truth.value(scenario.start)), [], 0
     for seed in range(24):
         one = scenario.with_settings(seed=seed)
-        tally, witness = Tally(one.settings.period), Witness(truth)
+        witness = ExactReference(truth)
         for frame in one.drive(one.plant(), one.driver(truth=truth)):
-            tally.add(frame)
             assert witness.add(frame.plan).distance(frame.plan.control) < 1e-9
-        lost += tally.outcome is not Outcome.GOAL
-        if tally.outcome is Outcome.GOAL:
-            costs.append(tally.drive().cost)
+        lost += frame.outcome is not Outcome.GOAL
+        costs += [frame.cost] if frame.outcome is Outcome.GOAL else []
     assert lost <= 3
     assert np.mean(costs) == pytest.approx(v, abs=3.0 * np.std(costs) / np.sqrt(len(costs)) + 0.01 * v)

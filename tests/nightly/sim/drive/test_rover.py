@@ -13,7 +13,7 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.rover import Rover
 from sim.drive.executor import Executor
-from sim.drive.odometer import Length, spread
+from sim.drive.metrics import Length, spread
 from sim.drive.plant import Analytic
 from sim.mjcf import Loaded, load
 from sim.mjcf.robot import control_limits

@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
 from sim.cli import main
-from sim.drive.truth import Witness
+from sim.drive.truth import ExactReference
 from sim.recording.static import CONTROL
 from sim.recording.truth_view import OPTIMUM
 from sim.recording.writer import AHEAD
@@ -28,7 +28,7 @@ def grid():
 
 @pytest.fixture(scope="module")
 def recorded(grid, tmp_path_factory):
-    file, drive, witness = tmp_path_factory.mktemp("truth") / "slit.rrd", Drive(), Witness(grid)
+    file, drive, witness = tmp_path_factory.mktemp("truth") / "slit.rrd", Drive(), ExactReference(grid)
     frames = []
     with drive.recorder(file, truth=True) as recorder:
         for frame in timed(drive.frames()):

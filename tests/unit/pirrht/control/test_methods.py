@@ -18,6 +18,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim import cli
 from sim.drive import episode
+from sim.drive.metrics import EpisodeMetrics, Period
 from sim.scenario import Scenario
 
 
@@ -120,13 +121,13 @@ def test_every_method_is_explained_on_the_command_line(command: str, capsys):
 
 def test_a_plan_of_one_class_counts_a_switch_when_it_changes(slit: Scenario, slit_tree: HomologyTree):
     controller = slit.with_settings(method="best-class", samples=60, noise=0.3, consistency=1.0).controller(slit_tree)
-    tally, followed = episode.Tally(0.01), []
+    followed = []
     scenario = slit.with_settings(noise=0.3, max_time=0.4)
     for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=0.4):
-        tally.add(frame)
         followed.append(frame.plan.favourite)
-    assert tally.switches == sum(a != b for a, b in zip(followed[:-1], followed[1:], strict=True))
-    assert tally.reversals == tally.switches  # what is followed alone is decided
+    result = frame.metrics.result()
+    assert result.class_switches == sum(a != b for a, b in zip(followed[:-1], followed[1:], strict=True))
+    assert result.class_reversals == result.class_switches  # what is followed alone is decided
     assert isinstance(frame.plan, Plan)
 
 
@@ -136,8 +137,8 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
     (frame,) = episode.run(
         scenario.plant(), scenario.controller(slit_tree), slit.start, scenario.plant_rng(), max_time=0.01
     )
-    tally = episode.Tally(0.01)
+    metrics = EpisodeMetrics(scenario, slit.start, period=0.01, max_time=1.0)
     for share in (0.5, 0.95, 0.4, 0.2, 0.95, 0.6, 0.08, 0.45, 0.02, 0.6, 0.91):
-        tally.add(replace(frame, plan=replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})))
-    assert tally.switches == 4
-    assert tally.reversals == 2
+        plan = replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})
+        metrics.frame(Period(plan=plan, advance=frame.advance, seconds=0.0))
+    assert (metrics.result().class_switches, metrics.result().class_reversals) == (4, 2)

@@ -13,11 +13,11 @@ from moving import SCENES, hall, moved
 from pirrht.errors import NoReference, OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.moving.collision import MovingObstacles
-from pirrht.planner.file import load, save
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.in_time import InTime
+from sim.tree_file import load, save
 
 START = np.array([1.0, 2.5, 0.0])
 WAYS = {  # classes that matter

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim.cli import shared
 from sim.cli.shared import report_prediction
 from sim.cli.tables import class_table, doubts, odds
 from sim.result import classes_json, estimate_json, run_json, settings_json
@@ -98,3 +99,16 @@ def test_true_motions_that_plans_do_not_know_are_reported(capsys, scene, predict
     assert capsys.readouterr().out.count("which plans of --predict velocity do not know") == lines
     assert settings_json(scenario)["predict"] == predict
     assert "predict" not in settings_json(prepare("slit"))
+
+
+@pytest.mark.parametrize(("kept", "often"), [(True, "once"), (False, "every time")])
+def test_the_first_kernel_that_is_compiled_is_reported_in_one_line(kept, often, monkeypatch, capsys):
+    monkeypatch.setattr(shared.cache, "kept", lambda: kept)
+    notice, kernel = shared.Notice(), SimpleNamespace(__module__="pirrht.planner.expand")
+    for _ in range(3):
+        notice.on_start(SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel)}))
+        notice.on_end(None)
+    notice.finish()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"compiling kernels, {often} for each kind of robot and scene")
+    assert "pirrht warm" in line

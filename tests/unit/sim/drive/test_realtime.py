@@ -1,13 +1,15 @@
-"""Real-time drives, on a clock that is told how long everything takes."""
+"""Real-time runs, on a clock that is told how long everything takes, and work that gives way to them."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import nullcontext, suppress
 from typing import Any
 
 import numpy as np
 import pytest
+import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
@@ -18,16 +20,19 @@ from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Driven
 from sim.cli import main
-from sim.drive import realtime
-from sim.drive.episode import Frame, Tally
+from sim.drive import clock as clocks
+from sim.drive import episode
+from sim.drive.clock import URGENT, Clock, PlannerPriority
+from sim.drive.episode import Frame
 from sim.drive.plant import Analytic
-from sim.drive.realtime_planner import BEHIND, MOST, Handover, Planner, Ready, foreseen
+from sim.drive.realtime import BEHIND, MOST_PIECES, Planner, SharedPlan, TimedPlan, predicted
+from sim.recording.stream import Stream
 from sim.scenario import Scenario, prepare
 
 PERIOD, STEP = 0.1, 0.01
 
 
-class FakeClock:
+class FakeClock(Clock):
     """Jumps to the next waking as soon as the threads of plant and planner both wait; then only one of them runs.
 
     Of threads that wake at the same time the plant's is the first.
@@ -60,21 +65,21 @@ class FakeClock:
         return min(self._waiting, key=lambda name: (self._waiting[name], name != "plant"))
 
 
-class FakeDriver:
+class FakePolicy:
     """Plans take the time that they are told to, if they have a limit; the law of plan i steers i+1 cm/s aside."""
 
-    tree = None
+    tree: Any = None
+    run = None
 
-    def __init__(self, scenario: Scenario, clock: FakeClock, seconds: Callable[[int], float]) -> None:
+    def __init__(self, scenario: Scenario, clock: FakeClock, seconds: Callable[[int], float] = lambda i: 0.0) -> None:
         self.problem, self.space, self.homology = scenario.problem, scenario.space, scenario.homology
         self.clock, self.seconds = clock, seconds
-        self.made: list[Array] = []
-        self.left: list[float] = []
-        self.elapsed: list[float] = []
 
     def begin(self, x: Array) -> None:
         self._driven, self.time = Driven(self.homology, x), 0.0
-        self.made, self.left, self.elapsed = [], [], []
+        self.made: list[Array] = []
+        self.left: list[float] = []
+        self.elapsed: list[float] = []
 
     def observe(self, states: Array, duration: float, until: float | None = None) -> None:
         self.time += duration
@@ -85,37 +90,36 @@ class FakeDriver:
         self._driven.expect(states, self.time)
         self.elapsed.append(duration)
 
-    def driven_class(self) -> tuple[int, ...]:
-        return self._driven.winding()
-
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         i = len(self.made)
         if left is not None:
             self.made.append(x)
             self.left.append(left())
             self.clock.wait(self.clock.now() + self.seconds(i))
-        u = np.array([0.01 * (i + 1), 0.0])
-        return Plan(
-            state=x, times=np.array([0.0, 0.1]), references=(), ids=(), estimate=None, fallback=None,
-            instead=u[None], law=lambda state, s: u,
-        )  # fmt: skip
+        return plan(x, 0.01 * (i + 1))
+
+
+def plan(x: Array, speed: float) -> Plan:
+    u = np.array([speed, 0.0])
+    return Plan(
+        state=x, times=np.array([0.0, 9.0]), references=(), ids=(), estimate=None, fallback=None, instead=u[None],
+        law=lambda state, s: u,
+    )  # fmt: skip
+
+
+def frames_of(scenario: Scenario, policy: FakePolicy, periods: int):
+    quiet = scenario.with_settings(noise=1e-6)
+    plant = Analytic(quiet.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
+    rng = np.random.default_rng(0)
+    return episode.run(plant, policy, scenario.start, rng, max_time=periods * PERIOD, clock=policy.clock)
 
 
 def drive(
     scenario: Scenario, seconds: Callable[[int], float], periods: int = 6
-) -> tuple[list[Frame], FakeDriver, Tally]:
-    clock = FakeClock()
-    driver = FakeDriver(scenario, clock, seconds)
-    quiet = scenario.with_settings(noise=1e-6)
-    plant = Analytic(quiet.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
-    rng, tally = np.random.default_rng(0), Tally(PERIOD)
-    frames = []
-    for frame in realtime.run(
-        plant, driver, scenario.start, rng, period=PERIOD, max_time=periods * PERIOD, clock=clock
-    ):
-        tally.add(frame)
-        frames.append(frame)
-    return frames, driver, tally
+) -> tuple[list[Frame], FakePolicy, dict[str, Any]]:
+    policy = FakePolicy(scenario, FakeClock(), seconds)
+    frames = list(frames_of(scenario, policy, periods))
+    return frames, policy, frames[-1].metrics.result().json()
 
 
 def controls(frames: list[Frame]) -> Array:
@@ -124,45 +128,43 @@ def controls(frames: list[Frame]) -> Array:
 
 
 def test_fast_plans_take_over_when_their_period_begins(slit: Scenario):
-    frames, driver, tally = drive(slit, lambda i: 0.05)
+    """They are made for the state in which they do, and periods add up as they do without a clock."""
+    frames, policy, result = drive(slit, lambda i: 0.05)
     assert [frame.step for frame in frames] == list(range(6))
     assert [frame.outcome for frame in frames] == [None] * 5 + [Outcome.TIMEOUT]
     np.testing.assert_array_equal(controls(frames), np.repeat(np.arange(1, 7), 10))
-    timing = tally.result()["real_time"]
-    assert tally.misses == timing["deadline_misses"] == 0
-    assert timing["periods"] == 6
+    timing = result["real_time"]
+    assert (result["deadline_misses"], timing["deadline_misses"], timing["periods"]) == (0, 0, 6)
     assert timing["slack_ms"]["min"] == pytest.approx(50.0)
     assert timing["late_ms"]["max"] == pytest.approx(0.0, abs=1e-6)
-    np.testing.assert_allclose(driver.elapsed, PERIOD)
-
-
-def test_plans_are_made_for_the_state_in_which_they_take_over(slit: Scenario):
-    frames, driver, _ = drive(slit, lambda i: 0.05)
-    for frame, planned in zip(frames, driver.made, strict=False):
+    np.testing.assert_allclose(policy.elapsed, PERIOD)
+    for frame, planned in zip(frames, policy.made, strict=False):
         np.testing.assert_allclose(planned, frame.plan.state, atol=1e-6)
-    assert driver.left == pytest.approx([0.07] * len(driver.left))
+    assert policy.left == pytest.approx([0.07] * len(policy.left))
+    assert [frame.time for frame in frames] == pytest.approx(PERIOD * np.arange(6))
+    assert result["cost"] == pytest.approx(sum(frame.advance.cost for frame in frames))
+    assert frames[-1].noisy_length == pytest.approx(sum(frame.advance.length for frame in frames))
+    assert result["path_length"] == pytest.approx(0.01 * PERIOD * 21, rel=1e-3)  # 1 to 6 cm/s, without noise
 
 
 def test_a_slow_plan_is_a_miss_and_the_old_law_goes_on_until_it_is_there(slit: Scenario):
-    frames, _, tally = drive(slit, lambda i: 0.125 if i == 2 else 0.02)
+    frames, _, result = drive(slit, lambda i: 0.125 if i == 2 else 0.02)
     # Plan 2, begun at 0.1 for 0.2, is ready at 0.225; plan 3, begun then for 0.3, is ready in time.
-    expected = np.repeat([1, 2, 3, 4, 5, 6], [10, 13, 7, 10, 10, 10])
-    np.testing.assert_array_equal(controls(frames), expected)
+    np.testing.assert_array_equal(controls(frames), np.repeat([1, 2, 3, 4, 5, 6], [10, 13, 7, 10, 10, 10]))
     assert [frame.timing.missed for frame in frames if frame.timing] == [False, False, True, False, False, False]
-    assert tally.misses == 1
-    assert tally.result()["deadline_misses"] == 1
+    assert result["deadline_misses"] == 1
     assert frames[2].plan.control == pytest.approx([0.02, 0.0])
 
 
 def test_a_planner_that_never_keeps_up_misses_almost_all(slit: Scenario):
-    frames, driver, tally = drive(slit, lambda i: 0.0 if i < 1 else 0.25, periods=10)
-    assert tally.misses == 9 - sum(not frame.timing.missed for frame in frames[1:] if frame.timing)
-    assert tally.misses >= 7
-    assert len(driver.made) <= 6
+    frames, policy, result = drive(slit, lambda i: 0.0 if i < 1 else 0.25, periods=10)
+    assert result["deadline_misses"] == 9 - sum(not frame.timing.missed for frame in frames[1:] if frame.timing)
+    assert result["deadline_misses"] >= 7
+    assert len(policy.made) <= 6
     assert np.all(np.diff(controls(frames)) >= 0)  # no older plan takes over again
 
 
-def test_errors_of_either_thread_end_the_drive(slit: Scenario):
+def test_errors_of_either_thread_and_whoever_gives_up_end_the_run_and_leave_no_thread(slit: Scenario):
     def fails(i: int) -> float:
         if i == 3:
             raise NoReference([0.0, 0.0], vertices=1, limit=0.6)
@@ -171,52 +173,35 @@ def test_errors_of_either_thread_end_the_drive(slit: Scenario):
     with pytest.raises(NoReference):
         drive(slit, fails)
     assert not {"plant", "planner"} & {thread.name for thread in threading.enumerate()}
-
-
-def test_a_drive_that_is_given_up_leaves_no_thread_behind(slit: Scenario):
-    clock = FakeClock()
-    driver = FakeDriver(slit, clock, lambda i: 0.01)
-    plant = Analytic(slit.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
-    frames = realtime.run(plant, driver, slit.start, np.random.default_rng(0), period=PERIOD, max_time=5.0, clock=clock)
+    frames = frames_of(slit, FakePolicy(slit, FakeClock(), lambda i: 0.01), periods=50)
     next(frames)
     frames.close()
     assert not {"plant", "planner"} & {thread.name for thread in threading.enumerate()}
 
 
-def test_a_plant_that_is_late_is_foreseen_in_no_more_steps(slit: Scenario):
-    driver = FakeDriver(slit, FakeClock(), lambda i: 0.0)
-    plan = driver.plan(slit.start)
-    ready = Ready(plan=plan, begin=0.0, seconds=0.0, slack=0.0, samples=0, vertices=0)
-    states = foreseen(driver, ready, 0.0, slit.start, 1.0, 0.01)
-    assert len(states) == MOST + 1
-    np.testing.assert_allclose(states[-1], slit.start + np.array([0.01, 0.0]), atol=1e-12)
+def test_predictions_end_before_the_goal_and_have_few_steps_where_a_plant_is_late(slit: Scenario):
+    policy, goal = FakePolicy(slit, FakeClock()), slit.problem.scene.goal
 
+    def ahead(speed: float, time: float, x: Array, until: float) -> Array:
+        ready = TimedPlan(plan=plan(x, speed), begin=0.0, seconds=0.0, slack=0.0, vertices=0, run=None)
+        return predicted(policy, ready, time, x, until, 0.01)
 
-def test_what_is_foreseen_ends_before_the_goal(slit: Scenario):
-    driver = FakeDriver(slit, FakeClock(), lambda i: 0.0)
-    goal, u = slit.problem.scene.goal, np.array([1.0, 0.0])
-    plan = Plan(
-        state=goal.center, times=np.array([0.0, 9.0]), references=(), ids=(), estimate=None, fallback=None,
-        instead=u[None],
-    )  # fmt: skip
-    ready = Ready(plan=plan, begin=0.0, seconds=0.0, slack=0.0, samples=0, vertices=0)
+    late = ahead(0.01, 0.0, slit.start, 1.0)
+    assert len(late) == MOST_PIECES + 1
+    np.testing.assert_allclose(late[-1], np.add(slit.start, (0.01, 0.0)), atol=1e-12)
     x = goal.center - [goal.radius + 0.035, 0.0]
-    states = foreseen(driver, ready, 0.0, x, 0.1, 0.01)
-    np.testing.assert_allclose(states, [x + k * 0.01 * u for k in range(4)])
-    far = foreseen(driver, ready, 0.05, slit.start, 0.1, 0.01)
-    np.testing.assert_allclose(far[-1], slit.start + 0.05 * u)
-    np.testing.assert_array_equal(foreseen(driver, ready, 0.2, slit.start, 0.1, 0.01), [slit.start])  # too late
+    np.testing.assert_allclose(ahead(1.0, 0.0, x, 0.1), [np.add(x, (0.01 * k, 0.0)) for k in range(4)])
+    np.testing.assert_allclose(ahead(1.0, 0.05, slit.start, 0.1)[-1], np.add(slit.start, (0.05, 0.0)))
+    np.testing.assert_array_equal(ahead(1.0, 0.2, slit.start, 0.1), [slit.start])  # too late
 
 
-def test_what_was_expected_gives_way_to_what_was_driven(slit: Scenario):
-    homology = slit.space.homology
-    plain, doubtful = (Driven(homology, slit.start) for _ in range(2))
-    there, loop = np.array([[1.2, 2.5]]), np.array([[4.5, 2.5], [4.5, 3.5], [2.3, 3.5], [1.0, 2.5]])
-    doubtful.expect(loop)
-    doubtful.expect(loop)
+def test_expected_states_give_way_to_observed_ones(slit: Scenario):
+    plain, doubtful = (Driven(slit.space.homology, slit.start) for _ in range(2))
+    for _ in range(2):
+        doubtful.expect(np.array([[4.5, 2.5], [4.5, 3.5], [2.3, 3.5], [1.0, 2.5]]))
     assert doubtful.winding() == (1, 0)
     for one in (plain, doubtful):
-        one.observe(there)
+        one.observe(np.array([[1.2, 2.5]]))
     assert plain.winding() == doubtful.winding() == (0, 0)
 
 
@@ -231,26 +216,17 @@ class Growing:
         self.size = size
 
 
-@pytest.mark.parametrize(("grow", "expected"), [(None, 9), (5, 5), (0, 0)])
-def test_the_tree_grows_in_the_time_that_is_left(slit: Scenario, grow: int | None, expected: int):
+@pytest.mark.parametrize(
+    ("grow", "late", "expected"), [(None, 0.0, 9), (5, 0.0, 5), (0, 0.0, 0), (None, 1.01 * BEHIND * PERIOD, 0)]
+)
+def test_the_tree_grows_in_the_time_that_is_left_unless_the_plant_is_late(slit, grow, late, expected):
     clock = FakeClock()
-    driver = FakeDriver(slit, clock, lambda i: 0.0)
-    driver.tree = Growing(clock)  # type: ignore[assignment]
-    planner = Planner(driver, clock, PERIOD, grow)
-    share = Handover(planner.first(slit.start), slit.start)
-    planner._grow(share, clock.now(), clock.now() + 0.02)
-    assert driver.tree.size == 10 + expected  # type: ignore[attr-defined]
+    policy = FakePolicy(slit, clock)
+    policy.tree = Growing(clock)
+    planner = Planner(policy, clock, PERIOD, grow)
+    planner.extend(SharedPlan(planner.first(slit.start), slit.start), clock.now() - late, clock.now() + 0.02)
+    assert policy.tree.size == 10 + expected
     assert clock.now() <= 100.0 + 0.02
-
-
-def test_the_tree_does_not_grow_while_the_plant_is_late(slit: Scenario):
-    clock = FakeClock()
-    driver = FakeDriver(slit, clock, lambda i: 0.0)
-    driver.tree = Growing(clock)  # type: ignore[assignment]
-    planner = Planner(driver, clock, PERIOD, None)
-    share = Handover(planner.first(slit.start), slit.start)
-    planner._grow(share, clock.now() - 1.01 * BEHIND * PERIOD, clock.now() + 0.02)
-    assert driver.tree.size == 10  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -261,13 +237,12 @@ def test_the_tree_does_not_grow_while_the_plant_is_late(slit: Scenario):
     ],
 )
 def test_time_is_kept_for_what_usually_follows_the_samples(slit: Scenario, lasted: list[float], left: list[float]):
-    clock = FakeClock()
-    driver = FakeDriver(slit, clock, lambda i: lasted[len(found)])
-    planner = Planner(driver, clock, PERIOD, None)
-    found: list[float] = []
+    clock, found = FakeClock(), []
+    policy = FakePolicy(slit, clock, lambda i: lasted[len(found)])
+    planner = Planner(policy, clock, PERIOD, None)
     for _ in lasted:
         planner.first(slit.start)
-        found += driver.left
+        found += policy.left
     assert found == pytest.approx(left)
 
 
@@ -308,15 +283,7 @@ def test_time_and_precision_cannot_both_end_sampling(capsys):
     assert "--target-error" in capsys.readouterr().err
 
 
-def test_periods_add_up_as_they_do_without_a_clock(slit: Scenario):
-    frames, _, tally = drive(slit, lambda i: 0.05)
-    assert [frame.time for frame in frames] == pytest.approx(PERIOD * np.arange(6))
-    assert tally.result()["cost"] == pytest.approx(sum(frame.advance.cost for frame in frames))
-    assert frames[-1].noisy_length == pytest.approx(sum(frame.advance.length for frame in frames))
-    assert tally.result()["path_length"] == pytest.approx(0.01 * PERIOD * 21, rel=1e-3)  # 1 to 6 cm/s, without noise
-
-
-def test_bodies_that_move_set_out_when_the_drive_does_and_not_when_it_was_rehearsed():
+def test_moving_obstacles_set_out_when_the_run_does_and_not_when_it_was_rehearsed():
     scenario = prepare("crossing", start=(2.6, 2.5), given={"period": PERIOD})
     frames, *_ = drive(scenario, lambda i: 0.05, periods=4)
     crowd = MovingObstacles(scenario.loaded.scene.movers, scenario.loaded.scene.footprint)
@@ -325,3 +292,30 @@ def test_bodies_that_move_set_out_when_the_drive_does_and_not_when_it_was_rehear
         assert frame.clearance == pytest.approx(crowd.clearance(frame.plan.state, frame.time))
         expected = crowd.clearance(frame.state[:2], frame.end_time)
         assert frame.advance.clearance == pytest.approx(min(1.0, expected), abs=1e-9)
+
+
+# -- work that gives way -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("longest", "urgent"), [(60.0, "idle"), (60.0, "fails"), (0.01, "for ever")])
+def test_work_gives_way_until_urgent_work_ends_or_fails_and_not_for_ever(monkeypatch, longest, urgent):
+    monkeypatch.setattr(clocks, "LONGEST_WAIT", longest)
+    priority, done = PlannerPriority(), threading.Event()
+    waiter = threading.Thread(target=lambda: (priority.give_way(), done.set()), daemon=True)
+    with suppress(ValueError), nullcontext() if urgent == "idle" else priority.work():
+        waiter.start()
+        if urgent == "fails":
+            assert not done.wait(0.05)
+            raise ValueError
+        assert done.wait(10.0)
+    assert done.wait(10.0)
+
+
+def test_recordings_give_way(monkeypatch):
+    asked: list[None] = []
+    monkeypatch.setattr(URGENT, "give_way", lambda: asked.append(None))
+    stream = Stream("test", "way", orderly=True)
+    stream.columns("/number", [0], [0.0], rr.Scalars.columns(scalars=[1.0]))
+    stream.log("/number", 1, 0.1, rr.Scalars(2.0))
+    assert len(asked) == 2
+    stream.close()

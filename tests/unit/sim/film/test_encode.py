@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
-from pirrht.files import replaced
+from sim.files import replaced
 from sim.film import film
 
 

@@ -1,4 +1,4 @@
-"""What a mouse and keys do in the viewer, told by a viewer that is made up."""
+"""Mouse and keys in the viewer, told by a viewer that is made up."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sim.play.drive import Play, first
-from sim.play.events import Move, Noise, Push
+from sim.play.events import Move, Noise
 from sim.play.window import HOME, LESS, MORE, PULLED, Window
 from sim.scenario import prepare
 
@@ -33,15 +33,6 @@ class Viewer:
     def close(self) -> None:
         self.runs, self.m = False, None
 
-    def drag(self, window: Window, body: str, *places: tuple[float, float, float]) -> None:
-        """Hold a body, move the cursor from place to place, and let go."""
-        self.perturb.select, self.perturb.active = window.model.body(body).id, 1
-        for place in places:
-            self.perturb.refpos = np.array(place)
-            window.refresh()
-        self.perturb.active = 0
-        window.refresh()
-
 
 @pytest.fixture(scope="module")
 def play() -> Play:
@@ -55,67 +46,61 @@ def window(play: Play) -> Window:
     return Window(play.plant, Viewer)
 
 
-def test_the_workspace_is_looked_at_from_above(window):
+def drag(window: Window, body: str, *places: tuple[float, float, float]) -> list:
+    """Hold a body, move the cursor from place to place, and let go: the events."""
+    hand = window.handle.perturb
+    hand.select, hand.active = window.model.body(body).id, 1
+    for place in places:
+        hand.refpos = np.array(place)
+        window.refresh()
+    hand.active = 0
+    window.refresh()
+    return list(window._plant.asked)
+
+
+def moved(what: str, x: float, y: float) -> Move:
+    return Move(at=0.0, what=what, to=pytest.approx((x, y)))
+
+
+def test_the_picture_is_that_of_the_plant_from_above_until_the_window_is_closed(window, play):
     camera = window.handle.cam
     np.testing.assert_allclose(camera.lookat, [3.0, 2.5, 0.0])
     assert camera.distance > 5.0
     assert camera.elevation < -60.0
+    assert window.model.site_rgba[window.model.site("workspace").id, 3] == 0.0  # it would hide what is in it
+    play.plant.reset(np.array([2.0, 1.0]))
+    window.refresh()
+    np.testing.assert_allclose(window.data.body("robot/robot").xpos[:2], [2.0, 1.0])
+    assert window.handle.synced == 1
+    play.plant.reset(np.array([1.0, 2.5]))
+    window.start()
+    window.close()
+    assert not window.open
+    assert not window.thread.is_alive()
 
 
-def test_what_is_let_go_has_been_moved_along_the_ground(window, play):
-    window.handle.drag(window, "loose/upper wall", (3.4, 2.8, 0.2), (3.6, 2.8, 0.2), (3.6, 2.8, 0.7))
-    (event,) = play.plant.asked
-    assert event == Move(at=0.0, what="upper wall", to=pytest.approx((3.6, 3.3)))  # up is away from the camera
+@pytest.mark.parametrize(
+    ("body", "places", "events"),
+    [  # up is away from the camera
+        ("loose/upper wall", [(3.4, 2.8, 0.2), (3.6, 2.8, 0.2), (3.6, 2.8, 0.7)], [moved("upper wall", 3.6, 3.3)]),
+        ("loose/goal", [(5.5, 2.5, 0.0), (5.0, 3.0, 0.0)], [moved("goal", 5.0, 3.0)]),
+        ("loose/goal", [(5.5, 2.5, 0.0)], []),  # only taken hold of
+    ],
+)
+def test_a_body_that_is_let_go_has_been_moved_along_the_ground(window, body, places, events):
+    assert drag(window, body, *places) == events
 
 
-def test_the_goal_is_dragged_by_its_disc(window, play):
-    window.handle.drag(window, "loose/goal", (5.5, 2.5, 0.0), (5.0, 3.0, 0.0))
-    assert list(play.plant.asked) == [Move(at=0.0, what="goal", to=pytest.approx((5.0, 3.0)))]
-
-
-def test_what_is_only_taken_hold_of_is_not_moved(window, play):
-    window.handle.drag(window, "loose/goal", (5.5, 2.5, 0.0))
-    assert not play.plant.asked
-
-
-def test_the_robot_is_pulled_towards_the_cursor_and_not_too_fast(window, play):
-    window.handle.drag(window, "robot/robot", (1.0, 2.5, 0.1), (1.0, 2.6, 0.1), (9.0, 2.5, 0.1))
-    still, near, far = play.plant.asked
-    assert isinstance(near, Push)
+def test_the_robot_is_pulled_towards_the_cursor_and_not_too_fast(window):
+    still, near, far = drag(window, "robot/robot", (1.0, 2.5, 0.1), (1.0, 2.6, 0.1), (9.0, 2.5, 0.1))
     assert still.speed == (0.0, 0.0)
     assert near.speed == pytest.approx((0.0, 0.4))
     assert far.speed == pytest.approx((PULLED, 0.0))
 
 
-@pytest.mark.parametrize(("key", "noise"), [(MORE, 0.125), (LESS, 0.08)])
-def test_keys_change_the_noise(window, play, key, noise):
+@pytest.mark.parametrize(("key", "noise"), [(MORE, 0.125), (LESS, 0.08), (HOME, None)])
+def test_keys_change_the_noise_and_home_is_for_the_one_who_waits(window, play, key, noise):
     window.handle.key(key)
     window.refresh()
-    assert list(play.plant.asked) == [Noise(at=0.0, noise=pytest.approx(noise))]
-
-
-def test_home_is_for_the_one_who_waits(window, play):
-    window.handle.key(HOME)
-    window.refresh()
-    assert window.home
-    assert not play.plant.asked
-
-
-def test_no_workspace_hides_what_is_in_it(window):
-    """MuJoCo's viewer draws sites of the first groups; the model that is driven keeps its own."""
-    site = window.model.site("workspace").id
-    assert window.model.site_rgba[site, 3] == 0.0
-
-
-def test_the_picture_is_that_of_the_plant(window, play):
-    play.plant.reset(np.array([2.0, 1.0]))
-    window.refresh()
-    np.testing.assert_allclose(window.data.body("robot/robot").xpos[:2], [2.0, 1.0])
-    assert window.handle.synced == 1
-
-
-def test_a_window_that_is_closed_shows_nothing_more(window):
-    window.start()
-    window.close()
-    assert not window.open
-    assert not window._thread.is_alive()
+    assert list(play.plant.asked) == ([] if noise is None else [Noise(at=0.0, noise=pytest.approx(noise))])
+    assert window.home == (key == HOME)

@@ -11,10 +11,9 @@ import pytest
 from tree_files import again, assert_equal_references, assert_equal_trees, grown, packed
 
 from pirrht.errors import OptionError
-from pirrht.planner import file as tree_file
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.straight_line import StraightLine
-from sim import cli
+from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
 
 

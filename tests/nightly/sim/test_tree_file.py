@@ -1,4 +1,4 @@
-"""The long tests of unit/pirrht/planner/test_tree_file.py."""
+"""The long tests of unit/sim/test_tree_file.py."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 from tree_files import again, assert_equal_references, assert_equal_trees, packed, repacked, unpacked, unsigned
 
 from pirrht.errors import OptionError
-from pirrht.planner import file as tree_file
+from sim import tree_file
 from sim.scenario import prepare
 
 

@@ -16,13 +16,12 @@ from tree_files import grown, packed, repacked, unpacked, unsigned
 
 import pirrht
 from pirrht.errors import NoReference, OptionError
-from pirrht.planner import file as tree_file
 from pirrht.planner.chain import keys_of
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.crossings import Turns
-from sim import cli
+from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
 
 

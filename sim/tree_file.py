@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 import pirrht
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.files import MISSING, replaced, why_unreadable
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle
@@ -37,10 +36,11 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
+from sim.files import MISSING, replaced, why_unreadable
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
-FORMAT = 3
+TREE_FORMAT = 3
 OLD, UNSIGNED = (1, 2), 1  # with more arrays; without a checksum
 # Arrays of a `Graph` that are kept: of vertices and their nodes, of edges, of the turns of these; the rest follows.
 KEPT = {
@@ -66,7 +66,7 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
         OptionError: the file cannot be written.
     """
     about = {
-        "format": FORMAT,
+        "format": TREE_FORMAT,
         "version": pirrht.__version__,
         "belongs": belongings(tree.space, tree.steering) | {"limit": tree.limit, "classes": tree.classes},
         "draws": tree.draws,
@@ -76,7 +76,11 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
     count = dict.fromkeys(("states", "in_goal", "nodes", *NODES), V) | {"edge_first": E + 1, "pruned": 1}
     count |= {"edge_marker": P, "edge_turn": P}
     packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count.get(name, E)]) for name in KEPT}
-    about = json.loads(json.dumps(about, default=_plain))  # as it is read again
+
+    def plain(value: Any) -> Any:  # of the state of a bit generator
+        return {"dtype": value.dtype.str, "values": value.tolist()} if isinstance(value, np.ndarray) else int(value)
+
+    about = json.loads(json.dumps(about, default=plain))  # as it is read again
     packed["about"] = np.array(json.dumps(about | {"checksum": checksum(packed, about)}))
     content = BytesIO()
     np.savez_compressed(content, **packed)  # type: ignore[arg-type]
@@ -148,10 +152,10 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
         raise OptionError(f"{name} is no tree that can be read ({_line(error)}); make one with `pirrht plan`") from None
     except UNREADABLE:  # in words of NumPy's that help nobody here
         raise OptionError(f"{name} is no tree of pirrht; make one with `pirrht plan`") from None
-    if known not in (FORMAT, *OLD):
+    if known not in (TREE_FORMAT, *OLD):
         raise OptionError(
             f"{name} was written by pirrht {version} in format {known}; this is {pirrht.__version__} with "
-            f"format {FORMAT}: make it anew"
+            f"format {TREE_FORMAT}: make it anew"
         )
     if known != UNSIGNED and about.pop("checksum", None) != checksum(arrays, about):
         raise OptionError(f"{name} is a damaged tree (its checksum is another); make it anew with `pirrht plan`")
@@ -290,11 +294,6 @@ def _described(steering: Steering) -> str:
     numbers = {name: getattr(steering, name) for name in names}
     plain = [f"{k}={v!r}" for k, v in numbers.items() if isinstance(v, int | float | str)]
     return f"{type(steering).__qualname__}({', '.join(plain)})"
-
-
-def _plain(value: Any) -> Any:
-    """A part of the state of a bit generator as JSON has it."""
-    return {"dtype": value.dtype.str, "values": value.tolist()} if isinstance(value, np.ndarray) else int(value)
 
 
 def _generator(state: Mapping[str, Any]) -> np.random.Generator:

@@ -1,0 +1,305 @@
+"""The one bookkeeper of a run: its frames, period by period, and its figures.
+
+The path of dx = u dt + b dw is infinitely long: the finer its steps, the longer it gets. It is therefore measured by
+chords over a time tau of driving, and from the square of each chord (over t seconds) goes what noise alone adds to it
+across its direction, b^2 t. Noise and control at its natural speed sqrt(2 q / R) carry equally far in lambda / (2 q)
+seconds; tau is CHORD times lambda / q. So tau does not depend on physics step or control period, tau -> 0 and the
+length becomes that of the path as b -> 0, and where noise does not act on the position (cars) nothing is smoothed.
+Noise along the path alone (a rover's) adds nothing to a chord on average: only its own to and fro is smoothed away.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import hypot, sqrt
+from typing import Any
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.control.policy import RunState
+from pirrht.estimation.estimate import OTHER
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
+from pirrht.moving.collision import MovingObstacles
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.topology.homology import Driven
+from pirrht.topology.signature import class_id
+from sim.drawing.colors import title
+from sim.drive.clock import Timing, figures
+from sim.drive.plant import Advance
+from sim.drive.result import DriveResult
+
+CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
+GRACE = 1e-9  # by which sums of periods may miss the time [s]
+STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
+
+
+class Length:
+    """The length of a path that goes on, from its start at x (n,).
+
+    Args:
+        problem: gives noise and the time of a chord.
+    """
+
+    def __init__(self, problem: Problem, x: Array) -> None:
+        self._spread, self._smooth = spread(problem, x), not problem.dynamics.noisy_position
+        self._time = CHORD * problem.temperature / problem.least_rate
+        self._first = self._last = self._begun = (float(x[0]), float(x[1]))  # of the path, so far, of the chord
+        self._steps, self._step = 0, 0.0  # of the chord, and their length [s]
+        self._chords = 0.0  # complete ones [m]
+        self.noisy = 0.0  # length of the path with all its noise [m]
+
+    def add(self, states: Array, step: float, noisy: float) -> None:
+        """Go on through states (k, n), `step` seconds apart, over a path of `noisy` metres."""
+        self.noisy += noisy
+        if not len(states):
+            return
+        places = [(float(x), float(y)) for x, y in states[:, :2]]
+        self._last, self._step = places[-1], step
+        each, first = max(1, round(self._time / step)), self._steps
+        for end in range(each - first, len(places) + 1, each):
+            self._chords += self._chord(places[end - 1], each)
+            self._begun = places[end - 1]
+        self._steps = (first + len(places)) % each
+
+    @property
+    def total(self) -> float:
+        """Length of the path without its noise [m]; at least the distance of its ends, at most the noisy length."""
+        if self._smooth:
+            return self.noisy
+        total = self._chords + self._chord(self._last, self._steps)
+        return min(self.noisy, max(total, _distance(self._first, self._last)))
+
+    def _chord(self, end: tuple[float, float], steps: int) -> float:
+        return sqrt(max(0.0, _distance(self._begun, end) ** 2 - self._spread * steps * self._step))
+
+
+def spread(problem: Problem, x: Array) -> float:
+    """Variance per second that noise adds to each coordinate of the position at x (n,) [m^2/s].
+
+    In input form that in the direction in which it adds least, since robots drive in the other.
+    """
+    dynamics = problem.dynamics
+    if not dynamics.noisy_position:
+        return 0.0
+    B = np.asarray(dynamics.B_c(x))[: 2 - dynamics.n + dynamics.rows]
+    return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
+
+
+def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
+    return hypot(b[0] - a[0], b[1] - a[1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Period:
+    """One control period as plant and planner know it."""
+
+    plan: Plan
+    advance: Advance
+    seconds: float  # wall time the plan took [s]
+    vertices: int = 0  # of the tree that the plan was made with
+    run: RunState | None = None  # of the policy: another one names classes anew
+    timing: Timing | None = None  # of real-time runs only
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One control period: where the robot was, what was planned there and what came of it."""
+
+    step: int  # number of the period, from 0
+    time: float  # simulated time at its start [s]
+    plan: Plan
+    advance: Advance
+    outcome: Outcome | None  # how the run ended in this period, TIMEOUT included; None while it goes on
+    cost: float  # integral of q + u'Ru/2 up to the end of this period
+    length: float  # driven up to there, without the path's noise [m]
+    noisy_length: float  # with it: grows with the number of physics steps [m]
+    clearance: float  # at the start of the period, from static and moving obstacles [m]
+    driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
+    plan_seconds: float  # wall time the plan took [s]
+    vertices: int = 0  # of the tree that the plan was made with
+    timing: Timing | None = None  # of real-time runs only
+    news: str | None = None  # a line for a person, if something happened
+    metrics: EpisodeMetrics  # of the whole run so far, which goes on
+
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Frame(step {self.step}, {self.time:.4g} to {self.end_time:.4g} s, cost {self.cost:.4g}{end})"
+
+    @property
+    def end_time(self) -> float:
+        """Simulated time at the end of the period [s]."""
+        return self.time + self.advance.time
+
+    @property
+    def state(self) -> Array:
+        """State at the end of the period, (n,)."""
+        return self.advance.states[-1] if len(self.advance.states) else self.plan.state
+
+
+class EpisodeMetrics:
+    """Metrics of a run from x (n,), period by period.
+
+    Args:
+        task: a policy or scenario, with `problem`, `space` and `homology`.
+        period: control period [s].
+        max_time: of the run [s].
+    """
+
+    def __init__(self, task: Any, x: Array, *, period: float, max_time: float) -> None:
+        self._task, self._period, self._max_time = task, period, max_time
+        self._step, self._time, self._cost = 0, 0.0, 0.0
+        self._passed = (0.0, 0.0)  # lengths [m] before the present world, without noise and with it
+        self._first: Plan | None = None
+        self._run: RunState | None = None
+        self._doubted = -np.inf  # time of the last weak plan [s]
+        self.last: Frame | None = None
+        self.favourite: str | None = None  # class of greatest weight of the last plan that was not blocked
+        self.timings: list[Timing] = []
+        self._decided: str | None = None
+        self._switches = self._reversals = self._fallbacks = self._doubtful = self._misses = 0
+        self._blocked: list[tuple[float, float]] = []
+        self._weakest: tuple[float | None, float | None] = (None, None)
+        self.min_clearance, self._seconds = np.inf, list[float]()
+        self._start(task.space, x)
+
+    def _start(self, space: FreeSpace, x: Array) -> None:
+        self._length = Length(self._task.problem, x)
+        self._driven = Driven(self._task.homology, x, self._time)
+        self._enter(space)
+
+    def _enter(self, space: FreeSpace) -> None:
+        scene = space.scene
+        self._space, self._crowd = space, MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
+        # FCL moves its objects when it is queried, and in real time the planner queries its own meanwhile.
+        self._clearance = Collision(scene.world, scene.footprint).clearance
+
+    def frame(self, period: Period) -> Frame:
+        """Take the next period into account."""
+        plan, advance, begin = period.plan, period.advance, self._time
+        if plan.space is not None and plan.space is not self._space:
+            self._change(plan.space, plan.state, anew=period.run is not self._run)
+        self._run = period.run
+        clearance = float(self._clearance(plan.state[None, :2])[0])
+        if self._crowd is not None:
+            clearance = min(clearance, self._crowd.clearance(plan.state[:2], begin))
+        self._time, self._cost = begin + advance.time, self._cost + advance.cost
+        count = len(advance.states)
+        self._length.add(advance.states, advance.time / max(1, count), advance.length)
+        if count:
+            self._driven.observe(advance.states, self._time)
+        outcome = ending(advance, begin, self._max_time)
+        news = self._news(plan, begin)
+        if outcome is not None:
+            news.append(f"{outcome.name.lower()} at {self._time:.2f} s")
+        self._count(period, begin)
+        self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
+        self.last = Frame(
+            step=self._step, time=begin, plan=plan, advance=advance, outcome=outcome, cost=self._cost,
+            length=self._passed[0] + self._length.total, noisy_length=self._passed[1] + self._length.noisy,
+            clearance=clearance, driven_class=self._driven.winding(), plan_seconds=period.seconds,
+            vertices=period.vertices, timing=period.timing, news="; ".join(news) or None, metrics=self,
+        )  # fmt: skip
+        self._step += 1
+        return self.last
+
+    def _change(self, space: FreeSpace, x: Array, *, anew: bool) -> None:
+        """Continue among other obstacles: to the same goal, or `anew` with another start of classes and lengths."""
+        if not anew:
+            self._driven.enter(space.homology)
+            self._enter(space)
+            return
+        self._passed = self._passed[0] + self._length.total, self._passed[1] + self._length.noisy
+        self._start(space, x)
+
+    def _news(self, plan: Plan, now: float) -> list[str]:
+        """Lines on a plan, before it is counted."""
+        news, blocked = [], self.last is not None and self.last.plan.fallback is not None
+        if plan.fallback is not None and not blocked:
+            does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
+            news.append(f"blocked at {now:.2f} s: {plan.fallback}; {does}")
+        elif plan.fallback is None and blocked:
+            news.append(f"a way at {now:.2f} s, after {now - self._blocked[-1][0]:.2f} s: going on")
+        if plan.estimate is not None and plan.estimate.doubtful and now - self._doubted >= STRETCH:
+            news.append(f"{plan.estimate.ess:.1f} effective samples at {now:.2f} s: the control is a guess")
+        if plan.fallback is None and self.favourite not in (None, plan.favourite):
+            to = title(plan.favourite or OTHER)
+            news.append(f"class {title(self.favourite or OTHER)} -> {to} at {now:.2f} s")
+        return news
+
+    def _count(self, period: Period, begin: float) -> None:
+        """Count a period that began at a time [s]."""
+        plan, estimate = period.plan, period.plan.estimate
+        self._first = self._first or plan
+        if plan.fallback is not None:
+            self._fallbacks += 1
+            goes_on = bool(self._blocked) and self._blocked[-1][1] == begin
+            self._blocked.append((self._blocked.pop()[0] if goes_on else begin, self._time))
+        else:
+            self._switches += self.favourite not in (None, plan.favourite)
+            self.favourite = plan.favourite
+            if plan.decided is not None:
+                self._reversals += self._decided not in (None, plan.decided)
+                self._decided = plan.decided
+        if estimate is not None:
+            if self._weakest[0] is None or estimate.ess < self._weakest[0]:
+                self._weakest = estimate.ess, begin
+            if estimate.doubtful:
+                self._doubtful, self._doubted = self._doubtful + 1, begin
+        self._seconds.append(period.seconds)
+        if period.timing is None:
+            self._misses += period.seconds > self._period
+        else:
+            self._misses += period.timing.missed
+            self.timings.append(period.timing)
+
+    @property
+    def outcome(self) -> Outcome:
+        """Outcome of the run; TIMEOUT if it has not ended."""
+        return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
+
+    def result(self) -> DriveResult:
+        """The figures of the run so far, which has at least one frame."""
+        last, first, milliseconds = self.last, self._first, 1e3 * np.array(self._seconds)
+        assert last is not None
+        assert first is not None
+        executed = None
+        if self.outcome is Outcome.GOAL:
+            space = last.plan.space
+            executed = class_id(last.driven_class, None if space is None else space.homology.named)
+        return DriveResult(
+            outcome=self.outcome.name.lower(),
+            time=last.end_time,
+            cost=last.cost,
+            path_length=last.length,
+            noisy_path_length=last.noisy_length,
+            steps=last.step + 1,
+            vertices=last.vertices,
+            min_clearance=self.min_clearance,
+            value_estimate=first.exact if first.estimate is None else first.estimate.value,
+            executed_class=executed,
+            class_switches=self._switches,
+            class_reversals=self._reversals,
+            fallbacks=self._fallbacks,
+            blocked_time=sum(end - begin for begin, end in self._blocked),
+            blocked=self._blocked,
+            doubtful_plans=self._doubtful,
+            least_ess=self._weakest[0],
+            least_ess_time=self._weakest[1],
+            step_ms={
+                "median": float(np.median(milliseconds)),
+                "p95": float(np.percentile(milliseconds, 95)),
+                "max": float(milliseconds.max()),
+            },
+            deadline_misses=self._misses,
+            real_time=figures(self.timings, self._period) if self.timings else None,
+        )
+
+
+def ending(advance: Advance, begun: float, max_time: float) -> Outcome | None:
+    """Judge a period that began at `begun` [s]: TIMEOUT from `max_time` [s] on; None while the run goes on."""
+    late = advance.outcome is None and begun + advance.time >= max_time - GRACE
+    return Outcome.TIMEOUT if late else advance.outcome

@@ -1,0 +1,146 @@
+"""Margins, limits and lengths of a scenario follow from its scene and noise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from discs import block
+
+from pirrht.errors import NoReference, OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Goal, Scene
+from pirrht.planner.tree import HomologyTree
+from pirrht.problem import Problem
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.single_integrator import SingleIntegrator
+from sim.mjcf import load
+from sim.scenario import Scenario, prepare
+from sim.scenario.convergence import grow
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
+from sim.scenario.required_limit import required_limit
+from sim.scenario.scenario import WIDER
+from sim.sweeps.runs import pack, unpack
+
+# -- a margin ----------------------------------------------------------------------------------------------------
+
+
+def gap(tmp_path, width: float) -> str:
+    """A wall with a gap in its middle [m]."""
+    half = 0.25 * (3.0 - width)
+    (tmp_path / "gap.xml").write_text(
+        f"""<mujoco><worldbody><site name="workspace" type="box" size="2 1.5 1" pos="2 1.5 .5"/>
+        <geom name="low" type="box" size=".1 {half} .5" pos="2 {half} .5"/>
+        <geom name="high" type="box" size=".1 {half} .5" pos="2 {3.0 - half} .5"/>
+        <site name="start" pos=".6 1.5 0"/>
+        <site name="goal" type="cylinder" size=".3 .01" pos="3.4 1.5 0"/></worldbody></mujoco>"""
+    )
+    return str(tmp_path / "gap.xml")
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.1, 0.2])
+def test_a_margin_is_three_deviations_of_the_place_before_the_robot_reacts(tmp_path, noise):
+    scenario = prepare(gap(tmp_path, 1.0), given={"noise": noise})
+    assert scenario.margin == pytest.approx(DEVIATIONS * noise * np.sqrt(REACTION), abs=1e-4)
+    assert scenario.loaded.scene.robot_radius == pytest.approx(0.1 + scenario.margin)
+
+
+def test_a_margin_leaves_passages_open_and_gives_way_to_one_that_is_given(tmp_path):
+    assert prepare(gap(tmp_path, 1.0), robot="hover").margin == LEAST  # noise does not move its place at once
+    assert prepare(gap(tmp_path, 0.24)).margin == pytest.approx(0.25 * 0.02, abs=5e-4)
+    assert prepare(gap(tmp_path, 0.21)).margin == 0.0
+    for margin in (0.02, 0.0):
+        assert prepare(gap(tmp_path, 1.0), margin=margin).margin == margin
+    for name in ("slit", "clutter"):  # the scenes of the paper
+        assert prepare(name).margin == 0.0
+        assert prepare(name).loaded.scene.robot_radius == load(name).scene.robot_radius
+
+
+def test_settings_that_are_none_are_refused_by_name():
+    with pytest.raises(OptionError, match=r"'radius' is no setting but an argument: prepare\(..., radius="):
+        prepare("slit", given={"radius": 0.2})
+    with pytest.raises(OptionError, match="'sample' is no setting; did you mean samples"):
+        prepare("slit", given={"sample": 100})
+
+
+# -- a limit of |1 - H_i| ----------------------------------------------------------------------------------------
+
+CLOSED = """<mujoco><worldbody><site name="workspace" type="box" size="4 3 1" pos="2 0 .5"/>
+<geom name="wall" type="box" size=".1 9 .5" pos="2 0 .5"/><site name="start" pos="0 0 0"/>
+<site name="goal" type="cylinder" size=".3 .01" pos="4 0 0"/></worldbody></mujoco>"""
+NARROW = 1e-3  # less than any path past a wall winds
+
+
+def narrow() -> Scenario:
+    """`slit` for a robot of which no class is within its own limit."""
+    scenario = prepare("slit", given={"vertices": 300})
+    system = replace(scenario.system, defaults={**scenario.system.defaults, "limit": NARROW})
+    return replace(scenario, system=system, settings=replace(scenario.settings, limit=NARROW))
+
+
+def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal():
+    scenario = narrow()
+    tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
+    assert tree.limit == WIDER[0]
+    assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
+    assert unpack(scenario, pack(tree)).limit == WIDER[0]
+
+
+def test_a_limit_that_was_asked_for_stays_and_refusals_name_the_robots_own(tmp_path):
+    scenario = narrow().with_settings(limit=2.0 * NARROW)
+    tree = scenario.grown_tree()
+    assert tree.limit == 2.0 * NARROW
+    with pytest.raises(NoReference, match=r"<= 0\.002"):
+        scenario.references(tree)
+    (tmp_path / "closed.xml").write_text(CLOSED)
+    scenario = prepare(tmp_path / "closed.xml", given={"vertices": 100})
+    with pytest.raises(NoReference, match=r"<= 0\.6"):
+        scenario.references(scenario.grown_tree())
+
+
+def test_the_limit_that_is_required_allows_a_short_path_and_a_little_less_does_not():
+    """A wall 2 m high right of a pocket, with an arm to the left at its lower end."""
+    walls = (
+        block("wall", 2.0, 1.5, (0.1, 1.0)), block("arm", 1.3, 0.6, (0.8, 0.1)), block("post", 3.2, 2.6, (0.1, 0.1)),
+    )  # fmt: skip
+    scene = Scene(
+        name="hook", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=walls, robot_radius=0.1,
+        goal=Goal(center=np.array([3.4, 1.5]), radius=0.2), start=np.array([1.3, 1.5, 0.0]),
+    )  # fmt: skip
+    space, pocket = FreeSpace.of(scene), scene.start[:2]
+
+    def grown(limit: float) -> HomologyTree:
+        problem = Problem(dynamics=SingleIntegrator(), scene=scene, R=2.0 * np.eye(2))
+        tree = HomologyTree(space, StraightLine.of(problem), limit=limit, rng=np.random.default_rng(0))
+        tree.grow(400)
+        return tree
+
+    least = required_limit(grown(0.3), pocket)
+    assert 0.3 < least < 1.0
+    shortest = min(grown(least + 0.1).lengths(pocket).values())
+    assert all(length > 1.1 * shortest for length in grown(least - 0.1).lengths(pocket).values())
+    assert required_limit(grown(1.5), pocket) == 0.0
+
+
+# -- lengths of the best path per class while the tree grows (the paper's Fig. 3a) -------------------------------
+
+
+def test_lengths_never_rise_and_approach_the_exact_ones_and_watching_does_not_change_the_tree():
+    slit = prepare("slit")
+    tree, unwatched = slit.empty_tree(), slit.empty_tree()
+    convergence = grow(tree, slit.start, 600, every=25)
+    with np.errstate(invalid="ignore"):  # inf - inf before a class is found
+        assert not np.any(np.diff(convergence.lengths, axis=0) > 0)
+    last = dict(zip(convergence.ids, convergence.lengths[-1], strict=True))
+    for name, length in {"0,0": 4.2, "-1,0": 4.33873, "0,1": 4.33873}.items():
+        assert length <= last[name] < 1.05 * length  # not shortened
+    raw = {r.id: r.length for r in tree.references(slit.start, shortened=False)}
+    for name, length in raw.items():
+        assert last[name] <= length * (1 + 1e-12)
+    assert min(last.values()) == pytest.approx(min(raw.values()), rel=0.02)
+    unwatched.grow(600)
+    assert np.array_equal(unwatched.states[:600], tree.states[:600])
+    assert (convergence.vertices[-1], convergence.iterations[-1]) == (600, tree.draws)
+    with pytest.raises(OptionError, match="every is 0"):
+        grow(slit.empty_tree(), slit.start, 10, every=0)
