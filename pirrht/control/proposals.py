@@ -31,7 +31,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.motion import SPACING, running_cost
+from pirrht.steering.motion import SPACING, Trajectory, running_cost
 from pirrht.topology.signature import integers
 
 
