@@ -133,7 +133,7 @@ class Drive(gymnasium.Env[Array, Array]):
         x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
         plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
         advance = self._plant.advance(lambda x, s: u, self._rng)
-        outcome = self._metrics.frame(Period(plan=plan, advance=advance, seconds=thought)).outcome
+        outcome = self._metrics.frame(Period(plan=plan, advance=advance, plan_seconds=thought)).outcome
         reward = -advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
         self._asked = time.perf_counter()
         over = outcome in (Outcome.GOAL, Outcome.COLLISION)
