@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,7 +35,7 @@ class System:
     q: float | Callable[..., float] | str = 1.0  # state cost rate [cost/s], or MODULE:NAME of a function
     q_min: float | None = None
     urge: Callable[[Settings], float] | None = None  # that rate as settings have it, in place of q
-    states: tuple[str, ...] = ("x", "y")  # (n,) names of the components of a state
+    states: tuple[str, ...] = ()  # (n,) names of the components of a state; none: those of the dynamics
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
     home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> the terminal cost of MPPI; None: the steering's
     twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
@@ -53,6 +54,10 @@ class System:
                 raise OptionError(
                     f"system {self.name}: {strange[0]!r} is no {what}; those are {', '.join(sorted(known))}"
                 )
+        if not self.states:
+            object.__setattr__(self, "states", POSE[:2])
+            with suppress(Exception):  # `problem` tells what is wrong
+                object.__setattr__(self, "states", tuple(self.dynamics(self.settings).states))
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
         _ = self.settings

@@ -37,6 +37,7 @@ SYSTEMS = (
         dynamics=_dynamics("single_integrator:SingleIntegrator"),
         steering=_steering("straight_line:StraightLine"),
         R=2.0 * np.eye(2),
+        states=POSE[:2],
         urge=_at_speed,
         heeds=("noise", "speed"),
         paper_samples=200,

@@ -13,6 +13,7 @@ from thoroughly import first
 
 from pirrht import SingleIntegrator, StraightLine
 from pirrht.errors import OptionError
+from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import main
 from sim.mjcf import load
 from sim.scenario import prepare
@@ -260,3 +261,8 @@ def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
     assert scenario.with_settings(seed=3, noise=scenario.settings.noise).settings.seed == 3
     with pytest.raises(OptionError, match="--noise is for"):
         scenario.with_settings(noise=0.2)
+
+
+def test_a_system_takes_the_names_of_its_states_from_its_dynamics():
+    given = {"R": np.eye(2), "heeds": ()}
+    assert System(name="mass", dynamics=lambda _: DoubleIntegrator(b=0.1), **given).states == ("x", "y", "vx", "vy")
