@@ -61,19 +61,14 @@ class TimedPlan:
 
 
 class SharedPlan:
-    """Fields that plant and planner share; each has one writer.
-
-    Attributes:
-        first: the plan that the run begins with.
-        arrived: planner to plant: plans, in the order of their beginnings.
-        driven: plant to planner: states of the periods that are over.
-        seen: plant to planner: time [s] and state of the last physics step.
-        stopped: whether the run is over.
-    """
+    """Fields that plant and planner share; each has one writer."""
 
     def __init__(self, first: TimedPlan) -> None:
-        self.first, self.seen, self.stopped = first, (0.0, first.plan.state), False
-        self.arrived, self.driven = deque[TimedPlan](), deque[Array]()
+        self.first = first  # the plan that the run begins with
+        self.arrived = deque[TimedPlan]()  # planner to plant: plans, in the order of their beginnings
+        self.driven = deque[Array]()  # plant to planner: states of the periods that are over
+        self.seen = 0.0, first.plan.state  # plant to planner: time [s] and state of the last physics step
+        self.stopped = False
 
 
 def periods(
