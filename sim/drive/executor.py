@@ -27,8 +27,7 @@ from sim.drive.plant import ClearanceChecker, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
-from sim.mjcf.mocap import Mocap
-from sim.mjcf.sweep import Sweep
+from sim.mjcf.mocap import Mocap, Sweep
 from sim.systems import named
 
 FOOTPRINT = "robot/footprint"  # geom of every robot
@@ -80,8 +79,7 @@ class Executor(Plant):
         mujoco.mj_resetDataKeyframe(self._model, self.data, 0)
         self._stance.place(self.data, self._state, twist, self._command.dot(twist))
         if self._mocap is not None:
-            self._mocap.start(time, self.physics_step)
-            self._mocap.step(self.data, 0)
+            self._mocap.place(self.data, time)
         mujoco.mj_step1(self._model, self.data)
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
@@ -91,7 +89,7 @@ class Executor(Plant):
             self._joints[:] = self.data.qpos
         mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
-            self._mocap.step(self.data, self._steps)
+            self._mocap.place(self.data, self.time)
         mujoco.mj_step1(self._model, self.data)
         return self._stance.read(self.data, x)
 

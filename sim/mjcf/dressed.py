@@ -9,11 +9,10 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from sim.mjcf.numbers import MOTION
+from sim.mjcf.obstacles import MOTION, site_of
 
 SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
-FLOOR, WALL = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0)
-MOVING = (0.50, 0.36, 0.62, 1.0)
+FLOOR, WALL, MOVING = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0), (0.50, 0.36, 0.62, 1.0)
 PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what has none
 DARK = (0.1, 0.4, 0.5)  # its light at the eye: ambient, diffuse, specular; alone it leaves walls black
 LIGHT = (0.42, 0.42, 0.0)
@@ -21,14 +20,21 @@ LIGHT = (0.42, 0.42, 0.0)
 
 def dress(model: mujoco.MjModel) -> None:
     """Give a model looks where it has none."""
-    _sites(model)
+    for name, color in SITES.items():
+        site = site_of(model, name)
+        if site >= 0 and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
+            model.site_rgba[site] = color
+    if (workspace := site_of(model, "workspace")) >= 0:
+        model.site_rgba[workspace, 3] = 0.0
+        model.site_matid[workspace] = -1
     bare = (model.geom_matid < 0) & _plain(model.geom_rgba)
     flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    names = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
+    moving = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name.removeprefix(MOTION)) for name in names]
     model.geom_rgba[bare & flat], model.geom_rgba[bare & ~flat] = FLOOR, WALL
-    model.geom_rgba[bare & ~flat & np.isin(model.body_rootid[model.geom_bodyid], _moving(model))] = MOVING
+    model.geom_rgba[bare & ~flat & np.isin(model.body_rootid[model.geom_bodyid], moving)] = MOVING
     head = model.vis.headlight
-    told = [float(part[0]) for part in (head.ambient, head.diffuse, head.specular)]
-    if model.nlight == 0 and np.allclose(told, DARK):
+    if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
         head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
 
 
@@ -37,28 +43,10 @@ def has_sky(model: mujoco.MjModel) -> bool:
     return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
 
 
-def _moving(model: mujoco.MjModel) -> list[int]:
-    """Bodies that have a motion."""
-    names = (model.numeric(i).name for i in range(model.nnumeric))
-    told = [name.removeprefix(MOTION) for name in names if name.startswith(MOTION)]
-    return [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in told]
-
-
 def has_floor(model: mujoco.MjModel) -> bool:
     """Whether there is a floor to be seen, other than the infinite one that a robot on wheels brings along."""
     flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_rgba[:, 3] > 0.0)
     return bool(np.any(flat & np.any(model.geom_size[:, :2] > 0.0, axis=1)))
-
-
-def _sites(model: mujoco.MjModel) -> None:
-    for name, color in SITES.items():
-        site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, name)
-        if site >= 0 and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
-            model.site_rgba[site] = color
-    workspace = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "workspace")
-    if workspace >= 0:
-        model.site_rgba[workspace, 3] = 0.0
-        model.site_matid[workspace] = -1
 
 
 def _plain(rgba: Array) -> Array:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import logging
+import re
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import deque
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,9 +14,9 @@ from pirrht.errors import SceneError
 from sim.files import MISSING, why_unreadable
 from sim.mjcf import limits
 
-# Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in, and Python prints the warning.
-logging.getLogger("mujoco").addHandler(logging.NullHandler())
-mujoco.set_mju_user_warning(logging.getLogger("mujoco").warning)
+# Without a handler MuJoCo leaves a MUJOCO_LOG.TXT in the folder one happens to work in.
+_heard: deque[str] = deque(maxlen=8)
+mujoco.set_mju_user_warning(_heard.append)
 
 _SIZES = {
     **dict.fromkeys(("nkey", "nuserdata"), 0),
@@ -62,8 +61,7 @@ def parse(path: Path) -> mujoco.MjSpec:
     """The spec of an MJCF file.
 
     Raises:
-        SceneError: it is no file, not named .xml, unreadable, no MJCF, asks for more than `sim.mjcf.limits` allows,
-            or holds what is not a number.
+        SceneError: it is no file, not named .xml, unreadable, no MJCF, or asks for more than `sim.mjcf.limits` allows.
     """
     why = why_unreadable(path)
     if why is not None:
@@ -78,67 +76,61 @@ def parse(path: Path) -> mujoco.MjSpec:
         raise SceneError(f"{path}: MuJoCo opens files whose names are UTF-8 text; rename it") from None
     limits.check(path)
     if not path.resolve().is_relative_to(models_folder()):
-        found = path.stat()
-        _tried(path, found.st_mtime_ns, found.st_size)
+        _tried(path, path.stat().st_mtime_ns, path.stat().st_size)
     return _read(path)
 
 
 @lru_cache(maxsize=64)
 def _tried(path: Path, *_: int) -> None:
     """Try a file; one that can be read is not tried again while its time and size stay."""
-    limits.trial(path, lambda: _pose(path))
+    limits.trial(path, lambda: _compiled(path))
 
 
-def _pose(path: Path) -> None:
+def _compiled(path: Path) -> None:
     spec = _read(path)
     for key in list(spec.keys):
         spec.delete(key)
     model = compile_spec(spec, path)
     mujoco.mj_kinematics(model, mujoco.MjData(model))
+    if model.nbody + model.ngeom + model.nsite > limits.MOST_PARTS:
+        raise SceneError(f"{path}: it has more than {limits.MOST_PARTS} bodies, geoms and sites; write fewer")
+    try:
+        _ = model.names.decode(), [text.data for text in spec.texts]
+    except UnicodeError:
+        raise SceneError(f"{path}: it has names that are not UTF-8 text; rename them") from None
 
 
 def _read(path: Path) -> mujoco.MjSpec:
     """The spec of a file, without what it says of the sizes of memory: MuJoCo knows them itself."""
+    _heard.clear()
     try:
-        with _quiet():
+        with warnings.catch_warnings(action="ignore", category=UserWarning):  # of deprecated attributes, a line each
             spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise SceneError(f"{path}: not MJCF: {_one_line(error)}; correct the XML there") from None
+        raise SceneError(f"{path}: not MJCF: {' '.join(str(error).split())}; correct the XML there") from None
+    if any("NaN" in words for words in _heard):
+        tag = re.search(r"<[^<>]*[\"' +-]nan\b[^<>]*>", path.read_text(errors="replace"), re.IGNORECASE)
+        where = " ".join(tag[0].split())[:100] if tag else "an element"
+        raise SceneError(f"{path}: {where} has nan for a number; write numbers")
     for name, value in _SIZES.items():
         setattr(spec, name, value)
-    _lend_meshes(spec, path)
-    return spec
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep to themselves the warnings by which MuJoCo speaks of deprecated attributes, a line each."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)
-        yield
-
-
-def _lend_meshes(spec: mujoco.MjSpec, path: Path) -> None:
-    """Let a copy of a built-in robot use its meshes, which have stayed where they were."""
-    folder = models_folder() / "robots" / "meshes"
+    lent = models_folder() / "robots" / "meshes"  # for copies of built-in robots, whose meshes have stayed there
     for mesh in spec.meshes:
-        lent = folder / Path(mesh.file).name
-        if mesh.file and not (path.parent / spec.meshdir / mesh.file).exists() and lent.is_file():
-            mesh.file = str(lent)
+        there = lent / Path(mesh.file).name
+        if mesh.file and not (path.parent / spec.meshdir / mesh.file).exists() and there.is_file():
+            mesh.file = str(there)
+    return spec
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The compiled model; SceneError names the file that is to blame."""
     try:
-        with _quiet():
+        with warnings.catch_warnings(action="ignore", category=UserWarning):
             return spec.compile()
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise SceneError(f"{path}: MuJoCo cannot compile it: {_one_line(error)}; correct that element") from None
+        words = " ".join(str(error).split())
+        raise SceneError(f"{path}: MuJoCo cannot compile it: {words}; correct that element") from None
 
 
 def _names(folder: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (models_folder() / folder).glob("*.xml")))
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())

@@ -1,90 +1,95 @@
-"""What an MJCF file and the files that it names must be before MuJoCo reads them, and a trial of reading them.
+"""Limits of files of other people, and a trial of what MuJoCo makes of an MJCF file.
 
-MuJoCo opens whatever a file names and allocates whatever it asks for. Here every file is regular and of bounded size,
-pictures and counts are bounded, and every number is one. What slips through meets the limits of a child process, in
-which a file is read and compiled first.
+MuJoCo opens whatever a file names and allocates whatever it asks for. Here every named file is regular and of bounded
+size; then a child process of bounded memory and time reads and compiles the scene before this one does.
 """
 
 from __future__ import annotations
 
-import math
 import os
 import re
 import signal
 import sys
-from collections.abc import Callable, Iterator
-from io import BytesIO
+from collections.abc import Callable
+from html import unescape
+from itertools import product
+from math import prod
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError
-
-from defusedxml.common import DefusedXmlException
-from defusedxml.ElementTree import iterparse
 
 from pirrht.errors import SceneError
 from sim.files import MISSING, read_bounded, why_unreadable
 
-LARGEST_XML, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes
-MOST_ELEMENTS = 60_000  # of a file with all that it includes, copies counted one by one: MuJoCo takes 7 s for them
-MOST_COPIES = 10_000  # of an element, by all that repeats it: 3 s
-MOST_FOLDERS = 32  # in which files are searched
-MOST_PIXELS, MOST_POINTS, MOST = 2**26, 2**24, 1_000_000
+FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
+FINEST = 1e-6  # of any measure of an imported file [m]
+LARGEST_TEXT, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes; worlds of the BARN data set have one megabyte
+MOST_PARTS = 60_000  # bodies, geoms and sites of an MJCF file with all that it includes: MuJoCo takes 7 s for them
+MOST_COPIES = 10_000  # by one element: 3 s
+MOST_PLACES = 100_000  # where named files are searched
+MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED = 300_000, 256, 32  # of an SDF world with all that it includes
+MOST_NODES, MOST_TRIANGLES = 10_000, 1_000_000  # of a COLLADA file
+MOST_PIXELS = 25_000_000  # of a map: 250 m square at 0.05 m; a pixel takes 64 bytes on the way
 MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this process has, and seconds
 
-_COUNTS = {  # element -> attributes whose product is how much it asks for, and the most that it may
-    "texture": (("width", "height"), MOST_PIXELS),
-    "hfield": (("nrow", "ncol"), MOST_POINTS),
-    "replicate": (("count",), MOST_COPIES),
-    "composite": (("count",), MOST_COPIES),
-    "flexcomp": (("count",), MOST_COPIES),
-    "camera": (("resolution",), MOST_PIXELS),
-    "numeric": (("size",), MOST),
-    "user": (("dim",), MOST),
-}
-_REPEATS = ("replicate", "composite", "flexcomp")  # make `count` of what they hold
-_FOLDERS = ("meshdir", "texturedir", "assetdir")
-_WORDS = {  # attributes whose value is a name
-    "name", "class", "childclass", "model", "prefix", "mesh", "material", "texture", "hfield", "joint", "joint1",
-    "joint2", "body", "body1", "body2", "geom", "geom1", "geom2", "site", "site1", "site2", "target", "tendon",
-    "actuator", "objname", "refname", "key", "plugin", "instance", *_FOLDERS,
-}  # fmt: skip
-_MARKUP = re.compile(
-    rb"(?P<aside><!--.*?-->|<\?.*?\?>)|<(?P<tag>[^<>\"'!?](?:[^<>\"']|\"[^\"]*\"|'[^']*')*+)>|<", re.DOTALL
-)
-_PNG = b"\x89PNG\r\n\x1a\n"
+_NAMED = re.compile(rb"""\b(file\w*|count|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_READ = "read"
+
+
+def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
+    """Read a regular file of bearable size.
+
+    Raises:
+        SceneError: names the path and what is wanted.
+    """
+    why = why_unreadable(path)
+    if why is not None:
+        raise SceneError(f"{path}: cannot be read (it {why}); give {what}")
+    return read_bounded(path, LARGEST_TEXT, what, remedy)
 
 
 def check(path: Path) -> None:
-    """Refuse an MJCF file that MuJoCo should not read, or that names such a file.
+    """Refuse an MJCF file that is too large, copies too much, or names what is no regular file of bounded size.
+
+    Names are searched wherever MuJoCo might; what does not exist is left to it.
 
     Raises:
-        SceneError: a file is no regular one, too large or not well-formed, or an element has what is no number or
-            asks for too much; names file, element and attribute.
+        SceneError: names the file, what it names and why not.
     """
-    waiting, seen, named, number = [path], {path}, list[tuple[Path, Element, str]](), 0
+    waiting, seen, names = [path], {path}, dict[str, Path]()
     bases, folders = {path.parent}, {""}
     while waiting:
         file = waiting.pop()
-        for element, copies in _elements(file):
-            number += copies
-            if copies > MOST_COPIES:
-                raise SceneError(f"{file}: {element.tag} is there more than {MOST_COPIES} times; write smaller counts")
-            if number > MOST_ELEMENTS:
-                raise SceneError(f"{path}: it has more than {MOST_ELEMENTS} elements; write fewer, or smaller counts")
-            _check_numbers(file, element)
-            folders |= {element.get(key, "") for key in _FOLDERS if element.tag == "compiler"}
-            if len(folders) > MOST_FOLDERS:
-                raise SceneError(f"{file}: it names more than {MOST_FOLDERS} folders; write one compiler element")
-            for key in element.attrib:
-                if key.startswith("file") and element.tag in ("include", "model"):
-                    for found in _regular(file, element, key, {path.parent, file.parent}, {""}):
-                        bases.add(found.parent)
-                        waiting += [found] if found not in seen else []
-                        seen.add(found)
-                elif key.startswith("file"):
-                    named.append((file, element, key))
-    for file, element, key in named:
-        for found in _regular(file, element, key, bases, folders):
-            _check_size(found, element)
+        bases.add(file.parent)
+        content = content_of(file, "the path of an MJCF file", "write large meshes to files of their own")
+        for key, *value in _NAMED.findall(content):
+            text = unescape(b"".join(value).decode(errors="surrogateescape"))
+            if key == b"count":
+                if prod(max(1, int(word)) for word in text.split() if word.isdecimal()) > MOST_COPIES:
+                    raise SceneError(f'{file}: count="{text[:40]}" makes too much; write {MOST_COPIES} at most')
+            elif key.startswith(b"file"):
+                names.setdefault(text, file)
+            else:
+                folders.add(text)
+        if len(names) * len(bases) * len(folders) > MOST_PLACES:
+            raise SceneError(f"{file}: it names too many files and folders; write fewer")
+        if not waiting:
+            found = {
+                base / folder / part
+                for name, base, folder in product(names, bases, folders)
+                for part in (name, Path(name).name)
+                if _check_named(base / folder / part, name, names[name])
+            }
+            waiting = [one for one in found - seen if one.stat().st_size <= LARGEST_TEXT]
+            seen |= found
+
+
+def _check_named(found: Path, name: str, by: Path) -> bool:
+    """Whether there is such a file; what is there and would never end, or is too large, is refused."""
+    why = why_unreadable(found)
+    if why not in (None, MISSING) and name and not found.is_dir():
+        raise SceneError(f'{by}: it names the file "{name[:40]}", which {why}; name a regular file')
+    if why is None and found.stat().st_size > LARGEST_FILE:
+        raise SceneError(f"{found}: larger than {LARGEST_FILE >> 20} MiB; make it smaller")
+    return why is None
 
 
 def trial(path: Path, read: Callable[[], object]) -> None:
@@ -108,17 +113,13 @@ def trial(path: Path, read: Callable[[], object]) -> None:
         raise
     finally:
         os.waitpid(child, 0)
-    if words == _READ:
-        return
     if not words or "allocate memory" in words or "unknown exception" in words:
         raise SceneError(
             f"{path}: loading it takes MuJoCo more than {MEMORY >> 30} GiB of memory or {CPU} s; make meshes, pictures "
             "and counts smaller"
         )
-    raise SceneError(words)
-
-
-_READ = "read"
+    if words != _READ:
+        raise SceneError(words)
 
 
 def _try(read: Callable[[], object], sink: int) -> None:
@@ -131,9 +132,9 @@ def _try(read: Callable[[], object], sink: int) -> None:
             signal.signal(number, signal.SIG_DFL)
         signal.alarm(WALL)
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        _lower(resource.RLIMIT_AS, used + MEMORY)
-        _lower(resource.RLIMIT_CPU, CPU)
-        _lower(resource.RLIMIT_CORE, 0)
+        for limit, most in ((resource.RLIMIT_AS, used + MEMORY), (resource.RLIMIT_CPU, CPU), (resource.RLIMIT_CORE, 0)):
+            hard = resource.getrlimit(limit)[1]
+            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 1)
         os.dup2(nowhere, 2)
@@ -146,98 +147,3 @@ def _try(read: Callable[[], object], sink: int) -> None:
     finally:
         os.write(sink, words[:4000].encode(errors="replace"))
         os._exit(0)
-
-
-def _lower(limit: int, value: int) -> None:
-    import resource
-
-    hard = resource.getrlimit(limit)[1]
-    resource.setrlimit(limit, (value if hard == resource.RLIM_INFINITY else min(value, hard), hard))
-
-
-def _elements(file: Path) -> Iterator[tuple[Element, int]]:
-    """All elements of a file, and how many of each there will be."""
-    content = read_bounded(file, LARGEST_XML, "the path of an MJCF file", "write large meshes to files of their own")
-    repeats = [1]
-    try:
-        for event, element in iterparse(BytesIO(_text(content)), events=("start", "end"), forbid_dtd=True):
-            if event == "start":
-                yield element, repeats[-1]
-            if element.tag in _REPEATS:
-                repeats.append(repeats[-1] * _asked(element, ("count",))) if event == "start" else repeats.pop()
-    except (ParseError, DefusedXmlException, ValueError) as error:
-        reason = " ".join(str(error).split())
-        raise SceneError(f"{file}: not MJCF: {reason}; correct the XML there") from None
-
-
-def _text(content: bytes) -> bytes:
-    """The markup of a file as MuJoCo reads it: in UTF-8 whatever it declares, and without comments."""
-
-    def kept(found: re.Match[bytes]) -> bytes:
-        if found["aside"] is not None:
-            return b"\n" * found[0].count(b"\n")
-        if found["tag"] is None:
-            line = content.count(b"\n", 0, found.start()) + 1
-            raise ValueError(f"markup that is no element, or does not end: line {line}")
-        return found[0]
-
-    markup = _MARKUP.sub(kept, content.removeprefix(b"\xef\xbb\xbf"))
-    try:
-        markup.decode()
-    except UnicodeDecodeError:
-        raise ValueError("names that are not UTF-8 text") from None
-    return markup
-
-
-def _check_numbers(file: Path, element: Element) -> None:
-    called = f"{file}: {element.tag}" + (f' "{element.get("name")}"' if element.get("name") else "")
-    for key, value in element.items():
-        if key not in _WORDS and not key.startswith("file") and element.tag != "text" and _has_nan(value):
-            raise SceneError(f'{called} has {key}="{_short(value)}"; write numbers there')
-    keys, most = _COUNTS.get(element.tag, ((), MOST))
-    if _asked(element, keys) > most:
-        given = " ".join(f'{key}="{_short(element.attrib[key])}"' for key in keys if key in element.attrib)
-        raise SceneError(f"{called} has {given}; write {most} at most" + (", multiplied" if " " in given else ""))
-
-
-def _asked(element: Element, keys: tuple[str, ...]) -> int:
-    """The product of what attributes ask for; 1 for what is no number, of which MuJoCo has words of its own."""
-    product = 1
-    for word in " ".join(element.get(key, "") for key in keys).split():
-        try:
-            value = float(word)
-        except ValueError:
-            continue
-        product *= max(1, int(value)) if math.isfinite(value) else sys.maxsize
-    return product
-
-
-def _has_nan(value: str) -> bool:
-    return any(word.lower().lstrip("+-").startswith("nan") for word in value.replace(",", " ").split())
-
-
-def _short(value: str) -> str:
-    return value if len(value) <= 40 else f"{value[:37]}..."
-
-
-def _regular(file: Path, element: Element, key: str, bases: set[Path], folders: set[str]) -> Iterator[Path]:
-    """The files that an attribute may mean; those that do not exist are left to MuJoCo."""
-    name = element.get(key, "")
-    for found in {base / folder / part for base in bases for folder in folders for part in (name, Path(name).name)}:
-        why = why_unreadable(found)
-        if why is None:
-            yield found
-        elif why != MISSING and name and not found.is_dir():
-            raise SceneError(f'{file}: {element.tag} names {key}="{_short(name)}", which {why}; name a regular file')
-
-
-def _check_size(file: Path, element: Element) -> None:
-    with file.open("rb") as stream:
-        head, size = stream.read(24), os.fstat(stream.fileno()).st_size
-    if size > LARGEST_FILE:
-        raise SceneError(f"{file}: larger than {LARGEST_FILE >> 20} MiB, too large for a {element.tag}")
-    if head.startswith(_PNG):
-        width, height = (int.from_bytes(head[i : i + 4]) for i in (16, 20))
-        most = MOST_POINTS if element.tag == "hfield" else MOST_PIXELS
-        if width * height > most:
-            raise SceneError(f"{file}: {width} x {height} pixels are too many for a {element.tag}; {most} are allowed")

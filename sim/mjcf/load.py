@@ -1,30 +1,8 @@
 """Scenes and robots from MJCF files, joined and read by convention; there are no side files.
 
-A scene file declares
-  site `goal`       cylinder or sphere; its first size is the radius
-  site `start`      position, and the direction of its x-axis as heading
-  site `workspace`  box that bounds the robot's centre; without it the horizontal floor plane does
-  obstacles         every static geom, whatever body it hangs in, whose contact bits match the robot's and
-                    whose height range meets the robot's; the floor is none. A mocap body stands still; one with
-                    a motion (`pirrht_motion_BODY`) is refused
-  custom            `<numeric name="pirrht_noise" data="0.1"/>`: defaults of options (- becomes _);
-                    `<text name="pirrht_robot" data="unicycle"/>`: the robot it is meant for;
-                    `<text name="pirrht_about" data="..."/>`: a sentence, which `pirrht scenes` shows
-
-A robot file declares
-  body `robot`      its root, at the origin, moved by a slide along x, a slide along y [and a hinge about z],
-                    so that the joint positions are the state (and the speeds of the slides, if it has
-                    velocities); or by a free joint and wheels that stand on
-                    the robot's own infinite plane `ground`, which they touch by contact pairs
-  geom `footprint`  a sphere: radius and height with which the robot plans; if it collides, another radius
-                    scales the robot as a whole, else whatever collides must lie inside it
-  actuators         velocity servos tuned for the file's own timestep and integrator; `motor`s where velocities
-                    (vx, vy, speed) are states of the system: a force must accelerate the robot as the command says
-  custom            `<text name="pirrht_dynamics" data="single_integrator"/>`, "unicycle" or
-                    whatever else is registered (`sim.systems`);
-                    `<numeric name="pirrht_command" size="k*nu" data="..."/>`: row by row the (nu, k) matrix
-                    M of ctrl = M @ twist with `Dynamics.twist`: (vx, vy), (forward speed, turn rate),
-                    accelerations along x and y, or (acceleration ahead, to the left, turn rate), k = 3
+docs/own-map.md and docs/own-robot.md say what such files declare: a scene the sites `goal`, `start` and `workspace`,
+geoms whose contact bits match the robot's, and custom elements `pirrht_...`; a robot the body `robot` with the geom
+`footprint`, actuators, and the custom elements `pirrht_dynamics` and `pirrht_command`.
 
 The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
 (none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix
@@ -35,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import isnan
 from pathlib import Path
 from typing import Any
 
@@ -42,23 +21,20 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
-from sim.mjcf.coordinates import stance_of, standing
-from sim.mjcf.faults import Faults
-from sim.mjcf.frozen import freeze as freeze_bodies
-from sim.mjcf.frozen import leave_out, listed
-from sim.mjcf.hulls import Concave, concave_meshes, use_hulls
-from sim.mjcf.library import compile_spec, find, models_folder, parse, robot_names, scene_names
-from sim.mjcf.loose import loosen
+from sim.mjcf.coordinates import stance_of
+from sim.mjcf.edits import freeze, leave_out, loosen
+from sim.mjcf.hulls import concave_meshes, use_hulls
+from sim.mjcf.library import compile_spec, find, parse, robot_names
 from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers, shortfall
-from sim.mjcf.numbers import MOTION, option_defaults
-from sim.mjcf.obstacles import Mask, geom_label, read_obstacles, read_workspace, refuse_turns
+from sim.mjcf.obstacles import MOTION, Mask, geom_label, read_obstacles, read_workspace, root_name, site_of
+from sim.mjcf.refusals import Faults, listed, prefixed
 from sim.mjcf.robot import Robot, meant_system, read_robot
+from sim.options import NUMERICS
 from sim.settings import SceneOptions
+from sim.systems import POSE
 from sim.text import counted
-
-__all__ = ["Loaded", "load", "models_folder", "robot_names", "scene_names"]
 
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
@@ -111,68 +87,75 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
     task, path = SceneOptions(**options), find("scene", scene)
-    spec, faults = parse(path), Faults(path)
-    notes = [leave_out(spec, task.without, path)] if task.without else []
-    motions = read_motions(spec, path)
-    notes += [freeze_bodies(spec, motions, path)] if task.freeze else []
-    defaults = faults.of(option_defaults, spec, path) or {}
+    spec, faults, notes = parse(path), Faults(), []
+    with prefixed(f"{path}: "):
+        if task.without:
+            notes.append(leave_out(spec, task.without))
+        motions = read_motions(spec)
+    if task.freeze:
+        notes.append(freeze(spec, motions, path))
+    defaults = faults.of(_defaults, spec) or {}
     if loose:
         loosen(spec)
-    meant, about = faults.of(_meant_robot, spec, path) or DEFAULT, _about(spec)
-    length = defaults.get("radius") if task.radius is None else task.radius
-    room = defaults.get("margin") if task.margin is None else task.margin
-    machine = read_robot(task.robot or meant, length, task.system, margin=room or 0.0)
-    model = _join(spec, machine, path)
+    meant = faults.of(_meant_robot, spec) or DEFAULT
+    about = next((" ".join(str(text.data).split()) for text in spec.texts if text.name == ABOUT), "")
+    radius = defaults.get("radius") if task.radius is None else task.radius
+    margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
+    robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
+    model = _join(spec, robot, path)
     data = _posed(model)
-    robot_geoms = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
-    span = max(machine.height - machine.radius, 0.0), machine.height + machine.radius
-    faults.of(_refuse_actuators, model, machine, path)
-    faults.of(refuse_turns, model, path)
-    mask, solids = read_obstacles(model, data, robot_geoms, span, path, faults)
-    moving, numbers = moved_geoms(model, motions), np.flatnonzero(mask)
-    borders = faults.of(read_workspace, model, data, task.workspace, path)
-    disc, place = faults.of(_goal, model, data, task.goal, path), faults.of(_start, model, data, task.start, path)
-    faults.settle()
-    assert borders is not None and disc is not None  # noqa: PT018
-    assert place is not None
-    concave = concave_meshes(model, mask, solids)
-    if concave:
-        model = use_hulls(spec, model, concave, path)
-        data = _posed(model)
-        notes.append(_on_hulls(list(concave.values())))
+    mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
+    with prefixed(f"{path}: "):
+        faults.of(_refuse_actuators, model, len(robot.command))
+        span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
+        mask, solids = read_obstacles(model, data, mine, span, faults)
+        borders = faults.of(read_workspace, model, data, task.workspace)
+        goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
+        faults.refuse()
+        assert borders is not None and goal is not None and start is not None  # noqa: PT018
+        known = dict(zip(np.flatnonzero(mask).tolist(), solids, strict=True))
+        meshes = {geom: one for geom, one in known.items() if one.vertices is not None}
+        concave = concave_meshes(model, meshes)
+        if concave:
+            model = use_hulls(spec, model, {geom: meshes[geom] for geom in concave}, path)
+            data = _posed(model)
+            called = listed([f"{geom_label(model, geom)} ({volumes})" for geom, volumes in concave.items()])
+            notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
+        moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, known)
     values = Scene(
         name=path.stem,
         lower=borders[0],
         upper=borders[1],
-        obstacles=tuple(solid for solid, geom in zip(solids, numbers, strict=True) if not moving[geom]),
-        goal=disc,
-        start=place,
-        robot_radius=machine.radius,
-        robot_height=machine.height,
-        margin=max(machine.radius - machine.reach, 0.0),
+        obstacles=tuple(solid for geom, solid in known.items() if not moving[geom]),
+        goal=goal,
+        start=start,
+        robot_radius=robot.radius,
+        robot_height=robot.height,
+        margin=max(robot.radius - robot.reach, 0.0),
         defaults=defaults,
-        movers=read_movers(model, data, motions, dict(zip(numbers.tolist(), solids, strict=True)), path),
+        movers=movers,
     )
-    if room and 0.0 < (left := room - shortfall(values)) <= room:
+    if margin and 0.0 < (left := margin - shortfall(values)) <= margin:
         return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
-    _leave_only(model, mask, robot_geoms)
-    _place(model, data, machine, values.start)
-    _check_start(model, data, mask, moving, concave, path)
-    check_start(values, path)
+    _leave_only(model, mask, mine)
+    _place(model, data, robot, values.start)
+    with prefixed(f"{path}: "):
+        _check_start(model, data, mask, moving, concave)
+        check_start(values)
     return Loaded(
         scene=values,
         model=model,
         obstacle_geoms=mask,
         moving_geoms=moving,
-        robot_geoms=robot_geoms,
-        dynamics_name=machine.system.name,
-        states=machine.system.states,
-        command=machine.command,
-        robot=machine.name,
+        robot_geoms=mine,
+        dynamics_name=robot.system.name,
+        states=robot.system.states,
+        command=robot.command,
+        robot=robot.name,
         meant=meant_system(meant),
         path=path,
         about=about,
-        margin=room or 0.0,
+        margin=margin,
         notes=tuple(note for note in notes if note),
     )
 
@@ -181,14 +164,6 @@ def _posed(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return data
-
-
-def _on_hulls(concave: Sequence[Concave]) -> str:
-    """A line on meshes that are not convex."""
-    return (
-        f"MuJoCo collides with the convex hulls of meshes, and so do plans: {listed([one.words for one in concave])}; "
-        f"{DECOMPOSE}"
-    )
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
@@ -204,14 +179,13 @@ def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     return compile_spec(spec, path)
 
 
-def _refuse_actuators(model: mujoco.MjModel, robot: Robot, path: Path) -> None:
-    own = len(robot.command)
+def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
     if model.nu != own:
         names = [model.actuator(i).name for i in range(model.nactuator)]
         called = listed([f'"{name}"' for name in names if name and not name.startswith("robot/")])
         raise SceneError(
-            f"{path}: the scene has {counted(model.nu - own, 'actuator')}{f' ({called})' if called else ''}; only the "
-            "robot may have some: remove them, or load it with --freeze"
+            f"the scene has {counted(model.nu - own, 'actuator')}{f' ({called})' if called else ''}; only the robot "
+            "may have some: remove them, or load it with --freeze"
         )
 
 
@@ -228,88 +202,92 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Arra
     """Make the keyframe the robot at rest at the start."""
     model.key_qpos[0] = robot.rest
     states = robot.system.states
-    stance_of(model, states).place(data, standing(start, states), np.zeros(2), np.zeros(model.nu))
+    state = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
+    stance_of(model, states).place(data, state, np.zeros(2), np.zeros(model.nu))
     model.key_qpos[0] = data.qpos
 
 
-def _meant_robot(spec: mujoco.MjSpec, path: Path) -> str:
-    robot = DEFAULT
-    for text in spec.texts:
-        if text.name == "pirrht_robot":
-            robot = str(text.data)
-            if robot not in robot_names():
-                known = ", ".join(robot_names())
-                raise SceneError(f'{path}: custom text "pirrht_robot" is "{robot}"; write one of {known}')
-        elif text.name.startswith("pirrht_") and text.name != ABOUT and not text.name.startswith(MOTION):
-            raise SceneError(
-                f'{path}: custom text "{text.name}" is no option; those are pirrht_robot and {ABOUT}, and {MOTION}BODY'
-            )
+def _defaults(spec: mujoco.MjSpec) -> dict[str, float]:
+    """What a scene says of options, by their names."""
+    defaults = {}
+    for numeric in spec.numerics:
+        if not numeric.name.startswith("pirrht_") or numeric.name.startswith(MOTION):
+            continue
+        name, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
+        label = f'custom numeric "{numeric.name}"'
+        if name not in NUMERICS:
+            known = ", ".join("pirrht_" + option.replace("-", "_") for option in NUMERICS)
+            raise SceneError(f"{label} is no option; those are {known}, and {MOTION}BODY is the motion of a body")
+        if len(values) != 1 or isnan(values[0]):
+            raise SceneError(f"{label} is {values}; write one finite number")
+        try:
+            NUMERICS[name].check(float(values[0]), label)
+        except OptionError as error:
+            raise SceneError(str(error)) from None
+        defaults[name] = float(values[0])
+    return defaults
+
+
+def _meant_robot(spec: mujoco.MjSpec) -> str:
+    texts = {text.name: str(text.data) for text in spec.texts if text.name.startswith("pirrht_")}
+    robot, known = texts.pop("pirrht_robot", DEFAULT), robot_names()
+    if robot not in known:
+        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(known)}')
+    for name in texts:
+        if name != ABOUT and not name.startswith(MOTION):
+            raise SceneError(f'custom text "{name}" is no option; those are pirrht_robot and {ABOUT}, and {MOTION}BODY')
     return robot
 
 
-def _about(spec: mujoco.MjSpec) -> str:
-    return next((" ".join(str(text.data).split()) for text in spec.texts if text.name == ABOUT), "")
-
-
-def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Goal:
+def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Goal:
     if given is not None:
         if len(given) != 3:
             more = ", since a goal has no heading: it is reached in whatever direction" if len(given) > 3 else ""
-            raise SceneError(f"{path}: the goal has {counted(len(given), 'number')}; give three: x, y and radius{more}")
-        return _disc(np.array(given[:2], dtype=float), float(given[2]), "the goal", path)
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "goal")
-    remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
-    if site < 0:
-        raise SceneError(f'{path}: no site "goal"; add {remedy} or give --goal X Y R')
-    kind, tilt = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8])
-    if kind != _GEOM.mjGEOM_SPHERE and (kind != _GEOM.mjGEOM_CYLINDER or tilt < 1 - 1e-6):
-        shape = kind.name.removeprefix("mjGEOM_").lower()
-        raise SceneError(f'{path}: site "goal" is no sphere or upright cylinder: {shape}; write {remedy}')
-    return _disc(np.array(data.site_xpos[site, :2]), float(model.site_size[site, 0]), 'site "goal"', path)
-
-
-def _disc(center: Array, radius: float, what: str, path: Path) -> Goal:
+            raise SceneError(f"the goal has {counted(len(given), 'number')}; give three: x, y and radius{more}")
+        what, center, radius = "the goal", np.array(given[:2], dtype=float), float(given[2])
+    else:
+        site = site_of(model, "goal")
+        remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
+        if site < 0:
+            raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
+        kind, tilt = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8])
+        if kind != _GEOM.mjGEOM_SPHERE and (kind != _GEOM.mjGEOM_CYLINDER or tilt < 1 - 1e-6):
+            shape = kind.name.removeprefix("mjGEOM_").lower()
+            raise SceneError(f'site "goal" is no sphere or upright cylinder: {shape}; write {remedy}')
+        what, center, radius = 'site "goal"', data.site_xpos[site, :2].copy(), float(model.site_size[site, 0])
     if radius > REACH:
-        raise SceneError(f"{path}: {what} has a radius of {radius:g}; write at most {REACH:g} m")
+        raise SceneError(f"{what} has a radius of {radius:g}; write at most {REACH:g} m")
     return Goal(center=center, radius=radius)
 
 
-def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None, path: Path) -> Array:
+def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Array:
     if given is not None and len(given) not in (2, 3):
-        raise SceneError(f"{path}: the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
-    site = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start")
+        raise SceneError(f"the start has {counted(len(given), 'number')}; give x, y and optionally a heading")
+    site = site_of(model, "start")
     if given is None and site < 0:
-        raise SceneError(f'{path}: no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')
+        raise SceneError('no site "start"; add <site name="start" pos="x y 0"/> or give --start X Y')
     heading = float(np.arctan2(data.site_xmat[site, 3], data.site_xmat[site, 0])) if site >= 0 else 0.0
-    place = data.site_xpos[site, :2] if given is None else given
-    heading = place[2] if given is not None and len(place) == 3 else heading
-    if not abs(heading) <= TURNED:
-        raise SceneError(
-            f"{path}: the start has the heading {heading:g}; write radians, from -{TURNED:g} to {TURNED:g}"
-        )
-    return np.array([*place[:2], heading], dtype=float)
+    place = [*(data.site_xpos[site, :2] if given is None else given), heading][:3]
+    if not abs(place[2]) <= TURNED:
+        raise SceneError(f"the start has the heading {place[2]:g}; write radians, from -{TURNED:g} to {TURNED:g}")
+    return np.array(place, dtype=float)
 
 
 def _check_start(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    obstacles: Mask,
-    moving: Mask,
-    concave: Mapping[int, Concave],
-    path: Path,
+    model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, moving: Mask, concave: Mapping[int, str]
 ) -> None:
+    """Refuse a robot that touches an obstacle where it starts."""
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if obstacles[g]]
     if touched:
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
-        where = f"{path}: at the start ({x:g}, {y:g}) the robot touches {geom_label(model, geom)}"
+        body, label = root_name(model, geom), geom_label(model, geom)
+        where = f"at the start ({x:g}, {y:g}) the robot touches "
         if moving[geom]:
-            body = f'body "{model.body(model.body_rootid[model.geom_bodyid[geom]]).name}"'
-            raise SceneError(f"{where}{'' if body in where else f' of {body}'}, and {MOVES}")
+            more = "" if f'body "{body}"' in label else f' of body "{body}"'
+            raise SceneError(f"{where}{label}{more}, and {MOVES}")
         if geom in concave:
-            where = where.replace("touches", "touches the convex hull of")
-            where += f" ({concave[geom].volumes}), with which MuJoCo collides: {DECOMPOSE}"
-        body = model.body(model.body_rootid[model.geom_bodyid[geom]]).name
+            label = f"the convex hull of {label} ({concave[geom]}), with which MuJoCo collides: {DECOMPOSE}"
         spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
-        raise SceneError(f'{where}; move site "start"{spare}, or choose another --start or a smaller --radius')
+        raise SceneError(f'{where}{label}; move site "start"{spare}, or choose another --start or a smaller --radius')

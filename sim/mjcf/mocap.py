@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.geometry.collision import SHORTEST, touches
 from pirrht.geometry.obstacle import Mover
-
-AT_ONCE = 64  # steps whose poses are found together
+from sim.mjcf.obstacles import Mask
 
 
 class Mocap:
@@ -26,24 +26,6 @@ class Mocap:
         self._heights = model.body_pos[bodies, 2]
         yaws = np.array([motion.rows[0, 3] for motion in self._motions])
         self._upright = _turned(model.body_quat[bodies], -yaws)  # at yaw 0
-        self._begun = self._step = 0.0
-        self._first, self._places, self._turns = 0, np.empty((0, len(bodies), 3)), np.empty((0, len(bodies), 4))
-
-    def start(self, time: float, step: float) -> None:
-        """Count steps of a length from a time on [s]."""
-        self._begun, self._step = time, step
-        self._places = self._places[:0]
-
-    def step(self, data: mujoco.MjData, number: int) -> None:
-        """Place the bodies as they are at the end of a step; 0 is where it started."""
-        k = number - self._first
-        if not 0 <= k < len(self._places):
-            self._first, k = number, 0
-            self._places, self._turns = self.poses(self._times(number))
-        data.mocap_pos[self._rows], data.mocap_quat[self._rows] = self._places[k], self._turns[k]
-
-    def _times(self, first: int) -> Array:
-        return self._begun + np.arange(first, first + AT_ONCE, dtype=float) * self._step
 
     def place(self, data: mujoco.MjData, time: float) -> None:
         """Place the bodies as they are at a time [s]."""
@@ -63,3 +45,44 @@ def _turned(quaternions: Array, yaws: Array) -> Array:
     c, s = np.cos(0.5 * yaws), np.sin(0.5 * yaws)
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     return np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=-1)
+
+
+class Sweep:
+    """The robot's own geoms against those of moving bodies between two steps, by MuJoCo's distances."""
+
+    def __init__(self, model: mujoco.MjModel, robot: Mask, bodies: Mask, mocap: Mocap) -> None:
+        self._model, self._data, self._mocap = model, mujoco.MjData(model), mocap
+        offered, accepted = model.geom_contype, model.geom_conaffinity
+        match = (offered[:, None] & accepted) | (offered & accepted[:, None])
+        self._pairs = np.argwhere((match != 0) & robot[:, None] & bodies)
+        self._round = model.geom_rbound[self._pairs].sum(axis=1)  # of the balls around both geoms of a pair [m]
+
+    def meets(
+        self, before: Array, after: Array, begin: float, end: float, own: float, way: Callable[[float, float], float]
+    ) -> bool:
+        """Whether they touch between joint positions, 2 x (nq,), from `begin` to `end` [s].
+
+        Args:
+            own: how far any point of the robot moves at most [m].
+            way: tells the same of bodies between two times [s].
+        """
+        far = own + way(begin, end) + SHORTEST
+
+        def time(share: float) -> float:
+            return begin + share * (end - begin)
+
+        def free(share: float) -> float:
+            self._data.qpos[:] = before + share * (after - before)
+            self._mocap.place(self._data, time(share))
+            mujoco.mj_kinematics(self._model, self._data)
+            mine, other = self._data.geom_xpos[self._pairs.T]
+            near = np.sum((mine - other) ** 2, axis=1) < (self._round + far) ** 2
+            distances = (
+                float(mujoco.mj_geomDistance(self._model, self._data, one, another, far, None))
+                for one, another in self._pairs[near].tolist()
+            )
+            return min(distances, default=far)
+
+        return bool(len(self._pairs)) and touches(
+            free, lambda a, b: (b - a) * own + way(time(a), time(b)), undecided=False
+        )

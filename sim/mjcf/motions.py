@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, remainder, tau
-from pathlib import Path
+from math import inf, isfinite, remainder, tau
 
 import mujoco
 import numpy as np
@@ -15,16 +14,17 @@ from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
-from sim.mjcf.numbers import MOTION, refuse_far
-from sim.mjcf.obstacles import Mask
+from sim.mjcf.obstacles import MOTION, Mask
+from sim.mjcf.refusals import refuse_far
 
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
+MOMENTS = 1000  # before a body rests at which one looks whether it covers the goal
 ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
 MOVES = 'it moves: move site "start", choose another --start, or write another first row'
 
 
-def read_motions(spec: mujoco.MjSpec, path: Path) -> dict[str, Motion]:
+def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
     """The motions of a scene by the names of their bodies, in the order of the file.
 
     Raises:
@@ -33,58 +33,54 @@ def read_motions(spec: mujoco.MjSpec, path: Path) -> dict[str, Motion]:
     rows = {n.name: np.array(list(n.data)) for n in spec.numerics if n.name.startswith(MOTION)}
     texts = {t.name: str(t.data) for t in spec.texts if t.name.startswith(MOTION)}
     for name, text in texts.items():
-        label = f'{path}: custom text "{name}"'
         if name not in rows:
             known = ", ".join(f'"{one}"' for one in rows)
             there = f"the motions here are {known}: give it the name of one" if known else "remove it"
             raise SceneError(
-                f"{label} repeats a motion that is not there; {there}, or add "
-                f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/>'
+                f'custom text "{name}" repeats a motion that is not there; {there}, or add <numeric name="{name}" '
+                'data="0 x y yaw  t x y yaw ..."/>'
             )
         if text != "repeat":
-            raise SceneError(f'{label} is "{text}"; write "repeat", or remove it: then the body stops at the last row')
+            raise SceneError(
+                f'custom text "{name}" is "{text}"; write "repeat", or remove it: then the body stops at the last row'
+            )
     motions = {}
     for name, data in rows.items():
-        _check_body(spec, name, path)
-        motions[name.removeprefix(MOTION)] = _motion(name, data, name in texts, path)
+        _check_body(spec, name)
+        motions[name.removeprefix(MOTION)] = _motion(f'custom numeric "{name}"', data, name in texts)
     return motions
 
 
-def _check_body(spec: mujoco.MjSpec, name: str, path: Path) -> None:
-    label, called = f'{path}: custom numeric "{name}"', name.removeprefix(MOTION)
-    body = spec.body(called)
+def _check_body(spec: mujoco.MjSpec, name: str) -> None:
+    label, called = f'custom numeric "{name}"', name.removeprefix(MOTION)
+    body, remedy = spec.body(called), f'<body name="{called}" mocap="true" ...>'
     if body is None:
         known = ", ".join(f'"{b.name}"' for b in spec.bodies if b.mocap and b.name)
         there = f"bodies that can move are {known}" if known else "none in this scene is a mocap body"
         raise SceneError(
-            f'{label} moves a body "{called}", which is not there; {there}: '
-            f'write <body name="{called}" mocap="true" ...> in the worldbody or name another'
+            f'{label} moves a body "{called}", which is not there; {there}: write {remedy} in the worldbody or name '
+            "another"
         )
     joints = body.find_all(mujoco.mjtObj.mjOBJ_JOINT)
     if joints:
         joint = f'joint "{joints[0].name}"' if joints[0].name else "a joint"
         raise SceneError(
-            f'{label} moves body "{called}", which has {joint}; what moves by rows has no joints: '
-            f'remove them and write <body name="{called}" mocap="true" ...>'
+            f'{label} moves body "{called}", which has {joint}; what moves by rows has no joints: remove them and '
+            f"write {remedy}"
         )
     if not body.mocap:
-        raise SceneError(
-            f'{label} moves body "{called}", which is no mocap body; '
-            f'write <body name="{called}" mocap="true" ...> in the worldbody'
-        )
+        raise SceneError(f'{label} moves body "{called}", which is no mocap body; write {remedy} in the worldbody')
 
 
-def _motion(name: str, data: Array, repeat: bool, path: Path) -> Motion:
-    label = f'{path}: custom numeric "{name}"'
-    if data.size > 4 and not data.any():
-        raise SceneError(f"{label} is of {data.size} numbers that are all 0; write {ROWS}")
-    if data.size == 0 or data.size % 4:
-        raise SceneError(f"{label} is of {data.size} numbers; write {ROWS}")
+def _motion(label: str, data: Array, repeat: bool) -> Motion:
+    if data.size == 0 or data.size % 4 or (data.size > 4 and not data.any()):
+        zeros = " that are all 0" if data.size > 4 and not data.any() else ""
+        raise SceneError(f"{label} is of {data.size} numbers{zeros}; write {ROWS}")
     try:
         motion = Motion(rows=data.reshape(-1, 4), repeat=repeat)
     except SceneError as error:
         raise SceneError(f"{label}: {error}; write {ROWS}, in order") from None
-    refuse_far(f'custom numeric "{name}"', path, motion.rows)
+    refuse_far(label, motion.rows)
     return motion
 
 
@@ -95,11 +91,7 @@ def moved_geoms(model: mujoco.MjModel, motions: Mapping[str, Motion]) -> Mask:
 
 
 def read_movers(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    motions: Mapping[str, Motion],
-    solids: Mapping[int, Obstacle],
-    path: Path,
+    model: mujoco.MjModel, data: mujoco.MjData, motions: Mapping[str, Motion], solids: Mapping[int, Obstacle]
 ) -> tuple[Mover, ...]:
     """What moves, in the order of the motions.
 
@@ -108,7 +100,6 @@ def read_movers(
         data: its data after kinematics, as the file places everything.
         motions: by name of the body.
         solids: whatever the robot can collide with where the file places it, by number of the geom.
-        path: the scene's file, for messages.
 
     Raises:
         SceneError: a body stands elsewhere than its motion begins, or nothing of it can touch the robot.
@@ -117,39 +108,33 @@ def read_movers(
     movers = []
     for name, motion in motions.items():
         body = int(model.body(name).id)
-        _check_place(data, body, name, motion, path)
-        mine = tuple(_in_body(solid, motion) for geom, solid in solids.items() if roots[geom] == body)
+        (x, y, z), yaw = data.xpos[body].tolist(), heading_of(data.xquat[body])
+        _, x0, y0, yaw0 = motion.rows[0]
+        away = max(abs(x0 - x), abs(y0 - y)) > NEAR
+        if away or abs(remainder(yaw0 - yaw, tau)) > TURNED:
+            stand = f'pos="{x0:g} {y0:g} {z:g}"' if away else f"turn it to yaw {yaw0:.6g} rad"
+            raise SceneError(
+                f'body "{name}" stands at ({x:g}, {y:g}) with yaw {yaw:.6g}, and the first row of "{MOTION}{name}" is '
+                f"({x0:g}, {y0:g}) with yaw {yaw0:.6g}, a jump at the start; let it stand there: {stand}, or begin "
+                f'with "0 {x:g} {y:g} {yaw:.6g}"'
+            )
+        turn = about_vertical(-yaw0)  # into the frame of the body at yaw 0
+        mine = tuple(
+            replace(one, position=turn @ (one.position - np.array([x0, y0, 0.0])), rotation=turn @ one.rotation)
+            for geom, one in solids.items()
+            if roots[geom] == body
+        )
         if not mine:
             raise SceneError(
-                f'{path}: body "{name}" moves, and none of its geoms can touch the robot; match their contype and '
-                f'conaffinity and let them reach into its height, or remove "{MOTION}{name}"'
+                f'body "{name}" moves, and none of its geoms can touch the robot; match their contype and conaffinity '
+                f'and let them reach into its height, or remove "{MOTION}{name}"'
             )
         movers.append(Mover(name=name, solids=mine, motion=motion))
     return tuple(movers)
 
 
-def _check_place(data: mujoco.MjData, body: int, name: str, motion: Motion, path: Path) -> None:
-    (x, y, z), yaw = data.xpos[body].tolist(), heading_of(data.xquat[body])
-    first = motion.rows[0]
-    away, turned = max(abs(first[1] - x), abs(first[2] - y)), abs(remainder(first[3] - yaw, tau))
-    if away > NEAR or turned > TURNED:
-        stand = f'pos="{first[1]:g} {first[2]:g} {z:g}"' if away > NEAR else f"turn it to yaw {first[3]:.6g} rad"
-        raise SceneError(
-            f'{path}: body "{name}" stands at ({x:g}, {y:g}) with yaw {yaw:.6g}, and the first row of '
-            f'"{MOTION}{name}" is ({first[1]:g}, {first[2]:g}) with yaw {first[3]:.6g}, a jump at the start; '
-            f'let it stand there: {stand}, or begin with "0 {x:g} {y:g} {yaw:.6g}"'
-        )
-
-
-def _in_body(solid: Obstacle, motion: Motion) -> Obstacle:
-    """A solid in the frame of its body at yaw 0, where the body stands at the first row."""
-    _, x, y, yaw = motion.rows[0]
-    turn = about_vertical(-yaw)
-    return replace(solid, position=turn @ (solid.position - np.array([x, y, 0.0])), rotation=turn @ solid.rotation)
-
-
 def shortfall(scene: Scene) -> float:
-    """Return how far moving obstacles reach into the footprint at the start [m]; negative if none does."""
+    """How far moving obstacles reach into the footprint at the start [m]; negative if none does."""
     if not scene.movers:
         return -inf
     from pirrht.moving.collision import MovingObstacles
@@ -157,7 +142,7 @@ def shortfall(scene: Scene) -> float:
     return -float(MovingObstacles(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
 
 
-def check_start(scene: Scene, path: Path) -> None:
+def check_start(scene: Scene) -> None:
     """Refuse bodies that are where the robot starts, or sweep across it where their motions start over.
 
     Raises:
@@ -172,15 +157,28 @@ def check_start(scene: Scene, path: Path) -> None:
     for mover in scene.movers:
         lack = -MovingObstacles([mover], scene.footprint).clearance(place, 0.0)
         if lack >= 0.0:
-            raise SceneError(f'{path}: at {where} the robot touches body "{mover.name}" (by {lack:.3g} m), and {MOVES}')
+            raise SceneError(f'at {where} the robot touches body "{mover.name}" (by {lack:.3g} m), and {MOVES}')
         if jumps(mover.motion):
-            rows = mover.motion.rows
-            turned = rows[-1, 3] + remainder(rows[0, 3] - rows[-1, 3], tau)
-            back = Motion(rows=np.array([[0.0, *rows[-1, 1:]], [1.0, *rows[0, 1:3], turned]]))
-            way = Mover(name=mover.name, solids=mover.solids, motion=back)
-            if Body(way, scene.footprint).meets(place, 0.0, place, 1.0):
+            (_, *begin, yaw), (seconds, *end, last) = mover.motion.rows[[0, -1]].tolist()
+            back = np.array([[0.0, *end, last], [1.0, *begin, last + remainder(yaw - last, tau)]])
+            jump = Mover(name=mover.name, solids=mover.solids, motion=Motion(rows=back))
+            if Body(jump, scene.footprint).meets(place, 0.0, place, 1.0):
                 raise SceneError(
-                    f'{path}: body "{mover.name}" starts over at {rows[-1, 0]:g} s with a jump from '
-                    f"({rows[-1, 1]:g}, {rows[-1, 2]:g}) to ({rows[0, 1]:g}, {rows[0, 2]:g}) across {where}; let its "
-                    'last row be its first place, or move site "start"'
+                    f'body "{mover.name}" starts over at {seconds:g} s with a jump from ({end[0]:g}, {end[1]:g}) to '
+                    f"({begin[0]:g}, {begin[1]:g}) across {where}; let its last row be its first place, or move site "
+                    '"start"'
                 )
+
+
+def goal_blocker(scene: Scene) -> str | None:
+    """Which body rests on the goal point in the end and since when, in words; None if the robot fits there."""
+    from pirrht.moving.collision import MovingObstacles
+
+    goal = scene.goal.center
+    for mover in scene.movers:
+        crowd, rests = MovingObstacles([mover], scene.footprint), max(mover.motion.last, 0.0)
+        if isfinite(rests) and crowd.clearance(goal, rests) <= 0.0:
+            free = [t for t in np.linspace(0.0, rests, MOMENTS).tolist() if crowd.clearance(goal, t) > 0.0]
+            since = f"from {free[-1]:.2g} s on" if free else "all the time"
+            return f"body {mover.name!r} covers the goal ({goal[0]:g}, {goal[1]:g}) {since}"
+    return None

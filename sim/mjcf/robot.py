@@ -11,15 +11,17 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.coordinates import GROUND, rolls, settled
+from sim.mjcf.coordinates import GROUND, rolls, turn_to
 from sim.mjcf.forces import check_actuators
+from sim.mjcf.hulls import mesh_of
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.refusals import prefixed
 from sim.systems import System, named, names
 from sim.text import counted
 
-_GEOM = mujoco.mjtGeom
+_GEOM, _JOINT = mujoco.mjtGeom, mujoco.mjtJoint
 _SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
-_SLIDE, _HINGE = int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)
+_SETTLING = 2.0  # time in which a robot on wheels comes to rest [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +29,6 @@ class Robot:
     """A robot file that keeps the conventions of `sim.mjcf`, ready to be joined to a scene."""
 
     name: str
-    path: Path
     spec: mujoco.MjSpec
     system: System  # what moves
     command: Array  # (nu, k) M of ctrl = M @ twist
@@ -62,36 +63,41 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     """
     path = find("robot", which)
     spec = parse(path)
-    body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
-    if body is None:
-        raise SceneError(f'{path}: no body "robot" in the worldbody; give the robot\'s root body that name')
-    foot = next((g for g in body.geoms if g.name == "footprint"), None)
-    if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-        raise SceneError(f'{path}: body "robot" needs a sphere geom "footprint", as which it plans')
-    named_here = system is None
-    system = _named_system(spec, path) if system is None else system
-    if radius is not None:
-        _resize(spec, body, foot, radius)
-    if margin > 0.0:
-        _widen(body, foot, margin)
+    with prefixed(f"{path}: "):
+        body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
+        if body is None:
+            raise SceneError('no body "robot" in the worldbody; give the robot\'s root body that name')
+        foot = next((g for g in body.geoms if g.name == "footprint"), None)
+        if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+            raise SceneError('body "robot" needs a sphere geom "footprint", as which it plans')
+        moved = _named_system(spec) if system is None else system
+        if radius is not None:
+            _resize(spec, body, foot, radius)
+        if margin > 0.0:
+            _widen(body, foot, margin)
     model = compile_spec(spec, path)
-    (_check_wheels if rolls(model) else _check_joints)(model, system, path)
-    if named_here:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
-        check_actuators(model, system, path)
-    reach = _checked_reach(model, path)
-    centre = model.geom("footprint").pos
-    return Robot(
-        name=path.stem,
-        path=path,
-        spec=spec,
-        system=system,
-        command=_command(spec, int(model.nu), system.twists if named_here else None, path),
-        radius=float(model.geom("footprint").size[0]),
-        reach=reach,
-        height=float(centre[2]),
-        rest=_rest(model, path),
-        rolling=rolls(model),
-    )
+    with prefixed(f"{path}: "):
+        (_check_wheels if rolls(model) else _check_joints)(model, moved)
+        if system is None:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
+            check_actuators(model, moved)
+        return Robot(
+            name=path.stem,
+            spec=spec,
+            system=moved,
+            reach=_checked_reach(model),
+            command=_command(spec, int(model.nu), moved.twists if system is None else None),
+            radius=float(model.geom("footprint").size[0]),
+            height=float(model.geom("footprint").pos[2]),
+            rest=_rest(model),
+            rolling=rolls(model),
+        )
+
+
+def meant_system(which: str) -> str:
+    """The system that a robot's file names; SceneError if it names none."""
+    path = find("robot", which)
+    with prefixed(f"{path}: "):
+        return _named_system(parse(path)).name
 
 
 def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
@@ -122,47 +128,31 @@ def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, rad
         return
     for mesh in spec.meshes:
         mesh.scale = np.asarray(mesh.scale) * ratio
-    for part in [body, *body.find_all("body")]:
-        if part is not body:
-            part.pos = np.asarray(part.pos) * ratio
-        for geom in part.geoms:
-            geom.size = np.asarray(geom.size) * ratio
-            geom.pos = np.asarray(geom.pos) * ratio
+    for inner in body.find_all("body"):
+        inner.pos = np.asarray(inner.pos) * ratio
+    for geom in body.find_all("geom"):
+        geom.size, geom.pos = np.asarray(geom.size) * ratio, np.asarray(geom.pos) * ratio
 
 
 def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
     """Plans keep a distance [m]; where the footprint was what collides, a ball of its size inside it is now."""
     if foot.contype or foot.conaffinity:
-        body.add_geom(
-            name="inner footprint", type=_GEOM.mjGEOM_SPHERE, size=foot.size, pos=foot.pos, group=foot.group,
-            rgba=foot.rgba, contype=foot.contype, conaffinity=foot.conaffinity, mass=foot.mass, density=foot.density,
-        )  # fmt: skip
+        kept = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
+        body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in kept})
         foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
     foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
 
 
-def meant_system(which: str) -> str:
-    """The system that a robot's file names.
-
-    Raises:
-        SceneError: it names none.
-    """
-    path = find("robot", which)
-    return _named_system(parse(path), path).name
-
-
-def _named_system(spec: mujoco.MjSpec, path: Path) -> System:
+def _named_system(spec: mujoco.MjSpec) -> System:
     name = next((str(t.data) for t in spec.texts if t.name == "pirrht_dynamics"), None)
     if name is None or name not in names():
-        wanted = " or ".join(f'"{known}"' for known in names())
         found = "missing" if name is None else f'"{name}"'
-        raise SceneError(
-            f'{path}: custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system'
-        )
+        wanted = " or ".join(f'"{known}"' for known in names())
+        raise SceneError(f'custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system')
     return named(name)
 
 
-def _command(spec: mujoco.MjSpec, nu: int, twists: int | None, path: Path) -> Array:
+def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     """The robot's command matrix (nu, k), of as many columns as a twist has numbers, if that is known."""
     data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), None)
     if twists is None:
@@ -170,24 +160,10 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None, path: Path) -> Ar
     if data is None or nu == 0 or data.size != twists * nu:
         found = "missing" if data is None else f"of {counted(data.size, 'number')}"
         raise SceneError(
-            f'{path}: custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the '
-            f"({nu}, {twists}) matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
+            f'custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the ({nu}, {twists}) '
+            f"matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
         )
     return data.reshape(nu, twists)
-
-
-def _check_joints(model: mujoco.MjModel, system: System, path: Path) -> None:
-    count = len(system.joints)
-    types = [_HINGE if name == "heading" else _SLIDE for name in system.joints]
-    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
-    good = good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])
-    if not (good and _at_origin(model)):
-        joints = "slide along x, slide along y" + (", hinge about z" if count == 3 else "")
-        raise SceneError(
-            f'{path}: body "robot" must stand at the origin and have these joints, without ref, for the states '
-            f"({', '.join(system.states)}) of {system.name}: {joints}"
-            + ("; or a free joint and wheels" if count == 3 else "")
-        )
 
 
 def _at_origin(model: mujoco.MjModel) -> bool:
@@ -195,70 +171,85 @@ def _at_origin(model: mujoco.MjModel) -> bool:
     return np.allclose(body.pos, 0) and np.allclose(body.quat, [1, 0, 0, 0])
 
 
-def _check_wheels(model: mujoco.MjModel, system: System, path: Path) -> None:
+def _check_joints(model: mujoco.MjModel, system: System) -> None:
+    count = len(system.joints)
+    types = [_JOINT.mjJNT_HINGE if name == "heading" else _JOINT.mjJNT_SLIDE for name in system.joints]
+    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0) and _at_origin(model)
+    if not (good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])):
+        raise SceneError(
+            'body "robot" must stand at the origin and have these joints, without ref, for the states '
+            f"({', '.join(system.states)}) of {system.name}: slide along x, slide along y"
+            + (", hinge about z; or a free joint and wheels" if count == 3 else "")
+        )
+
+
+def _check_wheels(model: mujoco.MjModel, system: System) -> None:
     if len(system.joints) != 3:
         raise SceneError(
-            f'{path}: a robot with a free joint has a heading, and {system.name} has none: it moves as a "unicycle"; '
-            "name that as its dynamics"
+            f'a robot with a free joint has a heading, and {system.name} has none: it moves as a "unicycle"; name that '
+            "as its dynamics"
         )
     if int(model.jnt_bodyid[0]) != model.body("robot").id or not _at_origin(model):
-        raise SceneError(f'{path}: body "robot" must stand at the origin and have the free joint itself')
+        raise SceneError('body "robot" must stand at the origin and have the free joint itself')
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
     if ground < 0 or model.geom_type[ground] != _GEOM.mjGEOM_PLANE or np.any(model.geom_pos[ground]):
-        raise SceneError(f'{path}: a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
+        raise SceneError(f'a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
     if model.geom_contype[ground] or model.geom_conaffinity[ground]:
-        raise SceneError(
-            f'{path}: geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" conaffinity="0"'
-        )
-    joints = model.actuator_trnid[:, 0]
-    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(model.jnt_type[joints] != _HINGE):
-        raise SceneError(f"{path}: every actuator of a robot on wheels must drive a hinge joint")
+        raise SceneError(f'geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" conaffinity="0"')
+    driven = model.jnt_type[model.actuator_trnid[:, 0]]
+    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(driven != _JOINT.mjJNT_HINGE):
+        raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
 
 
-def _rest(model: mujoco.MjModel, path: Path) -> Array:
-    if not rolls(model):
-        return model.qpos0.copy()  # type: ignore[no-any-return]
-    rest = settled(model)
-    if not (abs(rest[2]) < _SINKAGE and rest[3] > 1 - _SINKAGE):  # also when the simulation has diverged
-        raise SceneError(
-            f'{path}: body "robot" does not come to rest on wheels (height {rest[2]:.2g} m); let them and '
-            f'casters touch the plane z = 0 and give each a contact pair with geom "{GROUND}"'
-        )
+def _rest(model: mujoco.MjModel) -> Array:
+    """Joint positions (nq,) at the origin, heading along x; of a robot on wheels once it has come to rest."""
+    rest: Array = model.qpos0.copy()
+    if rolls(model):
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=max(1, round(_SETTLING / model.opt.timestep)))
+        rest[2:7] = data.qpos[2:7]
+        turn_to(rest, 0.0)
+        if not (abs(rest[2]) < _SINKAGE and rest[3] > 1 - _SINKAGE):  # also when the simulation has diverged
+            raise SceneError(
+                f'body "robot" does not come to rest on wheels (height {rest[2]:.2g} m); let them and casters touch '
+                f'the plane z = 0 and give each a contact pair with geom "{GROUND}"'
+            )
     return rest
 
 
-def _checked_reach(model: mujoco.MjModel, path: Path) -> float:
+def _checked_reach(model: mujoco.MjModel) -> float:
     """Distance from the footprint's centre to the farthest point of what collides, which lies inside it [m]."""
     foot = int(model.geom("footprint").id)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     centre, radius = data.geom_xpos[foot], float(model.geom_size[foot, 0])
     if np.any(np.abs(centre[:2]) > 1e-9):
-        raise SceneError(f'{path}: geom "footprint" must lie above its body\'s origin; write pos="0 0 z"')
-    solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
-    if solid.size == 0:
-        raise SceneError(f'{path}: no geom collides; give "footprint" or another geom contype="1"')
-    reaches = [_reach(model, data, int(geom), centre) for geom in solid]
-    for geom, reach in zip(solid, reaches, strict=True):
+        raise SceneError('geom "footprint" must lie above its body\'s origin; write pos="0 0 z"')
+    solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
+    if not solid:
+        raise SceneError('no geom collides; give "footprint" or another geom contype="1"')
+    reaches = {geom: _reach(model, data, geom, centre) for geom in solid}
+    for geom, reach in reaches.items():
         if reach > radius + 1e-9:
             raise SceneError(
-                f'{path}: geom "{model.geom(geom).name}" reaches {reach:.4g} m off the "footprint" centre, '
-                f"beyond its radius {radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
+                f'geom "{model.geom(geom).name}" reaches {reach:.4g} m off the "footprint" centre, beyond its radius '
+                f"{radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
             )
-    return max(reaches)
+    return max(reaches.values())
 
 
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:
     """Distance from `centre` to the farthest point of the geom, or a bound of it [m]."""
     kind, size = _GEOM(int(model.geom_type[geom])), model.geom_size[geom]
-    offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+    offset = np.abs((centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
+    across = np.hypot(*offset[:2])
     if kind == _GEOM.mjGEOM_MESH:
-        first, count = (int(v[model.geom_dataid[geom]]) for v in (model.mesh_vertadr, model.mesh_vertnum))
-        return float(np.linalg.norm(model.mesh_vert[first : first + count] - offset, axis=1).max())
+        offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
+        return float(np.linalg.norm(mesh_of(model, geom)[0] - offset, axis=1).max())
     if kind == _GEOM.mjGEOM_BOX:
-        return float(np.linalg.norm(np.abs(offset) + size))
+        return float(np.linalg.norm(offset + size))
     if kind == _GEOM.mjGEOM_CYLINDER:
-        return float(np.hypot(np.hypot(*offset[:2]) + size[0], abs(offset[2]) + size[1]))
+        return float(np.hypot(across + size[0], offset[2] + size[1]))
     if kind == _GEOM.mjGEOM_CAPSULE:
-        return float(np.hypot(np.hypot(*offset[:2]), abs(offset[2]) + size[1]) + size[0])
+        return float(np.hypot(across, offset[2] + size[1]) + size[0])
     return float(np.linalg.norm(offset) + size.max())

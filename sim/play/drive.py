@@ -19,7 +19,7 @@ from sim.drive.executor import Executor
 from sim.drive.metrics import Frame
 from sim.drive.plant import Advance, Control
 from sim.mjcf.coordinates import rolls
-from sim.mjcf.loose import PREFIX
+from sim.mjcf.edits import PREFIX
 from sim.play.driver import Built, Live
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.world import World, loose_bodies

@@ -19,7 +19,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.mjcf.dressed import dress
-from sim.mjcf.loose import PREFIX
+from sim.mjcf.edits import PREFIX
 from sim.play.drive import ROBOT, InteractivePlant
 from sim.play.events import GOAL, Event, Move, Noise, Push
 from sim.play.world import loose_bodies

@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, PirrhtError, SceneError
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Goal, Scene
-from sim.mjcf.loose import PREFIX
+from sim.mjcf.edits import PREFIX
 from sim.play.events import GOAL, Move, Noise
 from sim.scenario import Scenario
 

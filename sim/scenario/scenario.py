@@ -32,7 +32,7 @@ from sim.drive.executor import Executor
 from sim.drive.metrics import Frame
 from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
-from sim.mjcf.covered import covered
+from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
 from sim.scenario.required_limit import required_limit
 from sim.settings import Settings
@@ -200,7 +200,7 @@ class Scenario:
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why, name = covered(self.loaded.scene), self.loaded.scene.name
+            why, name = goal_blocker(self.loaded.scene), self.loaded.scene.name
             if why is not None:
                 raise SceneError(
                     f"{name}: {why}, and no way was found that gets there before; let it rest elsewhere"

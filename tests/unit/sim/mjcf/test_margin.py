@@ -83,8 +83,6 @@ def test_references_keep_the_margin():
 def test_a_scene_says_its_margin(tmp_path):
     said = '<custom><numeric name="pirrht_margin" data="0.15"/></custom>'
     assert load(scene_file(tmp_path, option=said)).scene.robot_radius == pytest.approx(0.25)
-    with pytest.raises(SceneError, match="margin"):
-        load("slit", margin=-0.1)
 
 
 ROOM = """<mujoco><worldbody>{}

@@ -1,0 +1,132 @@
+"""Scenes of other people, edited before they are compiled: bodies are left out, welded where they are, or set loose."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from sim.mjcf.library import compile_spec
+from sim.mjcf.refusals import listed
+from sim.text import counted
+
+PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
+GOAL = PREFIX + "goal"  # the body that shows the goal's disc, and touches nothing
+_QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT
+_KEPT = (
+    *("type", "size", "pos", "quat", "fromto", "contype", "conaffinity", "condim", "priority", "friction"),
+    *("solmix", "solref", "solimp", "margin", "gap", "rgba", "material", "meshname", "group", "fitscale"),
+)  # of a geom that gets a body; its orientation may be told in other ways, too
+_TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
+
+
+def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
+    """Remove bodies with all that is in them or refers to them; a line on what is gone."""
+    gone: set[str] = set()
+    before = len(spec.actuators)
+    for name in dict.fromkeys(names):
+        body = spec.body(name) if name != "world" else None
+        if body is None and name not in gone:
+            known = listed([f'"{one.name}"' for one in spec.worldbody.bodies if one.name]) or "none with a name"
+            raise SceneError(f'there is no body "{name}" to leave out; those of the worldbody are {known}')
+        if body is not None:
+            gone |= {name, *(inner.name for inner in body.find_all("body"))}
+            spec.delete(body)
+    for eye in [*spec.cameras, *spec.lights]:  # MuJoCo removes the rest of what refers to a body
+        if eye.targetbody in gone:
+            eye.targetbody, eye.mode = "", mujoco.mjtCamLight.mjCAMLIGHT_FIXED
+    _delete(spec, spec.skins, spec.tuples)  # what they refer to may stand in files of their own
+    dropped = before - len(spec.actuators)
+    return f"left out: {listed(list(dict.fromkeys(names)))}" + (
+        f" and {counted(dropped, 'actuator')}" if dropped else ""
+    )
+
+
+def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
+    """Weld bodies where the first keyframe, else the default pose, has them; drop what would act on them or measure.
+
+    Args:
+        spec: changed in place.
+        moving: mocap bodies that have motions and keep them.
+        path: the scene's file, for messages.
+
+    Returns:
+        A line on what was done; empty where nothing moves.
+    """
+    model = compile_spec(spec, path)
+    data, where = mujoco.MjData(model), "the default pose"
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        where = f'keyframe "{model.key(0).name}"' if model.key(0).name else "the first keyframe"
+    mujoco.mj_kinematics(model, data)
+    jointed = [body for body in spec.bodies if list(body.joints)]
+    frames = _frames(spec, path) if list(spec.frames) else None
+    for body in [*jointed, *(b for b in spec.bodies if b.mocap and b.name not in moving)]:
+        parent = int(model.body_parentid[body.id])
+        pose = _relative((data.xpos[parent], data.xquat[parent]), (data.xpos[body.id], data.xquat[body.id]))
+        body.pos, body.quat = _relative(frames[body.id], pose) if frames else pose
+        body.alt.type = _QUAT
+    roots = sorted({int(model.body_rootid[body.id]) for body in jointed})
+    called = [spec.bodies[root].name or f"unnamed body {root}" for root in roots]
+    dropped = len(spec.actuators)
+    _delete(spec, spec.actuators, spec.sensors, spec.equalities, spec.tendons, spec.tuples, spec.keys)
+    _delete(spec, *(body.joints for body in jointed))
+    spec.compiler.fusestatic = 0
+    also = f"; {counted(dropped, 'actuator')} dropped" if dropped else ""
+    return f"frozen as {where} has them: {listed(called)}{also}" if roots or dropped else ""
+
+
+def _frames(spec: mujoco.MjSpec, path: Path) -> list[tuple[Array, Array]]:
+    """Position and quaternion of what each body's own pose is relative to, in the body that holds it."""
+    bare = spec.copy()
+    _delete(bare, bare.keys)
+    for body in bare.bodies[1:]:
+        body.pos, body.quat, body.alt.type = [0, 0, 0], [1, 0, 0, 0], _QUAT
+    model = compile_spec(bare, path)
+    return list(zip(model.body_pos.copy(), model.body_quat.copy(), strict=True))
+
+
+def _relative(base: tuple[Array, Array], pose: tuple[Array, Array]) -> tuple[Array, Array]:
+    """A pose in the frame of another one."""
+    place, turn, back = np.zeros(3), np.zeros(4), np.zeros(4)
+    mujoco.mju_negQuat(back, base[1])
+    mujoco.mju_rotVecQuat(place, np.asarray(pose[0]) - base[0], back)
+    mujoco.mju_mulQuat(turn, back, pose[1])
+    return place, turn
+
+
+def _delete(spec: mujoco.MjSpec, *groups: Sequence[object]) -> None:
+    for element in [element for group in groups for element in group]:
+        spec.delete(element)
+
+
+def loosen(spec: mujoco.MjSpec) -> None:
+    """Let whatever stands in a scene be moved; floors, decoration and bodies with a motion stay as they are."""
+    for body in spec.worldbody.bodies:
+        body.mocap = body.mocap or not list(body.joints)
+    for number, geom in enumerate(list(spec.worldbody.geoms)):
+        if geom.type != mujoco.mjtGeom.mjGEOM_PLANE and (geom.contype or geom.conaffinity):
+            _move(spec, geom, geom.name or f"geom{number}")
+    goal = spec.worldbody.add_body(name=GOAL, mocap=True).add_geom(name=GOAL, type=mujoco.mjtGeom.mjGEOM_CYLINDER)
+    goal.size, goal.rgba, goal.contype, goal.conaffinity = [0.1, 0.01, 0.0], [0.25, 0.65, 0.35, 0.7], 0, 0
+
+
+def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
+    """Give a geom of the worldbody a mocap body where it stands."""
+    body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
+    own = body.add_geom()
+    for attribute in _KEPT:
+        setattr(own, attribute, getattr(geom, attribute))
+    for turn in _TURNS:
+        setattr(own.alt, turn, getattr(geom.alt, turn))
+    spec.delete(geom)
+    own.name = name
+    if own.fromto[0] == own.fromto[0]:  # not a number where the ends are not told
+        body.pos = [(a + b) / 2 for a, b in zip(own.fromto[:3], own.fromto[3:], strict=True)]
+        own.fromto = [v - c for v, c in zip(own.fromto, [*body.pos, *body.pos], strict=True)]
+    else:
+        body.pos, own.pos = own.pos, [0.0, 0.0, 0.0]

@@ -1,0 +1,60 @@
+"""How files are refused: in one line that names the file and all that is wrong, each with its remedy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TypeVar
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.errors import SceneError
+from sim.mjcf.limits import FARTHEST
+
+SHOWN = 6  # names or faults in a line
+T = TypeVar("T")
+
+
+@contextmanager
+def prefixed(words: str) -> Iterator[None]:
+    """Put words in front of what a SceneError says."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{words}{error}") from None
+
+
+class Faults:
+    """Collects what is wrong with a file, to be refused at once."""
+
+    def __init__(self) -> None:
+        self._found: list[str] = []
+
+    def of(self, read: Callable[..., T], *arguments: object) -> T | None:
+        """Return what `read` returns for arguments; None, and its words are kept, if it raises a SceneError."""
+        try:
+            return read(*arguments)
+        except SceneError as error:
+            self._found.append(str(error))
+            return None
+
+    def refuse(self) -> None:
+        """Raise a SceneError if anything was wrong."""
+        more = len(self._found) - SHOWN
+        if self._found:
+            raise SceneError("; also, ".join(self._found[:SHOWN]) + (f"; and {more} more" if more > 0 else ""))
+
+
+def listed(names: Sequence[str]) -> str:
+    """Join names by commas, not all of many."""
+    more = len(names) - SHOWN
+    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+
+
+def refuse_far(label: str, *numbers: Array) -> None:
+    """Refuse places and sizes [m] that are no numbers, or larger than any scene's."""
+    values = np.concatenate([np.asarray(one, dtype=float).ravel() for one in numbers])
+    wrong = values[~(np.abs(values) <= FARTHEST)]
+    if len(wrong):
+        raise SceneError(f"{label} has a place or size of {wrong[0]:g} m; write at most {FARTHEST:g} m")
