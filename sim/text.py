@@ -24,11 +24,8 @@ def width() -> int | None:
 
 def broken(line: str, columns: int | None, indent: str = "  ") -> str:
     """A line broken between words where a terminal is narrower; further lines are indented."""
-    if columns is None:
-        return line
-    return textwrap.fill(
-        line, max(columns, MIN_COLUMNS), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
+    fit = {"break_long_words": False, "break_on_hyphens": False, "subsequent_indent": indent}
+    return line if columns is None else textwrap.fill(line, max(columns, MIN_COLUMNS), **fit)  # type: ignore[arg-type]
 
 
 def say(text: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 import functools
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import Progress
 from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -123,8 +122,8 @@ def planned(
         waits: whether there may be none among moving obstacles, since a robot waits for a path.
     """
     say(tables.fitting_lines(scenario))
-    with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
+    with progress("plan", scenario.settings.vertices, " vertices") as grown:
+        tree = scenario.grown_tree(grown, at)
     references = scenario.references(tree, waits=waits)
     if not references:
         say("no class reaches the goal from the start past moving obstacles: the robot waits for a path")
@@ -137,10 +136,10 @@ def planned(
 
 
 @contextmanager
-def solving() -> Iterator[Progress]:
-    """A bar, on a terminal, while a grid is solved for the exact value: minutes among moving obstacles."""
-    with progress_bar("exact value", 100.0, " %") as bar:
-        yield lambda share: bar.update(100.0 * share - bar.n)
+def progress(what: str, total: float = 1.0, unit: str = "") -> Iterator[Callable[[float], Any]]:
+    """A bar, on a terminal; yields a function that takes how much of the total is done."""
+    with progress_bar(what, total, unit) as bar:
+        yield lambda done: bar.update(done - bar.n)
 
 
 def report_prediction(scenario: Scenario, what: str) -> None:

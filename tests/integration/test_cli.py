@@ -83,26 +83,21 @@ def test_plan_writes_the_classes_cheapest_first_and_prints_a_row_for_each(tmp_pa
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
 
 
-def test_plan_reports_open_passages_that_no_path_leads_through(tmp_path, capsys):
-    found = []
-    for classes in ("16", "1"):
-        file = tmp_path / "plan.json"
-        assert main(["plan", "slit", "--vertices", "500", "--classes", classes, "--json", str(file)]) == 0
-        found.append(json.loads(file.read_text())["passages"])
-    assert found[0] == {"open": 3, "unused": []}
-    assert all(one.keys() == {"at", "width", "between"} for one in found[1]["unused"])
-    between = [sorted(one["between"]) for one in found[1]["unused"]]
-    assert len(between) == 2
-    assert ["lower wall", "upper wall"] not in between
+def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
+    words = ["plan", "slit", "--vertices", "500"]
+    assert figures(*words)[1]["passages"] == {"open": 3, "unused": []}
+    unused = figures(*words, "--classes", "1")[1]["passages"]["unused"]
+    assert all(one.keys() == {"at", "width", "between"} for one in unused)
+    assert len(unused) == 2
+    assert ["lower wall", "upper wall"] not in [sorted(one["between"]) for one in unused]
+    assert main([*words, "--classes", "1"]) == 0
     assert "2 of 3 open passages on no path" in capsys.readouterr().out
 
 
-def test_plan_reports_the_lengths_per_class_while_the_tree_grew(tmp_path: Path):
-    picture, numbers = tmp_path / "lengths.png", tmp_path / "plan.json"
-    words = ["plan", "slit", "--vertices", "200", "--convergence", str(picture), "--json", str(numbers)]
-    assert main(words) == 0
+def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path):
+    picture = tmp_path / "lengths.png"
+    _, found = figures("plan", "slit", "--vertices", "200", "--convergence", str(picture))
     assert picture.read_bytes().startswith(b"\x89PNG")
-    found = json.loads(numbers.read_text())
     watched = found["convergence"]
     assert watched["vertices"][-1] == 200
     for known in found["classes"]:
@@ -131,18 +126,23 @@ def test_run_reports_a_run_to_the_goal(figures, plant):
     assert all(one.keys() >= CLASS for one in run["classes"])
 
 
-def test_run_ends_with_1_when_time_is_up(figures):
-    status, run = figures("run", "slit", *SHORT)
-    assert status == 1
-    assert (run["outcome"], run["executed_class"]) == ("timeout", None)
-    assert (run["time"], run["steps"]) == (pytest.approx(0.05), 5)
-    assert 0.05 < run["cost"] < 0.5
+FALLEN = ["--start", "3.4", "2.5", "--noise", "1", "--guide", "open-loop", *SMALL]
 
 
-def test_run_ends_with_1_in_a_wall(figures):
-    status, run = figures("run", "slit", "--start", "3.4", "2.5", "--noise", "1", "--guide", "open-loop", *SMALL)
+@pytest.mark.parametrize(
+    ("words", "known"),
+    [
+        (SHORT, {"outcome": "timeout", "steps": 5, "time": pytest.approx(0.05)}),
+        (FALLEN, {"outcome": "collision", "min_clearance": 0.0}),
+        (["--method", "single", *SHORT], {"method": "single", "steps": 5}),
+        (["--method", "passive", *SHORT], {"method": "passive", "steps": 5, "classes": []}),
+    ],
+)
+def test_run_ends_with_1_when_time_is_up_or_in_a_wall(figures, words, known):
+    status, run = figures("run", "slit", *words)
     assert status == 1
-    assert (run["outcome"], run["executed_class"], run["min_clearance"]) == ("collision", None, 0.0)
+    assert run.items() >= (known | {"executed_class": None}).items()
+    assert words is not SHORT or 0.05 < run["cost"] < 0.5
 
 
 def test_equal_seeds_run_alike_and_others_do_not(figures):
@@ -153,24 +153,15 @@ def test_equal_seeds_run_alike_and_others_do_not(figures):
     assert one["path_length"] != three["path_length"]
 
 
-def test_the_paper_preset_sets_the_papers_steps_and_rules(figures):
+def test_the_paper_preset_sets_the_papers_steps_and_rules_and_the_command_line_wins(figures):
     status, run = figures("run", "slit", "--preset", "paper", "--vertices", "80", "--max-time", "0.3")
-    assert status == 1
-    assert (run["dt"], run["period"], run["samples"], run["steps"]) == (0.1, 0.1, 200, 3)
-    settings = prepare("slit", preset="paper").settings
-    assert (settings.exit, settings.weights, settings.guide) == ("endpoint", "average", "open-loop")
-    assert (settings.steps, prepare("slit").settings.steps) == ("uniform", "fitted")
-    assert prepare("slit", preset="paper").sampling.steps == "uniform"
-    assert prepare("slit", preset="paper", given={"steps": "fitted", "exit": "bridge"}).sampling.fitted
+    assert (status, run["dt"], run["period"], run["samples"], run["steps"]) == (1, 0.1, 0.1, 200, 3)
     _, run = figures("run", "slit", "--preset", "paper", "--dt", "0.05", "--period", "0.02", *SHORT)
-    assert (run["dt"], run["period"], run["samples"]) == (0.05, 0.02, 20)  # the command line wins
-
-
-@pytest.mark.parametrize("method", ["single", "passive"])
-def test_every_method_runs(figures, method):
-    status, run = figures("run", "slit", "--method", method, *SHORT)
-    assert (status, run["method"], run["steps"]) == (1, method, 5)
-    assert (run["classes"] == []) == (method == "passive")
+    assert (run["dt"], run["period"], run["samples"]) == (0.05, 0.02, 20)
+    settings = prepare("slit", preset="paper").settings
+    rules = (settings.exit, settings.weights, settings.guide, settings.steps)
+    assert rules == ("endpoint", "average", "open-loop", "uniform")
+    assert prepare("slit", preset="paper", given={"steps": "fitted", "exit": "bridge"}).sampling.fitted
 
 
 def test_estimate_repeats_with_independent_samples(figures):

@@ -110,7 +110,7 @@ def test_the_demo_runs_twice_and_ends_with_two_sentences(capsys):
     ],
 )
 def test_sentences_of_the_demo_report_its_runs(little, much, line):
-    first, second = demo_sentences([{"outcome": end, "executed_class": name} for end, name in (little, much)])
+    first, second = demo_sentences(*({"outcome": end, "executed_class": name} for end, name in (little, much)))
     assert f"b = 0.1 the robot {line}" in first
     assert "exp(-cost / lambda)" in second
 
@@ -170,9 +170,9 @@ def test_the_gallery_shows_every_scene_with_its_own_sentence():
     import gallery
 
     assert named("gallery.md").read_text() == gallery.page()
-    for name in scene_names():
-        assert load(name).about.endswith((".", "?", ")."))
-        assert 20 < len(load(name).about) <= 120
+    assert all(
+        load(name).about.endswith((".", "?", ").")) and 20 < len(load(name).about) <= 120 for name in scene_names()
+    )
 
 
 # -- figures -----------------------------------------------------------------------------------------------------
@@ -191,9 +191,9 @@ def test_versions_that_a_page_names_are_this_one_or_the_minor_one_before(page):
 def test_every_table_of_results_names_its_command_and_its_version():
     sections = [text for text in re.split(r"^## ", named("results.md").read_text(), flags=re.M) if "|---|" in text]
     assert len(sections) > 3
-    for text in sections:
-        for pattern in (BENCHMARK, "version " + VERSION):
-            assert re.search(pattern, text), text.splitlines()[0]
+    assert not [
+        t.splitlines()[0] for t in sections if not (re.search(BENCHMARK, t) and re.search(f"version {VERSION}", t))
+    ]
 
 
 def test_benchmarks_that_pages_name_are_there():
