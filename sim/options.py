@@ -166,7 +166,7 @@ def check_size(task: Any, memory: float | None = None) -> None:
     if steps > PATH_STEPS:
         remedies = ["lower --horizon"] if s.method == "mppi" else ["lower --noise"] if tail > driven else []
         if not remedies or seconds <= PATH_STEPS * (BY_SETTING["dt"].bounds or PLACES)[1]:
-            remedies = ["raise --dt", *remedies]
+            remedies = [*remedies, "raise --dt"]
         raise OptionError(
             f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
             f"{' or '.join(remedies)}"

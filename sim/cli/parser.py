@@ -14,7 +14,7 @@ from sim.drive.result import explained as figures
 from sim.options import DAILY, check, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option
-from sim.systems import named, names
+from sim.systems import named, names, typed
 
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {text}" for name, (text, _, _) in PRESETS.items())
@@ -110,7 +110,7 @@ def robots_text() -> str:
     for system in map(named, names()):
         if system.robots:
             values = [f"{getattr(system.settings, name):g}" for name in columns]
-            rows.append((system.robots, system.noise_in, system.coordinates, *values))
+            rows.append((system.robots, system.noise_in, typed(system.states), *values))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 

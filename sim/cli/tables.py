@@ -147,7 +147,10 @@ def odds(scenario: Scenario) -> str:
     own = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if own else "noise of its own"
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
+    moved, radius = scenario.settings.noise * scenario.settings.period**0.5, scenario.loaded.scene.robot_radius
+    doubt = f"; that is {moved:.2g} m between two controls, more than the radius of {radius:.2g} m: is the unit right?"
+    doubt = doubt if own and scenario.problem.dynamics.noisy_position and moved > radius else ""
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{doubt}"
 
 
 def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
@@ -155,7 +158,7 @@ def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
     blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
-    ms, late = run.step_ms, "longer than the period (the plant waits)" if run.real_time is None else "late"
+    ms, late = run.step_ms, "longer than the period (the simulation waited)" if run.real_time is None else "late"
     lines = [
         f"{run.outcome} after {run.time:.2f} s: cost {run.cost:.3f}{so_far}, path of {run.path_length:.2f} m smoothed "
         "over its jitter",

@@ -45,7 +45,7 @@ def enter(metrics: EpisodeMetrics, ess: float | None = None, outcome: Outcome | 
         state=np.array([1.0, 2.5]), times=np.array([0.0, 0.1]), references=(), ids=("0,0",), fallback=None,
         estimate=estimate, instead=np.zeros((1, 2)),
     )  # fmt: skip
-    return metrics.frame(Period(plan=plan, advance=advance(outcome), seconds=0.001))
+    return metrics.frame(Period(plan=plan, advance=advance(outcome), plan_seconds=0.001))
 
 
 # -- metrics -----------------------------------------------------------------------------------------------------

@@ -226,7 +226,7 @@ BAD_FILES = {
     ),
     "mesh of another format": (
         model(link(collision("<geometry><mesh><uri>model.sdf</uri></mesh></geometry>")), name="desk"),
-        ".dae, .stl, .obj",
+        ".dae, .obj, .stl",
     ),
     "no scale": (
         model(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import Kind
 from sim.cli import main
-from sim.importing import keyframes
+from sim.importing import dynabarn
 from sim.importing.scene_file import Imported, import_world
 from sim.mjcf import load
 
@@ -51,15 +51,15 @@ def gazebo(keys: np.ndarray, time: float) -> np.ndarray:
 def test_the_way_between_keys_is_gazebos_spline(keys):
     known = np.array(keys, dtype=float)
     times = np.linspace(0.0, known[-1, 0], 301)
-    np.testing.assert_allclose(keyframes.place(known, times), [gazebo(known, t) for t in times], atol=1e-12)
-    np.testing.assert_allclose(keyframes.place(known, known[:, 0]), known[:, 1:], atol=1e-12)
+    np.testing.assert_allclose(dynabarn.place(known, times), [gazebo(known, t) for t in times], atol=1e-12)
+    np.testing.assert_allclose(dynabarn.place(known, known[:, 0]), known[:, 1:], atol=1e-12)
 
 
 def test_a_way_between_two_keys_is_slow_at_both_ends_and_keys_on_a_line_at_equal_times_are_a_steady_way():
     two = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
-    np.testing.assert_allclose(keyframes.place(two, np.array([0.25, 0.5]))[:, 0], [0.203125, 0.5])
+    np.testing.assert_allclose(dynabarn.place(two, np.array([0.25, 0.5]))[:, 0], [0.203125, 0.5])
     line = np.array([[k, 2.0 * k, 0.0] for k in range(5)])
-    np.testing.assert_allclose(keyframes.place(line, np.array([1.3, 2.9]))[:, 0], [2.6, 5.8])
+    np.testing.assert_allclose(dynabarn.place(line, np.array([1.3, 2.9]))[:, 0], [2.6, 5.8])
 
 
 places = st.floats(-10, 10)
@@ -71,7 +71,7 @@ ways = st.lists(st.tuples(st.floats(0.05, 20), places, places), min_size=1, max_
 def deviation(rows: np.ndarray, keys: np.ndarray) -> float:
     times = np.linspace(0.0, keys[-1, 0], 20011)
     straight = np.column_stack([np.interp(times, rows[:, 0], rows[:, k]) for k in (1, 2)])
-    return float(np.hypot(*(straight - keyframes.place(keys, times)).T).max())
+    return float(np.hypot(*(straight - dynabarn.place(keys, times)).T).max())
 
 
 @settings(max_examples=40)
@@ -79,7 +79,7 @@ def deviation(rows: np.ndarray, keys: np.ndarray) -> float:
 def test_rows_stay_within_five_millimetres_of_the_way_and_hold_its_ends(x, y, way):
     keys = np.cumsum([(0.0, 0.0, 0.0), *((t, 0.0, 0.0) for t, _, _ in way)], axis=0)
     keys[:, 1:] = [(x, y), *((a, b) for _, a, b in way)]
-    rows = keyframes.rows(keys)
+    rows = dynabarn.rows(keys)
     assert deviation(rows, keys) <= 0.005
     np.testing.assert_array_equal(rows[[0, -1]], keys[[0, -1]])
 
@@ -87,12 +87,12 @@ def test_rows_stay_within_five_millimetres_of_the_way_and_hold_its_ends(x, y, wa
 def test_no_row_is_there_for_nothing():
     """Between every other row a straight line would be too far off, but for the last."""
     keys = np.array(KEYS)
-    rows = keyframes.rows(keys)
+    rows = dynabarn.rows(keys)
     for k in range(1, len(rows) - 2):
         without = np.delete(rows, k, axis=0)
         assert deviation(without, keys) > 0.0045
     straight = np.array([[float(k), 2.0 * k, 1.0] for k in range(6)])
-    times = keyframes.rows(straight)[:, 0]  # in the first and the last stretch it speeds up and slows down
+    times = dynabarn.rows(straight)[:, 0]  # in the first and the last stretch it speeds up and slows down
     assert np.sum((times > 1.0) & (times < 4.0)) <= 2
 
 
@@ -172,7 +172,7 @@ REFUSED = {  # worlds, number, words of the message
     "no name": (without("name"), "7", ("obstacle 1", '"name"')),
     "no radius": (without("radius"), "7", ("obstacle 1", '"radius"')),
     "no keys": (without("keys"), "7", ("obstacle 1", '"keys"')),
-    "an empty name": (changed(name=" "), "7", ("obstacle 1", "empty name")),
+    "an empty name": (changed(name=" "), "7", ("obstacle 1", '"name"')),
     "a radius of zero": (changed(radius=0), "7", ('("a")', "radius is 0")),
     "a radius in words": (changed(radius="wide"), "7", ('("a")', "'wide'")),
     "a radius that is true": (changed(radius=True), "7", ('("a")', "True")),
@@ -234,7 +234,7 @@ def test_the_command_line_imports_a_world(tmp_path, capsys):
     source, target = tmp_path / "worlds.json", tmp_path / "scene.xml"
     source.write_text(json.dumps(DYNABARN))
     assert main(["import", "--motion", str(source), "--world", "9", "-o", str(target)]) == 0
-    assert "3 of them obstacles, and 2 bodies that move" in capsys.readouterr().out
+    assert "3 of them obstacles, and 2 moving obstacles" in capsys.readouterr().out
     assert len(load(target).scene.movers) == 2
     assert main(["import", "--motion", str(source), "--world", "1", "-o", str(target)]) == 2
     assert "no world 1" in capsys.readouterr().err

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, Meshes, MeshKey, Parts, as_box
+from sim.importing.meshes import CONCAVE, MeshKey, Parts, split
+from sim.importing.solids import as_box
 
 SQUARE = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
 
@@ -42,7 +43,7 @@ def hexagon(radius: float) -> np.ndarray:
 
 def parts(mesh: trimesh.Trimesh, path: Path, **more) -> Parts:
     mesh.export(path)
-    return Meshes().parts(MeshKey(path, **more))
+    return split(MeshKey(path, **more))
 
 
 def volume(found: Parts) -> float:
@@ -136,7 +137,7 @@ BAD = {
     "c.obj": (b"f 1 2 3", "c.obj"),
     "d.obj": (b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
     "e.obj": (b"v 1e300 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
-    "f.glb": (b"glTF", ".dae, .stl, .obj"),
+    "f.glb": (b"glTF", ".dae, .obj, .stl"),
     "g.dae": (b"<COLLADA/>", "no triangles"),
     "h.dae": (b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA/>', "DOCTYPE"),
 }
@@ -147,7 +148,7 @@ def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name):
     data, words = BAD[name]
     (tmp_path / name).write_bytes(data)
     with pytest.raises(SceneError) as caught:
-        Meshes().parts(MeshKey(tmp_path / name))
+        split(MeshKey(tmp_path / name))
     assert words in str(caught.value)
     assert name in str(caught.value)
     assert "\n" not in str(caught.value)
