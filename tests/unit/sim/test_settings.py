@@ -100,7 +100,7 @@ def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made(slit, name
     check_size(large, 64 * GIB)
 
 
-@pytest.mark.parametrize(("noise", "remedy"), [(38.7, "raise --dt or lower --noise"), (1e3, "lower --noise")])
+@pytest.mark.parametrize(("noise", "remedy"), [(38.7, "lower --noise or raise --dt"), (1e3, "lower --noise")])
 def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(noise, remedy):
     """Paths of 40 lambda / q, lambda = 2 b^2: 100 000 steps of 10 s at most are enough for 10^6 s."""
     with pytest.raises(OptionError, match=rf"are possible; {remedy}$"):
@@ -111,11 +111,11 @@ def test_a_longer_step_is_asked_for_only_where_one_is_long_enough(noise, remedy)
     ("words", "what"),
     [
         ("--dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps"),
-        ("--noise 100", "or lower --noise"),
+        ("--noise 100", "lower --noise or raise --dt"),
         ("--max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods"),
         ("--grow 9000", "--grow 9000 adds up to"),
         ("--classes 10000 --limit 100", "GiB of memory"),
-        ("--method mppi --horizon 9000 --dt 0.01", "or lower --horizon"),
+        ("--method mppi --horizon 9000 --dt 0.01", "lower --horizon or raise --dt"),
     ],
 )
 def test_what_would_never_end_is_refused_with_what_to_change(words, what, capsys):
