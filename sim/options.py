@@ -160,16 +160,14 @@ def check_size(task: Any, memory: float | None = None) -> None:
     if s.method == "optimal":
         return
     speed = s.speed if "speed" in task.system.heeds else 1.0
-    driven, tail = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed, TAIL * task.problem.temperature
-    seconds = s.horizon if s.method == "mppi" else (driven + tail) / task.problem.least_rate  # of a path, about
+    cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
+    seconds = s.horizon if s.method == "mppi" else cost / task.problem.least_rate  # of a path, about
     steps = max(1.0, seconds / s.dt)
     if steps > PATH_STEPS:
-        remedies = ["lower --horizon"] if s.method == "mppi" else ["lower --noise"] if tail > driven else []
-        if not remedies or seconds <= PATH_STEPS * (BY_SETTING["dt"].bounds or PLACES)[1]:
-            remedies = [*remedies, "raise --dt"]
+        remedy = "lower --horizon" if s.method == "mppi" else "lower --noise"
         raise OptionError(
             f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
-            f"{' or '.join(remedies)}"
+            f"{remedy} or raise --dt"
         )
     most = s.samples * DOUBLINGS if s.budget is None else s.budget
     samples = classes * float(s.samples if s.target_error is None else most)

@@ -40,17 +40,13 @@ def scenes(_: argparse.Namespace) -> int:
         loaded = load(name)
         noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
         rows.append((name, loaded.robot, noise, len(loaded.scene.movers), loaded.about))
-    print(tables.scene_table(rows, width()))
+    say(tables.scene_table(rows))
     print(f"\nfiles: {models_folder() / 'scenes'}; pictures of all: docs/gallery.md")
     return 0
 
 
 def demo(_: argparse.Namespace, more: Sequence[str] = ()) -> int:
-    """Run the paper's first example with both noise levels, and print two sentences; 0 if both reach the goal.
-
-    Args:
-        more: words that the runs are given as well.
-    """
+    """Run the paper's first example with both noise levels and `more` words, and print two sentences."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.json"
@@ -132,11 +128,7 @@ def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
 
 
 def grid_of(arguments: argparse.Namespace) -> Any:
-    """The grid of a command line.
-
-    Raises:
-        OptionError: an option that cannot work, or too many runs.
-    """
+    """The grid of a command line."""
     from sim.sweeps import grid
 
     given = vars(arguments)

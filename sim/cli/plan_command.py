@@ -102,11 +102,7 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 
 def state_of(at: list[float], scenario: Scenario) -> Array:
-    """The state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none.
-
-    Raises:
-        OptionError, SceneError: it has too few or too many numbers, or is no free state.
-    """
+    """The state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none."""
     system, finite = scenario.system, bool(np.all(np.isfinite(at)))
     bare = set(system.states) <= set(POSE)
     whole, place = (POSE, POSE) if bare else (system.states, system.joints)

@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     _sinks(arguments)
     scenario = scenario_of(arguments)
     _look(arguments, scenario)
-    settings, film, truth, bar = scenario.settings, None, None, None
+    settings, film, truth = scenario.settings, None, None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 

@@ -76,11 +76,7 @@ def notice() -> Notice:
 
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
-    """The scene and the task as the command line has them, and in `arguments` the scene's numbers for the rest.
-
-    Raises:
-        OptionError, SceneError: something is wrong with them.
-    """
+    """The scene and the task as the command line has them, and in `arguments` the scene's numbers for the rest."""
     start, given = arguments.start, vars(arguments)
     if start is not None and len(start) not in (2, 3):
         raise OptionError(
@@ -103,11 +99,7 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
 
 
 def check_outputs(arguments: argparse.Namespace, *names: str) -> None:
-    """Refuse files that could not be written, before any work is done.
-
-    Raises:
-        OptionError: one of them cannot.
-    """
+    """Refuse files that could not be written, before any work is done."""
     for name in names:
         if getattr(arguments, name) is not None:
             check_writable(getattr(arguments, name), f"--{name}")
@@ -116,11 +108,7 @@ def check_outputs(arguments: argparse.Namespace, *names: str) -> None:
 def planned(
     scenario: Scenario, at: Array | None = None, *, waits: bool = False
 ) -> tuple[HomologyTree, list[Reference]]:
-    """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,).
-
-    Args:
-        waits: whether there may be none among moving obstacles, since a robot waits for a path.
-    """
+    """The grown tree and the references at the start, none where a robot waits for a path; `at`: another state (n,)."""
     say(tables.fitting_lines(scenario))
     with progress("plan", scenario.settings.vertices, " vertices") as grown:
         tree = scenario.grown_tree(grown, at)

@@ -19,7 +19,7 @@ from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
 from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.scenario import Scenario
-from sim.text import MIN_COLUMNS, broken, counted, say, table
+from sim.text import counted, say, table
 
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
@@ -28,15 +28,12 @@ MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about i
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def scene_table(rows: Sequence[tuple[str, str, float, int, str]], columns: int | None = None) -> str:
+def scene_table(rows: Sequence[tuple[str, str, float, int, str]]) -> str:
     """One row per scene: its name, robot, noise, number of moving obstacles, and a sentence on it."""
     known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
-    head, rule, *lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
-    indent = " " * (max(map(len, [head, *lines])) + 2)
-    if columns is not None and columns < len(indent) + MIN_COLUMNS:
-        columns = None
-    told = [broken(line.ljust(len(indent)) + row[-1], columns, indent) for line, row in zip(lines, rows, strict=True)]
-    return "\n".join([head + "  about", rule + "-" * 7, *told])
+    lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
+    about = ["about", "-" * 7, *(row[-1] for row in rows)]
+    return "\n".join(f"{line.ljust(max(map(len, lines)))}  {more}" for line, more in zip(lines, about, strict=True))
 
 
 def class_table(references: Sequence[Reference], columns: int | None = None, homology: Homology | None = None) -> str:

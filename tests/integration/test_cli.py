@@ -13,7 +13,7 @@ import pytest
 from mjcf_samples import FLOOR, SITES, mjcf
 
 from sim import text
-from sim.cli import main, parser, tables
+from sim.cli import main, parser
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
 from sim.text import say, table
@@ -55,10 +55,9 @@ def test_scenes_lists_every_built_in_scene(capsys):
     rows = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
     for name in scene_names():
         loaded = load(name)
-        moving = len(loaded.scene.movers)
-        assert rows[name].split()[1:4] == [loaded.robot, f"{loaded.scene.defaults['noise']:g}", str(moving)]
+        facts = [loaded.robot, f"{loaded.scene.defaults['noise']:g}", str(len(loaded.scene.movers))]
+        assert rows[name].split()[1:4] == facts
         assert rows[name].endswith(f"  {loaded.about}")
-        assert loaded.about
     assert str(models_folder() / "scenes") in rows["files:"]
 
 
@@ -168,15 +167,15 @@ def test_estimate_repeats_with_independent_samples(figures):
     status, found = figures("estimate", "slit", "--at", "1", "2.5", "--repeat", "3", "--vertices", "500")
     assert status == 0
     assert found.keys() >= ESTIMATE
-    assert all(len(found[key]) == 3 for key in ("control", "value", "ess", "class_weights", "proposal_weights"))
+    assert {len(found[key]) for key in ("control", "value", "ess", "class_weights", "proposal_weights")} == {3}
     assert len(set(found["value"])) == 3
     ids = [one["id"] for one in found["classes"]]
     for weights, drawn in zip(found["class_weights"], found["proposal_weights"], strict=True):
         assert weights.keys() == {*ids, "other"}
-        assert sum(weights.values()) == pytest.approx(1.0)
         assert len(drawn) == len(ids)
+        assert sum(weights.values()) == pytest.approx(1.0)
         assert sum(drawn) == pytest.approx(1.0)
-    assert all(len(control) == 2 for control in found["control"])
+    assert np.shape(found["control"]) == (3, 2)
     assert np.mean(found["value"]) == pytest.approx(8.44, abs=0.1)
 
 
@@ -241,13 +240,11 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
 
 def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
     header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
-    whole = table(header, rows)
-    assert table(header, rows, len(whole.splitlines()[1])) == whole
+    assert "\n\n" not in table(header, rows, 100)
     parts = [part.splitlines() for part in table(header, rows, 24, keep=2).split("\n\n")]
     assert [part[0].split() for part in parts] == [["scene", "b", "success"], ["scene", "b", "cost", "time"]]
     assert [part[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
     assert max(len(line) for part in parts for line in part) <= 24
-    assert table(header, rows, 3).count("slit") == 4  # one column next to the first, however narrow
 
 
 def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
@@ -259,7 +256,3 @@ def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
     shown = capsys.readouterr().out.splitlines()
     assert " ".join(part.strip() for part in shown) == line
     assert max(map(len, shown)) <= 40
-    rows = [("slit", "puck", 0.1, 0, "word " * 20)]
-    wide, narrow = tables.scene_table(rows).splitlines(), tables.scene_table(rows, 60).splitlines()
-    assert max(map(len, narrow)) <= 60
-    assert " ".join(" ".join(narrow[2:]).split()) == " ".join(wide[2].split())

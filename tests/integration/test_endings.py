@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 
 import pytest
 from repository import environment
@@ -35,29 +34,7 @@ def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
     signal.signal(signal.SIGHUP, ignored)
 
 
-class Swallowing:
-    """Its finalizer is interrupted, which Python would only print."""
-
-    def __del__(self) -> None:
-        signal.raise_signal(signal.SIGINT)
-
-
-def waiting() -> int:
-    Swallowing()
-    for _ in range(100_000):  # at most 100 s
-        time.sleep(0.001)
-    return 0
-
-
-def broken() -> int:
-    Swallowing()
-    raise RuntimeError("what the callback should have made is missing")
-
-
-@pytest.mark.parametrize("command", [waiting, broken])
-def test_an_interruption_that_a_finalizer_swallows_is_delivered_again(command, capsys):
-    assert ended(command) == 130
-    assert capsys.readouterr().err == "pirrht: interrupted\n"
+def test_errors_of_this_program_are_not_hidden():
     with pytest.raises(RuntimeError, match="of its own"):
         ended(lambda: (_ for _ in ()).throw(RuntimeError("of its own")))
 
