@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -62,11 +61,7 @@ class _Help(argparse.Action):
 
 
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """Read a command line, checked as far as possible without a scene; None: the arguments of this process.
-
-    Raises:
-        OptionError: it cannot be read, or an option has a value that cannot work.
-    """
+    """Read a command line, checked as far as possible without a scene; None: the arguments of this process."""
     arguments, unknown = parser().parse_known_args(argv)
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
@@ -154,4 +149,4 @@ def default_of(option: Option) -> str:
     (value,) = values
     if value is None:
         return option.unset
-    return "infinite" if value == math.inf else f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:g}".replace("inf", "infinite") if isinstance(value, float) else str(value)

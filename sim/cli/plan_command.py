@@ -13,7 +13,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.planner.references import Reference
 from sim import tree_file
 from sim.cli import tables
-from sim.cli.shared import check_outputs, notice, planned, progress_bar, report_prediction, scenario_of, solving
+from sim.cli.shared import check_outputs, notice, planned, progress, report_prediction, scenario_of
 from sim.drive.truth import Truth
 from sim.files import path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
@@ -36,11 +36,8 @@ def plan(arguments: argparse.Namespace) -> int:
     began, lengths = notice().clock(), None
     if arguments.convergence:
         tree, vertices = scenario.empty_tree(), scenario.settings.vertices
-        with progress_bar("plan", vertices, " vertices") as bar:
-            lengths = convergence.grow(
-                tree, scenario.start, vertices, every=max(1, vertices // 200),
-                progress=lambda size: bar.update(size - bar.n),
-            )  # fmt: skip
+        with progress("plan", vertices, " vertices") as grown:
+            lengths = convergence.grow(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=grown)
         references = scenario.references(tree)
     else:
         tree, references = planned(scenario)
@@ -78,8 +75,8 @@ def estimate(arguments: argparse.Namespace) -> int:
         )
     truth = None
     if arguments.truth:
-        with solving() as progress:
-            truth = Truth.at(scenario.truth(progress), x, time)
+        with progress("exact value") as solved:
+            truth = Truth.at(scenario.truth(solved), x, time)
     tree, _ = (None, []) if scenario.settings.method in TREELESS else planned(scenario, x)
     controller = scenario.driver(tree)
     controller.begin(x, time)
@@ -105,11 +102,7 @@ def estimate(arguments: argparse.Namespace) -> int:
 
 
 def state_of(at: list[float], scenario: Scenario) -> Array:
-    """The state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none.
-
-    Raises:
-        OptionError, SceneError: it has too few or too many numbers, or is no free state.
-    """
+    """The state (n,) that `--at` names; missing numbers are 0, and a heading is left out where there is none."""
     system, finite = scenario.system, bool(np.all(np.isfinite(at)))
     bare = set(system.states) <= set(POSE)
     whole, place = (POSE, POSE) if bare else (system.states, system.joints)

@@ -6,7 +6,7 @@ import argparse
 import functools
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,7 +15,6 @@ from tqdm import tqdm
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.exact.grid import Progress
 from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -77,11 +76,7 @@ def notice() -> Notice:
 
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
-    """The scene and the task as the command line has them, and in `arguments` the scene's numbers for the rest.
-
-    Raises:
-        OptionError, SceneError: something is wrong with them.
-    """
+    """The scene and the task as the command line has them, and in `arguments` the scene's numbers for the rest."""
     start, given = arguments.start, vars(arguments)
     if start is not None and len(start) not in (2, 3):
         raise OptionError(
@@ -104,11 +99,7 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
 
 
 def check_outputs(arguments: argparse.Namespace, *names: str) -> None:
-    """Refuse files that could not be written, before any work is done.
-
-    Raises:
-        OptionError: one of them cannot.
-    """
+    """Refuse files that could not be written, before any work is done."""
     for name in names:
         if getattr(arguments, name) is not None:
             check_writable(getattr(arguments, name), f"--{name}")
@@ -117,14 +108,10 @@ def check_outputs(arguments: argparse.Namespace, *names: str) -> None:
 def planned(
     scenario: Scenario, at: Array | None = None, *, waits: bool = False
 ) -> tuple[HomologyTree, list[Reference]]:
-    """The grown tree and the references at the start; its limit is wide enough there, or at another state (n,).
-
-    Args:
-        waits: whether there may be none among moving obstacles, since a robot waits for a path.
-    """
+    """The grown tree and the references at the start, none where a robot waits for a path; `at`: another state (n,)."""
     say(tables.fitting_lines(scenario))
-    with progress_bar("plan", scenario.settings.vertices, " vertices") as bar:
-        tree = scenario.grown_tree(lambda size: bar.update(size - bar.n), at)
+    with progress("plan", scenario.settings.vertices, " vertices") as grown:
+        tree = scenario.grown_tree(grown, at)
     references = scenario.references(tree, waits=waits)
     if not references:
         say("no class reaches the goal from the start past moving obstacles: the robot waits for a path")
@@ -137,10 +124,10 @@ def planned(
 
 
 @contextmanager
-def solving() -> Iterator[Progress]:
-    """A bar, on a terminal, while a grid is solved for the exact value: minutes among moving obstacles."""
-    with progress_bar("exact value", 100.0, " %") as bar:
-        yield lambda share: bar.update(100.0 * share - bar.n)
+def progress(what: str, total: float = 1.0, unit: str = "") -> Iterator[Callable[[float], Any]]:
+    """A bar, on a terminal; yields a function that takes how much of the total is done."""
+    with progress_bar(what, total, unit) as bar:
+        yield lambda done: bar.update(done - bar.n)
 
 
 def report_prediction(scenario: Scenario, what: str) -> None:

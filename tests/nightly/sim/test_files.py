@@ -32,12 +32,8 @@ def test_a_film_that_is_terminated_leaves_what_was_there(tmp_path):
     file.write_bytes(b"old")
     command = [sys.executable, "-c", TERMINATED, str(file)]
     with subprocess.Popen(command, env=environment(), stdout=subprocess.PIPE, text=True) as process:
-        for line in process.stdout:
-            if int(line) == 5:
-                break
+        next(line for line in process.stdout if int(line) == 5)
         assert len(list(tmp_path.iterdir())) == 2
         process.send_signal(signal.SIGTERM)
         process.communicate(timeout=60)
-    assert process.returncode == 143
-    assert file.read_bytes() == b"old"
-    assert list(tmp_path.iterdir()) == [file]
+    assert (process.returncode, file.read_bytes(), list(tmp_path.iterdir())) == (143, b"old", [file])

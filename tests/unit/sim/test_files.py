@@ -60,7 +60,6 @@ def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
 
 @linux
 def test_devices_are_written_straight_to():
-    check_writable(Path("/dev/null"), "--json")
     write_json(Path("/dev/null"), {"a": 1})
     assert Path("/dev/null").is_char_device()
     with pytest.raises(OptionError, match="--json /dev/full: No space left"):
@@ -92,14 +91,10 @@ def test_a_file_larger_than_allowed_leaves_the_old_one(file):
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_a_name_may_be_as_long_as_the_system_allows_and_no_longer(tmp_path):
-    file = tmp_path / ("x" * 250 + ".json")
-    check_writable(file, "--json")
-    write(file)
-    assert file.read_bytes() == b"new"
-    with pytest.raises(OptionError, match=r"--json .*\.\.\..*too long") as caught:
-        check_writable(tmp_path / ("x" * 300), "--json")
-    assert len(str(caught.value)) < 200
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path):
+    check_writable(tmp_path / ("x" * 250 + ".json"), "--json")
+    write(tmp_path / ("x" * 250 + ".json"))
+    assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"new"]
 
 
 @pytest.mark.parametrize(
@@ -107,6 +102,7 @@ def test_a_name_may_be_as_long_as_the_system_allows_and_no_longer(tmp_path):
     [
         (os.fsdecode(b"b\xff.json"), r"b\\xff.json: the name is not UTF-8"),
         ("\ud800.json", "not UTF-8"),
+        ("x" * 300, r"\.\.\..*too long"),
         ("circle", ""),
         ("no/a.json", ""),
         (".", "is a folder"),
@@ -116,7 +112,7 @@ def test_paths_that_lead_nowhere_are_refused_in_words_that_can_be_printed(tmp_pa
     (tmp_path / "circle").symlink_to("circle")
     with pytest.raises(OptionError, match=f"--json .*{what}") as caught:
         check_writable(tmp_path / name, "--json")
-    str(caught.value).encode()
+    assert len(str(caught.value).encode()) < 250
 
 
 @linux
