@@ -34,7 +34,7 @@ from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
-from sim.scenario.required_limit import required_limit
+from sim.scenario.required_limit import required_limit, surely_wide
 from sim.settings import Settings
 from sim.systems import System, refuse
 
@@ -171,21 +171,22 @@ class Scenario:
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
 
-        def grown(limit: float) -> HomologyTree:
+        def grown(limit: float, vertices: int = s.vertices) -> HomologyTree:
             tree = self.empty_tree(limit)
-            tree.grow(s.vertices, progress=progress)
+            tree.grow(vertices, progress=progress)
             return tree
 
-        def reaches(tree: HomologyTree) -> bool:
-            return bool(tree.lengths(tree.at(x, 0.0)))
-
-        first = tree = grown(s.limit)
-        while self.widens and tree.limit < WIDER[-1]:
-            least = required_limit(tree, x)
-            if not least and reaches(tree):
+        first = grown(s.limit)
+        if not self.widens or surely_wide(first, x):
+            return first
+        least = required_limit(grown(WIDER[-1], min(s.vertices, QUICK)), x)
+        if first.lengths(first.at(x, 0.0)) and least <= s.limit:
+            return first
+        for limit in (limit for limit in WIDER if limit >= min(least, WIDER[-1]) and limit > s.limit):
+            tree = grown(limit)
+            if tree.lengths(tree.at(x, 0.0)):
                 return tree
-            tree = grown(next((limit for limit in WIDER if limit > tree.limit and limit >= least), WIDER[-1]))
-        return tree if tree is first or reaches(tree) else first
+        return first
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first.
