@@ -22,7 +22,7 @@ def prefixed(words: str) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        raise SceneError(f"{words}{error}") from None
+        raise SceneError(f"{words}{str(error).removeprefix(words)}") from None
 
 
 class Faults:
