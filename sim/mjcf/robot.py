@@ -186,10 +186,12 @@ def _check_wheels(model: mujoco.MjModel, system: System, at_origin: bool) -> Non
     if int(model.jnt_bodyid[0]) != model.body("robot").id or not at_origin:
         raise SceneError('body "robot" must stand at the origin and have the free joint itself')
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
-    if ground < 0 or model.geom_type[ground] != _GEOM.mjGEOM_PLANE or np.any(model.geom_pos[ground]):
-        raise SceneError(f'a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
-    if model.geom_contype[ground] or model.geom_conaffinity[ground]:
-        raise SceneError(f'geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" conaffinity="0"')
+    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
+    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
+        raise SceneError(
+            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
+            "which wheels meet in contact pairs"
+        )
     driven = model.jnt_type[model.actuator_trnid[:, 0]]
     if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(driven != _JOINT.mjJNT_HINGE):
         raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
