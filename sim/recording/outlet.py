@@ -121,7 +121,7 @@ class RecordingFile:
 
     def __init__(self, path: Path, save: Callable[[Path], None]) -> None:
         self._path = path
-        self._draft = None if takes_as_it_comes(path) else Draft.next_to(path)
+        self._draft = None if takes_as_it_comes(path) else Draft(path)
         self._handle = os.open(path, os.O_WRONLY) if self._draft is None else self._draft.handle
         self._relay: Relay | None = None
         self._aside: Path | None = None
