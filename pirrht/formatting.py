@@ -1,9 +1,8 @@
-"""Format objects at the prompt: one line each, and small tables in notebooks."""
+"""Format objects at the prompt: one line each."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from html import escape
+from collections.abc import Iterable
 
 WIDEST = 24  # most characters of a name
 
@@ -33,13 +32,3 @@ def turns(id: str) -> str:
     each = [int(k) for k in id.split(",")] if id.count(",") >= 4 else []
     parts = [f"{'+' if k > 0 else '-'}{i}" * abs(k) for i, k in enumerate(each, 1) if k]
     return (" ".join(parts) or "straight") if each else id
-
-
-def table(caption: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return an HTML table; texts are escaped here."""
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in header)
-    body = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return (
-        f'<table><caption style="text-align:left">{escape(caption)}</caption>'
-        f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
-    )

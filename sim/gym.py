@@ -133,15 +133,11 @@ class Drive(gymnasium.Env[Array, Array]):
         x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
         plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
         advance = self._plant.advance(lambda x, s: u, self._rng)
-        outcome = self._metrics.frame(Period(plan=plan, advance=advance, seconds=thought)).outcome
+        outcome = self._metrics.frame(Period(plan=plan, advance=advance, plan_seconds=thought)).outcome
         reward = -advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
         self._asked = time.perf_counter()
         over = outcome in (Outcome.GOAL, Outcome.COLLISION)
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
-
-    def result(self) -> dict[str, Any]:
-        """Return the figures of this run so far, as `pirrht run --json` has them."""
-        return self.figures().json()
 
     def figures(self) -> DriveResult:
         """Return the figures of this run so far as a record.
@@ -149,9 +145,13 @@ class Drive(gymnasium.Env[Array, Array]):
         Raises:
             OptionError: nothing has been driven yet.
         """
-        if self._metrics is None or self.frame is None:
+        if self.frame is None:
             raise OptionError("nothing has been driven yet; call reset() and step() first")
-        return self._metrics.result()
+        return self.frame.metrics.result()
+
+    def result(self) -> dict[str, Any]:
+        """Return the figures of this run so far, as `pirrht run --json` has them."""
+        return self.figures().json()
 
     def _info(self) -> dict[str, Any]:
         frame = self.frame
@@ -159,25 +159,16 @@ class Drive(gymnasium.Env[Array, Array]):
             clearance = self.scenario.space.clearance(self._plant.state)
             return {"outcome": None, "cost": 0.0, "time": 0.0, "min_clearance": clearance, "path_length": 0.0}
         return {
-            "outcome": None if frame.outcome is None else frame.outcome.name.lower(),
-            "cost": frame.cost,
-            "time": frame.end_time,
-            "min_clearance": frame.metrics.min_clearance,
-            "path_length": frame.length,
-        }
+            "outcome": None if frame.outcome is None else frame.outcome.name.lower(), "cost": frame.cost,
+            "time": frame.end_time, "min_clearance": frame.metrics.min_clearance, "path_length": frame.length,
+        }  # fmt: skip
 
 
 def score(
-    policy: Policy | Callable[[int], Policy],
-    *,
-    seeds: Iterable[int],
-    method: str,
-    anew: bool = False,
-    environment: gymnasium.Env[Any, Any] | None = None,
-    into: str | Path | None = None,
-    again: bool = False,
+    policy: Policy | Callable[[int], Policy], *, seeds: Iterable[int], method: str, anew: bool = False,
+    environment: gymnasium.Env[Any, Any] | None = None, into: str | Path | None = None, again: bool = False,
     **options: Any,
-) -> list[dict[str, Any]]:
+) -> list[dict[str, Any]]:  # fmt: skip
     """Drive a policy once per seed; one record each, as those of `pirrht sweep`.
 
     Args:
@@ -222,26 +213,25 @@ def _scored(env: gymnasium.Env[Any, Any], drive: Drive, policy: Any, key: dict[s
     over, step = False, 0
     while not over:
         action = policy(x)
-        _check_action(action, env.action_space, f"seed {key['seed']}, step {step}")
+        if isinstance(env.action_space, Box):
+            where, shape = f"seed {key['seed']}, step {step}: the policy returned", env.action_space.shape
+            u = _numbers(action)
+            if u.shape != shape:
+                returned = f"the shape {u.shape}" if u.size else f"{action!r}"
+                raise OptionError(f"{where} {returned}; expected is a control of the shape {shape}")
+            if not np.all(np.isfinite(u)):
+                raise OptionError(f"{where} {u.tolist()}; a control must be finite")
         x, _, terminated, truncated, _ = env.step(action)
         step, over = step + 1, terminated or truncated
     record = runs.finished(key, drive.scenario, drive.figures(), time.perf_counter() - began)
     return {**record, "samples": None, "dt": None}  # they are the policy's own affair
 
 
-def _check_action(action: Any, space: Any, where: str) -> None:
-    """Refuse what no environment with a box of actions could hold."""
-    if not isinstance(space, Box):
-        return
+def _numbers(action: Any) -> Array:
     try:
-        u = np.asarray(action, dtype=float)
+        return np.asarray(action, dtype=float)
     except (TypeError, ValueError):
-        u = np.full(0, np.nan)
-    if u.shape != space.shape:
-        returned = f"the shape {u.shape}" if u.size else f"{action!r}"
-        raise OptionError(f"{where}: the policy returned {returned}; expected is a control of the shape {space.shape}")
-    if not np.all(np.isfinite(u)):
-        raise OptionError(f"{where}: the policy returned {u.tolist()}; a control must be finite")
+        return np.empty(0)
 
 
 def _seed(seed: int) -> int:

@@ -36,104 +36,74 @@ def obstacles(text: str) -> list[int]:
     return [int(part) for part in text.split(",")]
 
 
-def _option(commands: str, name: str, text: str, metavar: Any = "", **more: Any) -> Option:
+def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) -> Option:
     if more.get("kind") is bool:
         more["default"] = False
     number = more.get("kind") in (int, float) and more.get("default") is not None
     return Option(name=name, text=text, metavar=metavar, commands=tuple(commands.split()), numeric=number, **more)
 
 
-_file = partial(_option, kind=Path, group=FILES)
-_flag = partial(_option, kind=bool)
+_file = partial(_one, kind=Path, group=FILES)
+_flag = partial(_one, kind=bool)
 _singles = " ".join(SINGLE)
 
 COMMAND_OPTIONS = (
-    _option(_singles, "scene", "built-in name or MJCF file", "SCENE", positional=True),
-    _option("sweep", "scenes", "built-in names or MJCF files", "SCENE", positional=True, count="+"),
-    _option(
-        "warm", "robots", "built-in robots or MJCF files; none: all built-in ones", "ROBOT", positional=True, count="*"
-    ),
+    _one(_singles, "scene", "built-in name or MJCF file", "SCENE", positional=True),
+    _one("sweep", "scenes", "built-in names or MJCF files", "SCENE", positional=True, count="+"),
+    _one("warm", "robots", "built-in robots or MJCF files; none: all built-in", "ROBOT", positional=True, count="*"),
     _flag("warm", "moving", "for scenes with moving obstacles"),
     _file("plan", "output", "save the tree for `--tree`", "TREE.npz", short="o"),
     _file("plan", "png", "draw tree and references (extra `figures`)", "FILE"),
     _file("plan", "convergence", "draw the length of each class's best path per iteration", "FILE"),
-    _option(
-        "estimate", "at", "state, see the table; missing numbers are 0", "X", kind=float, count="+", required=True
-    ),
-    _option(
-        "estimate", "time", "time at which moving obstacles are evaluated", "S", kind=float, default=0.0,
-        bounds=(0.0, 86_400.0),
-    ),
-    _option("estimate", "repeat", "repeats with independent samples", "N", kind=int, default=1, bounds=(1, 10_000)),
+    _one("estimate", "at", "state, see the table; missing numbers are 0", "X", kind=float, count="+", required=True),
+    _one("estimate", "time", "time at which moving obstacles are evaluated", "S", kind=float, default=0.0,
+         bounds=(0.0, 86_400.0)),
+    _one("estimate", "repeat", "repeats with independent samples", "N", kind=int, default=1, bounds=(1, 10_000)),
     _flag("estimate", "truth", "add the exact value and control from a grid"),
     _flag("run", "truth", "compare each control with the exact one from a grid", group=RUN),
     _file("run", "record", "write a Rerun recording", "FILE.rrd", group=RECORDING),
-    _option(
-        "run", "record-hz", "references and samples per simulated second", "HZ", kind=float, default=5.0,
-        bounds=(1e-6, 1e6), group=RECORDING,
-    ),
-    _option(
-        "run", "record-samples", "sampled paths to record", "WHICH", choices=("all", "some", "none"), default="some",
-        group=RECORDING,
-    ),
-    _option(
-        "run", "record-lift", "obstacles whose H is the height in the tab Tree, as in 5,12", "K1,K2", kind=obstacles,
-        unset="two that separate the shortest classes", group=RECORDING,
-    ),
+    _one("run", "record-hz", "references and samples per simulated second", "HZ", kind=float, default=5.0,
+         bounds=(1e-6, 1e6), group=RECORDING),
+    _one("run", "record-samples", "sampled paths to record", "WHICH", choices=("all", "some", "none"), default="some",
+         group=RECORDING),
+    _one("run", "record-lift", "obstacles whose H is the height in the tab Tree, as in 5,12", "K1,K2", kind=obstacles,
+         unset="two that separate the shortest classes", group=RECORDING),
     _file("run", "video", "film of the run (extra `video`)", "FILE.mp4", group=RECORDING),
     _file("run", "png", "last picture of the film (extra `video`)", "FILE.png", group=RECORDING),
     _flag("run play", "view", "open the Rerun viewer", group=RECORDING),
-    _flag(
-        "run play", "serve", "serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
-        group=RECORDING,
-    ),
-    _option(
-        "run play", "connect", "stream to a running viewer, rerun+http://127.0.0.1:9876/proxy", "URL", group=RECORDING
-    ),
+    _flag("run play", "serve", "serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
+          group=RECORDING),
+    _one("run play", "connect", "stream to a viewer, rerun+http://127.0.0.1:9876/proxy", "URL", group=RECORDING),
     _flag("play", "headless", "no window, as fast as possible, deterministic", group=RUN),
     _file("play", "script", "pushes, moves and noise by the time of the run, as JSON", "FILE.json", group=RUN),
-    _option("sweep", "methods", f"of {', '.join(METHODS)}", "A,B", default="pi-rrht", group=GRID),
-    _option("sweep", "noise", "noise levels", "B1,B2", group=GRID, unset="the scene's"),
-    _option("sweep", "seeds", "seeds A to B-1", "A:B", default="0:10", group=GRID),
-    _option("sweep", "jobs", "processes", "N", kind=int, unset="all cores", bounds=(1, 1024)),
-    _option("sweep", "scheduler", "send runs to a Dask cluster: tcp://... (extra `cluster`)", "URL"),
+    _one("sweep", "methods", f"of {', '.join(METHODS)}", "A,B", default="pi-rrht", group=GRID),
+    _one("sweep", "noise", "noise levels", "B1,B2", group=GRID, unset="the scene's"),
+    _one("sweep", "seeds", "seeds A to B-1", "A:B", default="0:10", group=GRID),
+    _one("sweep", "jobs", "processes", "N", kind=int, unset="all cores", bounds=(1, 1024)),
+    _one("sweep", "scheduler", "send runs to a Dask cluster: tcp://... (extra `cluster`)", "URL"),
     _file("sweep", "json", "write one record per run as JSON", "FILE"),
-    _file(
-        "sweep", "output", "keep finished runs as a Parquet dataset; the same command continues it", "DIR", short="o"
-    ),
+    _file("sweep", "output", "keep runs as a Parquet dataset; the same command continues it", "DIR", short="o"),
     _flag("sweep", "again", "repeat runs that ended with an error (with -o)", group=FILES),
     _file(f"{_singles} report", "json", "write the results as JSON", "FILE"),
     _file("report", "folder", "made by `pirrht sweep -o DIR`, complete or not", "DIR", positional=True),
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
     _file("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
-    _file(
-        "import", "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD",
-        positional=True,
-    ),
+    _file("import", "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD",
+          positional=True),
     _file("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
-    _flag(
-        "import", "decompose", "WORLD is a mesh (.obj, .stl, .dae) in metres, z up: write its convex parts (extra "
-        "`decompose`)",
-    ),
-    _option(
-        "import", "world", "number of a world in a file of motions", "NUMBER", attribute="number", unset="its only one"
-    ),
-    _option("import", "start", "X Y [m] and TH [rad]", "X", kind=float, count="+", bounds=PLACES),
-    _option("import", "goal", "disc [m]", ("X", "Y", "R"), kind=float, count=3, bounds=PLACES),
-    _option(
-        "import", "workspace", "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), kind=float, count=4,
-        bounds=PLACES,
-    ),
-    _option(
-        "import", "models", "folders of models that a Gazebo world includes, besides GZ_SIM_RESOURCE_PATH, "
-        "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+",
-    ),
-    _option("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
-    _option(
-        "import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"
-    ),
+    _flag("import", "decompose", "WORLD is a mesh (.obj, .stl, .dae) in metres, z up: write its convex parts (extra "
+        "`decompose`)"),
+    _one("import", "world", "its number in a file of motions", "NUMBER", attribute="number", unset="its only one"),
+    _one("import", "start", "X Y [m] and TH [rad]", "X", kind=float, count="+", bounds=PLACES),
+    _one("import", "goal", "disc [m]", ("X", "Y", "R"), kind=float, count=3, bounds=PLACES),
+    _one("import", "workspace", "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), kind=float, count=4,
+         bounds=PLACES),
+    _one("import", "models", "folders of models that a Gazebo world includes, besides GZ_SIM_RESOURCE_PATH, "
+        "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+"),
+    _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
+    _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip
 OPTIONS: tuple[Option, ...] = (*SCENE_OPTIONS, *SETTINGS, *COMMAND_OPTIONS)
 NUMERICS = {option.name: option for option in OPTIONS if option.numeric}  # in scenes, as `pirrht_NAME`
@@ -190,16 +160,14 @@ def check_size(task: Any, memory: float | None = None) -> None:
     if s.method == "optimal":
         return
     speed = s.speed if "speed" in task.system.heeds else 1.0
-    driven, tail = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed, TAIL * task.problem.temperature
-    seconds = s.horizon if s.method == "mppi" else (driven + tail) / task.problem.least_rate  # of a path, about
+    cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
+    seconds = s.horizon if s.method == "mppi" else cost / task.problem.least_rate  # of a path, about
     steps = max(1.0, seconds / s.dt)
     if steps > PATH_STEPS:
-        remedies = ["lower --horizon"] if s.method == "mppi" else ["lower --noise"] if tail > driven else []
-        if not remedies or seconds <= PATH_STEPS * (BY_SETTING["dt"].bounds or PLACES)[1]:
-            remedies = ["raise --dt", *remedies]
+        remedy = "lower --horizon" if s.method == "mppi" else "lower --noise"
         raise OptionError(
             f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
-            f"{' or '.join(remedies)}"
+            f"{remedy} or raise --dt"
         )
     most = s.samples * DOUBLINGS if s.budget is None else s.budget
     samples = classes * float(s.samples if s.target_error is None else most)

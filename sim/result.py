@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,8 @@ from sim.scenario.convergence import Convergence
 
 def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
     """The static topological obstacles, in the order of every winding; moving ones come after them."""
-    return [
-        {"marker": [float(v) for v in part.marker], "geoms": list(part.names)}
-        for part in space.obstacles
-        if part.marker is not None
-    ]
+    parts = [(part.marker, part.names) for part in space.obstacles]
+    return [{"marker": marker.tolist(), "geoms": list(names)} for marker, names in parts if marker is not None]
 
 
 def classes_json(
@@ -110,25 +108,20 @@ def estimate_json(
 
     exact = {}
     if truth is not None:
-        errors = each(truth.errors)
         exact = {
             "truth": {"value": truth.value, "control": truth.control.tolist()},
-            "value_error": [error and error[0] for error in errors],
-            "control_error": [error and error[1] for error in errors],
+            "value_error": each(lambda e: truth.errors(e)[0]),
+            "control_error": each(lambda e: truth.errors(e)[1]),
         }
+    names = ("value", "ess", "doubtful", "class_weights", "class_ess", "proposal_weights")
     return {
         **exact,
+        **{name: each(attrgetter(name)) for name in names},
         "control": each(lambda e: e.control.tolist()),
-        "value": each(lambda e: e.value),
         "value_stderr": each(lambda e: e.value_error),
         "control_stderr": each(lambda e: e.control_error.tolist()),
-        "ess": each(lambda e: e.ess),
-        "doubtful": each(lambda e: e.doubtful),
         "tail": each(lambda e: None if np.isnan(e.tail) else e.tail),
         "samples": each(lambda e: sum(part.size for part in e.parts)),
-        "class_weights": each(lambda e: e.class_weights),
-        "class_ess": each(lambda e: e.class_ess),
-        "proposal_weights": each(lambda e: e.proposal_weights),
         **_windings_json(scenario, references),
     }
 

@@ -218,24 +218,25 @@ class Settings:
     def __post_init__(self) -> None:
         _check(self, BY_SETTING)
         grow, length, most = self.grow or 0, self.max_time / self.period, (BY_SETTING["vertices"].bounds or PLACES)[1]
-        if self.budget is not None and (self.target_error is None or self.budget < self.samples):
-            raise OptionError(f"--budget is {self.budget}; it needs --target-error and at least --samples")
-        if self.real_time and self.target_error is not None:
-            raise OptionError("--real-time and --target-error both decide when sampling ends; leave one of them out")
-        if self.method == "mppi" and self.horizon < self.dt:
-            raise OptionError(f"--horizon is {self.horizon:g}; it must be at least a step, --dt {self.dt:g}")
-        if length > RUN_PERIODS:
-            raise OptionError(
-                f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
-                f"{RUN_PERIODS:,}: lower the one or raise the other"
-            )
-        if grow and self.method in TREELESS:
-            raise OptionError(f"--grow is {grow}; --method {self.method} has no tree that could grow")
-        if not self.real_time and self.vertices + grow * length > most:
-            raise OptionError(
-                f"--grow {grow} adds up to {self.vertices + grow * length:.3g} vertices by --max-time "
-                f"{self.max_time:g}; a tree has at most {most:,}: lower one of them or raise --period"
-            )
+        size = self.vertices + grow * length
+        for wrong, message in (
+            (self.budget is not None and (self.target_error is None or self.budget < self.samples),
+             f"--budget is {self.budget}; it needs --target-error and at least --samples"),
+            (self.real_time and self.target_error is not None,
+             "--real-time and --target-error both decide when sampling ends; leave one of them out"),
+            (self.method == "mppi" and self.horizon < self.dt,
+             f"--horizon is {self.horizon:g}; it must be at least a step, --dt {self.dt:g}"),
+            (length > RUN_PERIODS,
+             f"--max-time {self.max_time:g} is {length:.3g} periods of --period {self.period:g}; a run has at most "
+             f"{RUN_PERIODS:,}: lower the one or raise the other"),
+            (grow and self.method in TREELESS,
+             f"--grow is {grow}; --method {self.method} has no tree that could grow"),
+            (not self.real_time and size > most,
+             f"--grow {grow} adds up to {size:.3g} vertices by --max-time {self.max_time:g}; a tree has at most "
+             f"{most:,}: lower one of them or raise --period"),
+        ):  # fmt: skip
+            if wrong:
+                raise OptionError(message)
 
 
 def _check(record: Settings | SceneOptions, options: Mapping[str, Option]) -> None:

@@ -48,18 +48,15 @@ def chosen(which: str | System) -> System:
     module = _module(module_name, which)
     made = getattr(module, name, None)
     if made is None:
-        others = [other for other, value in vars(module).items() if isinstance(value, System)]
-        offers = f"its systems are {', '.join(others)}" if others else "it has no sim.systems.System at all"
+        others = ", ".join(other for other, value in vars(module).items() if isinstance(value, System))
+        offers = f"its systems are {others}" if others else "it has no sim.systems.System at all"
         raise OptionError(f"--system {which}: the module {module_name} has no {name}; {offers}")
     if not isinstance(made, System) and callable(made):
         try:
             made = made()
-        except PirrhtError as error:
-            raise OptionError(f"--system {which}: {error}") from None
         except (Exception, SystemExit) as error:
-            raise OptionError(
-                f"--system {which}: {one_line(error)} when it was called without arguments; fix it"
-            ) from None
+            why = error if isinstance(error, PirrhtError) else f"{one_line(error)} when it was called; fix it"
+            raise OptionError(f"--system {which}: {why}") from None
     if not isinstance(made, System):
         raise OptionError(
             f"--system {which}: {name} is of the type {type(made).__name__}; it must be a sim.systems.System or a "
@@ -112,23 +109,21 @@ def _module(name: str, which: str) -> Any:
     try:
         with _first_on_path(folder):
             module = importlib.import_module(name)
-        if (file := getattr(module, "__file__", None)) is not None:
-            _folders.add(Path(file).resolve().parent)
-        return module
-    except PirrhtError as error:
-        trace, where = error.__traceback__, f"the module {name}"
-        while trace is not None:
+    except (Exception, SystemExit) as error:
+        where, trace = f"the module {name}", error.__traceback__
+        while trace is not None and isinstance(error, PirrhtError):
             if trace.tb_frame.f_globals.get("__name__") == name:
                 where = f"line {trace.tb_lineno} of {trace.tb_frame.f_code.co_filename}"
             trace = trace.tb_next
-        raise OptionError(f"--system {which}: {error}, while {where} was imported") from None
-    except (Exception, SystemExit) as error:
-        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
-            raise OptionError(
-                f"--system {which}: there is no module {name} in {folder} or among what is installed; fix the name, "
-                "or set PYTHONPATH"
-            ) from None
-        raise OptionError(f"--system {which}: {one_line(error)} while the module {name} was imported; fix it") from None
+        why = f"{one_line(error)} while {where} was imported; fix it"
+        if isinstance(error, PirrhtError):
+            why = f"{error}, while {where} was imported"
+        elif isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
+            why = f"there is no module {name} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
+        raise OptionError(f"--system {which}: {why}") from None
+    if (file := getattr(module, "__file__", None)) is not None:
+        _folders.add(Path(file).resolve().parent)
+    return module
 
 
 @contextmanager

@@ -22,19 +22,14 @@ def width() -> int | None:
     return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
 
 
-def broken(line: str, columns: int | None, indent: str = "  ") -> str:
-    """A line broken between words where a terminal is narrower; further lines are indented."""
-    if columns is None:
-        return line
-    return textwrap.fill(
-        line, max(columns, MIN_COLUMNS), subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
-
-
 def say(text: str) -> None:
     """Print lines, broken between words where a terminal is narrower."""
+    columns = width()
+    fit = textwrap.TextWrapper(
+        max(columns or 0, MIN_COLUMNS), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
     for line in text.splitlines():
-        print(broken(line, width()))
+        print(line if columns is None else fit.fill(line))
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]], columns: int | None = None, *, keep: int = 1) -> str:

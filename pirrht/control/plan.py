@@ -101,14 +101,6 @@ class Plan:
         at, control = formatting.vector(self.state), formatting.vector(self.control)
         return f"Plan(at {at}: control {control}, {value}, {which}{most})"
 
-    def _repr_html_(self) -> str:
-        by, estimate, rows = self.weights(), self.estimate, []
-        for id, reference in zip(self.ids, self.references, strict=False):
-            ess = "" if estimate is None or id not in estimate.class_ess else f"{estimate.class_ess[id]:.1f}"
-            weight = formatting.share(by[id]) if id in by else ""
-            rows.append([formatting.turns(id), f"{reference.cost:.4g}", f"{reference.length:.3g}", weight, ess])
-        return formatting.table(repr(self), ["class", "cost", "length [m]", "weight", "ESS"], rows)
-
     def weights(self) -> dict[str, float]:
         """Return the weight of every class under the law, else in the estimate; empty without either."""
         return {**({} if self.estimate is None else self.estimate.class_weights), **(self.shares or {})}

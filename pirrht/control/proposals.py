@@ -31,7 +31,7 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
-from pirrht.steering.motion import SPACING, running_cost
+from pirrht.steering.motion import SPACING, Trajectory, running_cost
 from pirrht.topology.signature import integers
 
 
@@ -178,9 +178,7 @@ class ProposalBuilder:
         """Return what a plan at x (n,) samples: around references, or passive dynamics if there is none."""
         integral, memory, samples = self.integral, run.memory, self.integral.sampling.samples
         trajectories, guidance = [reference.trajectory for reference in references], self.integral.guidance
-        straight = 4.0 * integral.problem.least_rate * float(np.hypot(*(x[:2] - integral.problem.scene.goal.center)))
-        least = min((running_cost(integral.problem, x, one) for one in trajectories), default=straight)
-        times, classes = integral.grid(least), from_start(run, references)
+        times, classes = integral.grid(least_cost(integral.problem, x, trajectories)), from_start(run, references)
         driven, homology = run.path.winding(), run.homology
         others = {homology.key(integers(np.subtract(one, driven))): homology.name(one) for one in memory.paths}
         if not references:
@@ -291,3 +289,9 @@ def plan_of(
     if run.prediction is not None:
         run.favourite = favourite_path(plan)
     return plan
+
+
+def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:
+    """Return the least cost of references under q + u'Ru/2; without any, four times that of the straight line."""
+    straight = 4.0 * problem.least_rate * float(np.hypot(*(x[:2] - problem.scene.goal.center)))
+    return min((running_cost(problem, x, trajectory) for trajectory in trajectories), default=straight)

@@ -103,21 +103,11 @@ class Estimate:
         return self.walls.push
 
     def __repr__(self) -> str:
-        heaviest = sorted(self.class_weights.items(), key=lambda one: -one[1])[:4]
-        classes = ", ".join(f"{formatting.turns(name)} {formatting.share(w)}" for name, w in heaviest if w >= 0.005)
-        return f"Estimate({self._figures()}{f'; {classes}' if classes else ''})"
-
-    def _repr_html_(self) -> str:
-        rows = []
-        for name, weight in sorted(self.class_weights.items(), key=lambda one: -one[1]):
-            control = formatting.vector(self.class_controls[name] + self.push)
-            rows.append([formatting.turns(name), formatting.share(weight), f"{self.class_ess[name]:.1f}", control])
-        return formatting.table(self._figures(), ["class", "weight", "ESS", "control"], rows)
-
-    def _figures(self) -> str:
-        drawn = sum(part.size for part in self.parts)
+        drawn, heaviest = sum(part.size for part in self.parts), sorted(self.class_weights.items(), key=lambda w: -w[1])
         control = f"control {formatting.vector(self.control)} +- {formatting.vector(self.control_error)}"
-        return f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
+        figures = f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
+        classes = [f"{formatting.turns(name)} {formatting.share(w)}" for name, w in heaviest[:4] if w >= 0.005]
+        return f"Estimate({'; '.join([figures, *([', '.join(classes)] if classes else [])])})"
 
     @property
     def doubtful(self) -> bool:

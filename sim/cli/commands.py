@@ -9,7 +9,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from tqdm import tqdm
 from pirrht.errors import OptionError, printable
 from sim import options
 from sim.cli import parser, plan_command, run_command, tables
-from sim.cli.shared import check_outputs, notice
+from sim.cli.plan_command import check_outputs, notice
 from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
@@ -39,39 +40,34 @@ def scenes(_: argparse.Namespace) -> int:
         loaded = load(name)
         noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
         rows.append((name, loaded.robot, noise, len(loaded.scene.movers), loaded.about))
-    print(tables.scene_table(rows, width()))
+    say(tables.scene_table(rows))
     print(f"\nfiles: {models_folder() / 'scenes'}; pictures of all: docs/gallery.md")
     return 0
 
 
 def demo(_: argparse.Namespace, more: Sequence[str] = ()) -> int:
-    """Run the paper's first example with both noise levels, and print two sentences; 0 if both reach the goal.
-
-    Args:
-        more: words that the runs are given as well.
-    """
+    """Run the paper's first example with both noise levels and `more` words, and print two sentences."""
     found = []
     with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "run.json"
         for word, noise in DEMO_LEVELS:
             print(f"{word} noise: pirrht run slit --noise {noise:g}\n")
-            file = Path(folder) / f"{word}.json"
-            words = ["run", "slit", "--noise", f"{noise:g}", "--json", str(file), *more]
-            run_command.run(parser.read(words))
+            run_command.run(parser.read(["run", "slit", "--noise", f"{noise:g}", "--json", str(file), *more]))
             found.append(json.loads(file.read_text()))
             print()
-    say("\n".join(demo_sentences(found)))
+    say("\n".join(demo_sentences(*found)))
     return 0 if all(one["outcome"] == "goal" for one in found) else 1
 
 
-def demo_sentences(found: Sequence[dict[str, Any]]) -> list[str]:
+def demo_sentences(little: dict[str, Any], much: dict[str, Any]) -> list[str]:
     """The two sentences to take along, from the JSON of both runs."""
     paths = [
         DEMO_ENDS.get(one["outcome"]) or DEMO_PATHS.get(one["executed_class"], f"by class {one['executed_class']}")
-        for one in found
+        for one in (little, much)
     ]
-    (_, little), (_, much) = DEMO_LEVELS
     return [
-        f"1. The plan was the same; with noise b = {little:g} the robot went {paths[0]}, with b = {much:g} {paths[1]}.",
+        f"1. The plan was the same; with noise b = {DEMO_LEVELS[0][1]:g} the robot went {paths[0]}, with b = "
+        f"{DEMO_LEVELS[1][1]:g} {paths[1]}.",
         "2. Noise decides the worth of a path, the mean of exp(-cost / lambda) over what may happen on it: a short "
         "path on which most samples hit a wall loses to a longer one on which they arrive.",
     ]
@@ -132,18 +128,11 @@ def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
 
 
 def grid_of(arguments: argparse.Namespace) -> Any:
-    """The grid of a command line.
-
-    Raises:
-        OptionError: an option that cannot work, or too many runs.
-    """
+    """The grid of a command line."""
     from sim.sweeps import grid
 
     given = vars(arguments)
-    return grid.parse(
-        scenes=arguments.scenes, methods=arguments.methods, noise=arguments.noise, seeds=arguments.seeds,
-        task=options.scene_options(given), given=options.settings("sweep", given),
-    )  # fmt: skip
+    return grid.parse(given, options.scene_options(given), options.settings("sweep", given))
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -176,7 +165,8 @@ def report(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and folder.is_file():
         raise OptionError(f"--output {folder} is a file; give the path of a folder")
     text, web = folder / "report.md", folder / "report.html"
-    known = engine.report(Dataset(arguments.folder), _watched)
+    watched = partial(tqdm, leave=False, disable=None, dynamic_ncols=True)
+    known = engine.report(Dataset(arguments.folder), lambda what, items: watched(items, desc=what))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # ValueError: a name that is no text
@@ -185,7 +175,7 @@ def report(arguments: argparse.Namespace) -> int:
         if file is not None:
             check_writable(file, option)
     try:
-        drawn = pictures(known, _watched)
+        drawn = pictures(known, lambda what, items: watched(items, desc=what))
     except OptionError as error:
         drawn = []
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
@@ -197,12 +187,6 @@ def report(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         write_json(arguments.json, known.json())
     return 0
-
-
-def _watched(what: str, items: Sequence[Any]) -> Iterable[Any]:
-    """The items, with a bar on a terminal."""
-    watched: Iterable[Any] = tqdm(items, desc=what, leave=False, disable=None, dynamic_ncols=True)
-    return watched
 
 
 def import_world(arguments: argparse.Namespace) -> int:

@@ -10,8 +10,6 @@ import select
 import signal
 import sys
 import threading
-import time
-from _thread import interrupt_main, start_new_thread
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
@@ -20,10 +18,8 @@ from typing import Any
 from pirrht.errors import PirrhtError, printable
 
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
-AGAIN = 0.1  # after which an interruption that some callback swallowed is delivered once more [s]
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
 _importing: list[bool] = []  # not empty: signals end the process without unwinding
-_swallowed: list[int] = []  # signals that callbacks of this command have kept to themselves
 _lines: list[str] = []  # of this command on standard error
 
 
@@ -41,9 +37,9 @@ def ended(command: Callable[[], int], *, process: bool = False) -> int:
     Args:
         process: this process is the command's own, so that nobody heeds signals after it.
     """
-    status: int = signal.SIGINT + BY_SIGNAL
     try:
-        with _signals(), _swallowed_again():
+        _lines.clear()
+        with _signals():
             if process:
                 _any_name_prints()
             status = _status(command)
@@ -105,8 +101,6 @@ def _status(command: Callable[[], int]) -> int:
             return 0
         line = f"{error.filename or 'standard output'}: {error.strerror or error}"
     except Exception as error:
-        if _swallowed:  # what a callback was kept from doing is missed now
-            return _stopped(_swallowed[0])
         systems = sys.modules.get("sim.system_import")
         blamed = None if systems is None else systems.blamed(error)
         if blamed is None:  # of no system of the user's, so it is ours
@@ -193,30 +187,3 @@ def _signals() -> Iterator[None]:
         for number, old in mine.items():
             if signal.getsignal(number) is not signal.SIG_IGN:  # as `ended` leaves SIGINT
                 signal.signal(number, old)
-
-
-@contextmanager
-def _swallowed_again() -> Iterator[None]:
-    """Callbacks and finalizers swallow interruptions, which Python then prints; here they are delivered once more."""
-    before = sys.unraisablehook
-
-    def deliver(number: int) -> None:
-        time.sleep(AGAIN)
-        if _swallowed:  # unless the command has ended meanwhile
-            interrupt_main(signal.Signals(number))
-
-    def hook(unraisable: Any) -> None:
-        if isinstance(unraisable.exc_value, (KeyboardInterrupt, Stopped)):
-            _swallowed.append(_number(unraisable.exc_value))
-            start_new_thread(deliver, (_swallowed[-1],))
-        else:
-            before(unraisable)
-
-    _swallowed.clear()
-    _lines.clear()
-    sys.unraisablehook = hook
-    try:
-        yield
-    finally:
-        sys.unraisablehook = before
-        _swallowed.clear()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import math
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -14,7 +13,7 @@ from sim.drive.result import explained as figures
 from sim.options import DAILY, check, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option
-from sim.systems import named, names
+from sim.systems import named, names, typed
 
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {text}" for name, (text, _, _) in PRESETS.items())
@@ -62,11 +61,7 @@ class _Help(argparse.Action):
 
 
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
-    """Read a command line, checked as far as possible without a scene; None: the arguments of this process.
-
-    Raises:
-        OptionError: it cannot be read, or an option has a value that cannot work.
-    """
+    """Read a command line, checked as far as possible without a scene; None: the arguments of this process."""
     arguments, unknown = parser().parse_known_args(argv)
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
@@ -110,7 +105,7 @@ def robots_text() -> str:
     for system in map(named, names()):
         if system.robots:
             values = [f"{getattr(system.settings, name):g}" for name in columns]
-            rows.append((system.robots, system.noise_in, system.coordinates, *values))
+            rows.append((system.robots, system.noise_in, typed(system.states), *values))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
 
@@ -154,4 +149,4 @@ def default_of(option: Option) -> str:
     (value,) = values
     if value is None:
         return option.unset
-    return "infinite" if value == math.inf else f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:g}".replace("inf", "infinite") if isinstance(value, float) else str(value)

@@ -16,7 +16,7 @@ from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from sim.cli import tables
-from sim.cli.shared import check_outputs, notice, planned, progress_bar, report_prediction, scenario_of, solving
+from sim.cli.plan_command import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
 from sim.drive.truth import ExactReference
@@ -35,22 +35,22 @@ def run(arguments: argparse.Namespace) -> int:
     _sinks(arguments)
     scenario = scenario_of(arguments)
     _look(arguments, scenario)
-    settings, film, truth, bar = scenario.settings, None, None, None
+    settings, film, truth = scenario.settings, None, None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
         film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
     if arguments.truth:
-        with solving() as progress:
-            truth = scenario.truth(progress)
+        with progress("exact value") as solved:
+            truth = scenario.truth(solved)
     exact = None if truth is None else ExactReference(truth)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
-    with solving() as progress:
-        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, progress)
+    with progress("exact value") as solved:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, solved)
     rehearse(scenario, driving=True)
     notice().finish()
     bar = progress_bar("run", settings.max_time, "s")
@@ -143,8 +143,8 @@ def play(arguments: argparse.Namespace) -> int:
         raise OptionError("--target-error does not go with runs in real time; leave it out")
     if not arguments.headless:
         scenario = scenario.with_settings(real_time=True)
-    with progress_bar("plan", settings.vertices, " vertices") as bar:
-        built = first(scenario, lambda size: bar.update(size - bar.n))
+    with progress("plan", settings.vertices, " vertices") as grown:
+        built = first(scenario, grown)
     rehearse(scenario, driving=True)
     notice().finish()
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)

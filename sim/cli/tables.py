@@ -19,7 +19,7 @@ from sim.drive.result import DriveResult
 from sim.drive.truth import Truth
 from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.scenario import Scenario
-from sim.text import MIN_COLUMNS, broken, counted, say, table
+from sim.text import counted, say, table
 
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
@@ -28,15 +28,12 @@ MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about i
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def scene_table(rows: Sequence[tuple[str, str, float, int, str]], columns: int | None = None) -> str:
+def scene_table(rows: Sequence[tuple[str, str, float, int, str]]) -> str:
     """One row per scene: its name, robot, noise, number of moving obstacles, and a sentence on it."""
     known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
-    head, rule, *lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
-    indent = " " * (max(map(len, [head, *lines])) + 2)
-    if columns is not None and columns < len(indent) + MIN_COLUMNS:
-        columns = None
-    told = [broken(line.ljust(len(indent)) + row[-1], columns, indent) for line, row in zip(lines, rows, strict=True)]
-    return "\n".join([head + "  about", rule + "-" * 7, *told])
+    lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
+    about = ["about", "-" * 7, *(row[-1] for row in rows)]
+    return "\n".join(f"{line.ljust(max(map(len, lines)))}  {more}" for line, more in zip(lines, about, strict=True))
 
 
 def class_table(references: Sequence[Reference], columns: int | None = None, homology: Homology | None = None) -> str:
@@ -54,33 +51,31 @@ def class_table(references: Sequence[Reference], columns: int | None = None, hom
 def estimate_table(
     estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None, columns: int | None = None
 ) -> str:
-    """One row per repeat: value, control, their standard errors, effective sample size and class weights.
-
-    With a truth also the errors.
-    """
+    """One row per repeat: value, control, standard errors, effective samples, class weights, errors."""
     off = [] if truth is None else ["v error", "u error"]
     if len(ids) > FEW_CLASSES:  # too wide for a terminal; JSON has them all
         ids = [name for name in ids if any(e and e.class_weights.get(name, 0.0) >= 5e-4 for e in estimates)]
     header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), "other"]
     rows = []
     for i, e in enumerate(estimates):
-        if e is None:
-            rows.append([str(i), "none", "-", "none", "-", *["-"] * len(off), "0", *["-"] * (len(ids) + 1)])
-            continue
-        known = [e.class_weights.get(name, 0.0) for name in ids]
-        weights = [f"{weight:.3f}" for weight in [*known, max(0.0, 1.0 - sum(known))]]
-        errors = [] if truth is None else [f"{error:+.4f}" for error in truth.errors(e)]
-        value = [f"{e.value:.4f}", f"{e.value_error:.4f}"]
-        control = [_vector(e.control), "(" + ", ".join(f"{error:.3f}" for error in e.control_error) + ")"]
-        rows.append([str(i), *value, *control, *errors, f"{e.ess:.1f}", *weights])
+        row = dict.fromkeys(header, "-") | {"repeat": str(i), "value": "none", "control": "none", "ESS": "0"}
+        if e is not None:
+            shares = {title(name): e.class_weights.get(name, 0.0) for name in ids}
+            shares["other"] = max(0.0, 1.0 - sum(shares.values()))
+            row |= {"value": f"{e.value:.4f}", "v stderr": f"{e.value_error:.4f}", "ESS": f"{e.ess:.1f}"}
+            row |= {"control": _vector(e.control, "+.3f"), "u stderr": _vector(e.control_error, ".3f")}
+            row |= {name: f"{share:.3f}" for name, share in shares.items()}
+            if truth is not None:
+                row |= {name: f"{error:+.4f}" for name, error in zip(off, truth.errors(e), strict=True)}
+        rows.append(list(row.values()))
     if truth is not None:
-        exact = [f"{truth.value:.4f}", "-", _vector(truth.control), "-"]
-        rows.append(["truth", *exact, *["-"] * (len(ids) + 4)])
+        exact = {"repeat": "truth", "value": f"{truth.value:.4f}", "control": _vector(truth.control, "+.3f")}
+        rows.append([exact.get(name, "-") for name in header])
     return table(header, rows, columns)
 
 
-def _vector(values: Array) -> str:
-    return "(" + ", ".join(f"{v:+.3f}" for v in values) + ")"
+def _vector(values: Array, form: str) -> str:
+    return "(" + ", ".join(f"{v:{form}}" for v in values) + ")"
 
 
 def doubts(
@@ -149,7 +144,10 @@ def odds(scenario: Scenario) -> str:
     own = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if own else "noise of its own"
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
+    moved, radius = scenario.settings.noise * scenario.settings.period**0.5, scenario.loaded.scene.robot_radius
+    doubt = f"; that is {moved:.2g} m between two controls, more than the radius of {radius:.2g} m: is the unit right?"
+    doubt = doubt if own and scenario.problem.dynamics.noisy_position and moved > radius else ""
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{doubt}"
 
 
 def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
@@ -157,37 +155,34 @@ def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
     blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
-    ms, late = run.step_ms, "longer than the period (the plant waits)" if run.real_time is None else "late"
-    say(
+    ms, late = run.step_ms, "longer than the period (the simulation waited)" if run.real_time is None else "late"
+    lines = [
         f"{run.outcome} after {run.time:.2f} s: cost {run.cost:.3f}{so_far}, path of {run.path_length:.2f} m smoothed "
-        "over its jitter"
-    )
-    say(
+        "over its jitter",
         f"{executed}, {counted(run.class_switches, 'class switch', 'class switches')} "
-        f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} "
-        f"(plans without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free "
-        "distance around the footprint)"
-    )
+        f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
+        f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free distance "
+        "around the footprint)",
+    ]
     if run.outcome == "timeout" and run.fallbacks > run.steps // 2:
-        say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
+        lines.append("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
     if run.outcome == "collision":
-        say("noise moves the robot between two controls: --margin M makes plans leave so much more clearance [m]")
+        lines.append("noise moves the robot between two controls: --margin M makes plans leave more clearance [m]")
     if run.doubtful_plans:
-        say(
+        lines.append(
             f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
             f"the weakest on {run.least_ess:.1f} at {run.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if run.real_time is not None:
-        say(clock.summary(run.real_time))
-    say(
-        f"{counted(run.steps, 'control step')}: median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f},"
-        f" {run.deadline_misses} {late}"
-    )
+        lines.append(clock.summary(run.real_time))
+    times = f"median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, {run.deadline_misses} {late}"
+    lines.append(f"{counted(run.steps, 'control step')}: {times}")
     if truth is not None:
-        say(
+        lines.append(
             f"compared with the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}"
         )
+    say("\n".join(lines))
 
 
 def sweep_table(records: Sequence[Record], columns: int | None = None) -> str:

@@ -60,11 +60,11 @@ def _spread(values: Sequence[float]) -> dict[str, float | None]:
 
 def summary(figures: Mapping[str, Any]) -> str:
     """Sum up `figures` in a line for a person."""
-    samples, slack = (
-        {name: "none" if value is None else f"{value:.0f}" for name, value in figures[key].items()}
-        for key in ("samples_per_period", "slack_ms")
-    )
-    late = figures["late_ms"]
+
+    def texts(name: str) -> dict[str, str]:
+        return {key: "none" if value is None else f"{value:.0f}" for key, value in figures[name].items()}
+
+    samples, slack, late = texts("samples_per_period"), texts("slack_ms"), figures["late_ms"]
     return (
         f"real time: {figures['deadline_misses']} of {figures['periods']} plans late; samples per period "
         f"{samples['median']} (least {samples['min']}), slack {slack['median']} ms (least {slack['min']}); "
@@ -80,18 +80,8 @@ class PlannerPriority:
     """
 
     def __init__(self) -> None:
-        self.clocked = False
-        self._idle = Event()
+        self.clocked, self._idle = False, Event()
         self._idle.set()
-
-    @contextmanager
-    def drive(self) -> Iterator[None]:
-        """Mark that a run goes by the clock meanwhile."""
-        self.clocked = True
-        try:
-            yield
-        finally:
-            self.clocked = False
 
     @contextmanager
     def work(self) -> Iterator[None]:

@@ -58,6 +58,6 @@ def _in_turn(plant: Plant, policy: Policy, rng: np.random.Generator, grow: int) 
         vertices = 0 if tree is None else tree.size
         advance = plant.advance(plan.at, rng)
         policy.observe(advance.states, advance.time)
-        yield Period(plan=plan, advance=advance, seconds=seconds, vertices=vertices, run=policy.run)
+        yield Period(plan=plan, advance=advance, plan_seconds=seconds, vertices=vertices, run=policy.run)
         if policy.tree is not None and grow:
             policy.tree.grow(min(vertices + grow, MOST_VERTICES))

@@ -20,11 +20,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import ROUNDING
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.plant import Plant
+from sim.drive.plant import ClearanceChecker, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.forces import check_motion
@@ -50,7 +49,7 @@ class Executor(Plant):
                 f"{type(problem.dynamics).__name__} has {n}"
             )
         check_motion(model, called, problem.dynamics, loaded.command)
-        super().__init__(problem, _clearance(problem), period, float(model.opt.timestep))
+        super().__init__(problem, None, period, float(model.opt.timestep))
         self._rate = commanded_rate(problem.dynamics, self.physics_step)
         self.data, self._stance = mujoco.MjData(model), stance_of(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
@@ -69,7 +68,7 @@ class Executor(Plant):
 
         Bodies in MuJoCo stay where they are.
         """
-        self._enter(problem, _clearance(problem))
+        self._problem, self._checker = problem, ClearanceChecker(problem.scene)
         self._rate = commanded_rate(problem.dynamics, self.physics_step)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
@@ -107,12 +106,7 @@ class Executor(Plant):
             return False
         turned = self._problem.scene.robot_radius * float(np.abs(x[2:3] - before[2:3]).sum())
         own = hypot(x[0] - before[0], x[1] - before[1]) + turned
-        return self._sweep.meets(self._joints, self.data.qpos, begin, now, own, crowd.travel)
-
-
-def _clearance(problem: Problem) -> Callable[[Array], Array]:
-    # FCL moves its objects when it is queried, and in real time the planner queries its own meanwhile.
-    return Collision(problem.scene.world, problem.scene.footprint).clearance
+        return self._sweep.meets(self._joints, self.data.qpos, (begin, now), own, crowd.travel)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

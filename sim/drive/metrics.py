@@ -21,15 +21,13 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import RunState
 from pirrht.estimation.estimate import OTHER
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
-from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Driven
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import title
 from sim.drive.clock import Timing, figures
-from sim.drive.plant import Advance
+from sim.drive.plant import Advance, ClearanceChecker
 from sim.drive.result import DriveResult
 
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
@@ -93,36 +91,31 @@ def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
     return hypot(b[0] - a[0], b[1] - a[1])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Period:
     """One control period as plant and planner know it."""
 
     plan: Plan
     advance: Advance
-    seconds: float  # wall time the plan took [s]
+    plan_seconds: float  # wall time the plan took [s]
     vertices: int = 0  # of the tree that the plan was made with
     run: RunState | None = None  # of the policy: another one names classes anew
     timing: Timing | None = None  # of real-time runs only
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame(Period):
     """One control period: where the robot was, what was planned there and what came of it."""
 
     step: int  # number of the period, from 0
     time: float  # simulated time at its start [s]
-    plan: Plan
-    advance: Advance
     outcome: Outcome | None  # how the run ended in this period, TIMEOUT included; None while it goes on
     cost: float  # integral of q + u'Ru/2 up to the end of this period
     length: float  # driven up to there, without the path's noise [m]
     noisy_length: float  # with it: grows with the number of physics steps [m]
     clearance: float  # at the start of the period, from static and moving obstacles [m]
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
-    plan_seconds: float  # wall time the plan took [s]
-    vertices: int = 0  # of the tree that the plan was made with
-    timing: Timing | None = None  # of real-time runs only
-    news: str | None = None  # a line for a person, if something happened
+    news: str | None  # a line for a person, if something happened
     metrics: EpisodeMetrics  # of the whole run so far, which goes on
 
     def __repr__(self) -> str:
@@ -152,71 +145,56 @@ class EpisodeMetrics:
     def __init__(self, task: Any, x: Array, *, period: float, max_time: float) -> None:
         self._task, self._period, self._max_time = task, period, max_time
         self._step, self._time, self._cost = 0, 0.0, 0.0
-        self._passed = (0.0, 0.0)  # lengths [m] before the present world, without noise and with it
+        self._passed = np.zeros(2)  # lengths [m] before the present world, without noise and with it
+        self._enter(task.space, x)
         self._first: Plan | None = None
-        self._run: RunState | None = None
-        self._doubted = -np.inf  # time of the last weak plan [s]
         self.last: Frame | None = None
         self.favourite: str | None = None  # class of greatest weight of the last plan that was not blocked
-        self.timings: list[Timing] = []
         self._decided: str | None = None
+        self._doubted = -np.inf  # time of the last weak plan [s]
+        self.min_clearance, self._weakest = np.inf, (None, None)  # type: float, tuple[Any, Any]
         self._switches = self._reversals = self._fallbacks = self._doubtful = self._misses = 0
         self._blocked: list[tuple[float, float]] = []
-        self._weakest: tuple[float | None, float | None] = (None, None)
-        self.min_clearance, self._seconds = np.inf, list[float]()
-        self._start(task.space, x)
+        self._seconds: list[float] = []
+        self._timings: list[Timing] = []
 
-    def _start(self, space: FreeSpace, x: Array) -> None:
+    def _enter(self, space: FreeSpace, x: Array) -> None:
+        """Start classes and lengths anew in a world."""
+        self._space, self._checker = space, ClearanceChecker(space.scene)
         self._length = Length(self._task.problem, x)
         self._driven = Driven(self._task.homology, x, self._time)
-        self._enter(space)
-
-    def _enter(self, space: FreeSpace) -> None:
-        scene = space.scene
-        self._space, self._crowd = space, MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
-        # FCL moves its objects when it is queried, and in real time the planner queries its own meanwhile.
-        self._clearance = Collision(scene.world, scene.footprint).clearance
 
     def frame(self, period: Period) -> Frame:
         """Take the next period into account."""
-        plan, advance, begin = period.plan, period.advance, self._time
+        plan, advance, begin, last = period.plan, period.advance, self._time, self.last
         if plan.space is not None and plan.space is not self._space:
-            self._change(plan.space, plan.state, anew=period.run is not self._run)
-        self._run = period.run
-        clearance = float(self._clearance(plan.state[None, :2])[0])
-        if self._crowd is not None:
-            clearance = min(clearance, self._crowd.clearance(plan.state[:2], begin))
+            if last is not None and period.run is last.run:  # among other obstacles, to the same goal
+                self._driven.enter(plan.space.homology)
+                self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
+            else:
+                self._passed += self._length.total, self._length.noisy
+                self._enter(plan.space, plan.state)
+        clearance = self._checker.at(plan.state, begin)
         self._time, self._cost = begin + advance.time, self._cost + advance.cost
-        count = len(advance.states)
-        self._length.add(advance.states, advance.time / max(1, count), advance.length)
-        if count:
+        self._length.add(advance.states, advance.time / max(1, len(advance.states)), advance.length)
+        if len(advance.states):
             self._driven.observe(advance.states, self._time)
         outcome = ending(advance, begin, self._max_time)
-        news = self._news(plan, begin)
-        if outcome is not None:
-            news.append(f"{outcome.name.lower()} at {self._time:.2f} s")
+        ended = [] if outcome is None else [f"{outcome.name.lower()} at {self._time:.2f} s"]
+        news = [*self._news(plan, begin), *ended]
         self._count(period, begin)
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
+        length, noisy = np.add(self._passed, (self._length.total, self._length.noisy)).tolist()
         self.last = Frame(
-            step=self._step, time=begin, plan=plan, advance=advance, outcome=outcome, cost=self._cost,
-            length=self._passed[0] + self._length.total, noisy_length=self._passed[1] + self._length.noisy,
-            clearance=clearance, driven_class=self._driven.winding(), plan_seconds=period.seconds,
-            vertices=period.vertices, timing=period.timing, news="; ".join(news) or None, metrics=self,
+            **vars(period), step=self._step, time=begin, outcome=outcome, cost=self._cost, length=length,
+            noisy_length=noisy, clearance=clearance, driven_class=self._driven.winding(),
+            news="; ".join(news) or None, metrics=self,
         )  # fmt: skip
         self._step += 1
         return self.last
 
-    def _change(self, space: FreeSpace, x: Array, *, anew: bool) -> None:
-        """Continue among other obstacles: to the same goal, or `anew` with another start of classes and lengths."""
-        if not anew:
-            self._driven.enter(space.homology)
-            self._enter(space)
-            return
-        self._passed = self._passed[0] + self._length.total, self._passed[1] + self._length.noisy
-        self._start(space, x)
-
     def _news(self, plan: Plan, now: float) -> list[str]:
-        """Lines on a plan, before it is counted."""
+        """Return lines on a plan, before it is counted."""
         news, blocked = [], self.last is not None and self.last.plan.fallback is not None
         if plan.fallback is not None and not blocked:
             does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
@@ -232,7 +210,7 @@ class EpisodeMetrics:
 
     def _count(self, period: Period, begin: float) -> None:
         """Count a period that began at a time [s]."""
-        plan, estimate = period.plan, period.plan.estimate
+        plan, estimate, late = period.plan, period.plan.estimate, period.plan_seconds > self._period
         self._first = self._first or plan
         if plan.fallback is not None:
             self._fallbacks += 1
@@ -249,29 +227,20 @@ class EpisodeMetrics:
                 self._weakest = estimate.ess, begin
             if estimate.doubtful:
                 self._doubtful, self._doubted = self._doubtful + 1, begin
-        self._seconds.append(period.seconds)
-        if period.timing is None:
-            self._misses += period.seconds > self._period
-        else:
-            self._misses += period.timing.missed
-            self.timings.append(period.timing)
-
-    @property
-    def outcome(self) -> Outcome:
-        """Outcome of the run; TIMEOUT if it has not ended."""
-        return Outcome.TIMEOUT if self.last is None or self.last.outcome is None else self.last.outcome
+        self._seconds.append(period.plan_seconds)
+        if period.timing is not None:
+            late = period.timing.missed
+            self._timings.append(period.timing)
+        self._misses += late
 
     def result(self) -> DriveResult:
-        """The figures of the run so far, which has at least one frame."""
+        """Return the figures of the run so far, which has at least one frame."""
         last, first, milliseconds = self.last, self._first, 1e3 * np.array(self._seconds)
         assert last is not None
         assert first is not None
-        executed = None
-        if self.outcome is Outcome.GOAL:
-            space = last.plan.space
-            executed = class_id(last.driven_class, None if space is None else space.homology.named)
+        named = None if last.plan.space is None else last.plan.space.homology.named
         return DriveResult(
-            outcome=self.outcome.name.lower(),
+            outcome=(last.outcome or Outcome.TIMEOUT).name.lower(),
             time=last.end_time,
             cost=last.cost,
             path_length=last.length,
@@ -280,7 +249,7 @@ class EpisodeMetrics:
             vertices=last.vertices,
             min_clearance=self.min_clearance,
             value_estimate=first.exact if first.estimate is None else first.estimate.value,
-            executed_class=executed,
+            executed_class=class_id(last.driven_class, named) if last.outcome is Outcome.GOAL else None,
             class_switches=self._switches,
             class_reversals=self._reversals,
             fallbacks=self._fallbacks,
@@ -295,7 +264,7 @@ class EpisodeMetrics:
                 "max": float(milliseconds.max()),
             },
             deadline_misses=self._misses,
-            real_time=figures(self.timings, self._period) if self.timings else None,
+            real_time=figures(self._timings, self._period) if self._timings else None,
         )
 
 

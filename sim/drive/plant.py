@@ -1,8 +1,4 @@
-"""Plants: a robot that is driven for one control period at a time, here by its stochastic equation alone.
-
-Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the last
-disc does not tell enough.
-"""
+"""Plants: a robot that is driven for one control period at a time, here by its stochastic equation alone."""
 
 from __future__ import annotations
 
@@ -16,7 +12,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.collision import touches
+from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.scene import Scene
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -26,60 +23,40 @@ Clearance = Callable[[Array], Array]  # centres (k, 2) -> free distance (k,) [m]
 
 
 class ClearanceChecker:
-    """Clearance along a run, computed as rarely as can be.
+    """Clearance of a robot among static and moving obstacles.
 
     Args:
-        clearance: of static obstacles.
-        crowd: moving obstacles; None: there are none.
+        clearance: of static obstacles; None: by FCL objects of its own, since these move when they are queried.
     """
 
-    def __init__(self, clearance: Clearance, crowd: MovingObstacles | None = None) -> None:
-        self._clearance, self.crowd = clearance, crowd
-        self._x, self._y, self._known = 0.0, 0.0, -inf  # a place, and its distance to static obstacles [m]
-        self.begin()
+    def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
+        self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
+        self.crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
 
-    def begin(self) -> None:
-        """Forget the least clearance."""
-        self._static = self._moving = inf
-
-    @property
-    def least(self) -> float:
-        """The least clearance since `begin` [m]."""
-        return min(self._static, self._moving)
-
-    def note(self, x: Array, now: float) -> None:
-        """Take a state x (n,) at a time [s] into account."""
-        if self._surely(x) < self._static:
-            self._measured(x)
-        if self.crowd is not None and self.crowd.surely(x, now) < self._moving:
-            self._moving = min(self._moving, self.crowd.clearance(x[:2], now))
+    def at(self, x: Array, now: float) -> float:
+        """Return the clearance at a state x (n,) and a time [s], 0 or less in a collision [m]."""
+        free = self._static(x)
+        return free if self.crowd is None else min(free, self.crowd.clearance(x[:2], now))
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
-        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
-        return self._cut(before, x) or self.met(before, x, begin, now)
+        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s].
+
+        Clearance is 1-Lipschitz: around a place that has some there is a disc that is free.
+        """
+        way = x - before
+        length = hypot(way[0], way[1])
+        if not self._static(x) > length and touches(
+            lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
+        ):
+            return True
+        return self.met(before, x, begin, now)
 
     def met(self, before: Array, x: Array, begin: float, now: float) -> bool:
         """Check for a moving obstacle that touches a footprint between two states 2 x (n,) and times [s]."""
         return self.crowd is not None and self.crowd.meets(before[:2], begin, x[:2], now)
 
-    def _measured(self, x: Array) -> float:
-        self._x, self._y = float(x[0]), float(x[1])
-        self._known = float(self._clearance(x[None, :2])[0])
-        self._static = min(self._static, self._known)
-        return self._known
-
-    def _surely(self, x: Array) -> float:
-        """Bound the free distance at x from below by the last disc [m]."""
-        return self._known - hypot(x[0] - self._x, x[1] - self._y)
-
-    def _cut(self, before: Array, x: Array) -> bool:
-        if min(self._surely(before), self._surely(x)) > 0.0:
-            return False
-        way = x - before
-        length = hypot(way[0], way[1])
-        if self._measured(x) > length:
-            return False
-        return touches(lambda s: self._measured(before + s * way), lambda a, b: (b - a) * length, undecided=False)
+    def _static(self, x: Array) -> float:
+        return float(self._clearance(x[None, :2])[0])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,12 +83,13 @@ class Advance:
 class Plant(ABC):
     """A robot that can be driven on, in physics steps; here alone a run is judged and paid for.
 
-    Attributes:
+    Args:
+        clearance: of static obstacles; None: the planner's.
         period: control period [s], a whole number of physics steps.
         physics_step: its length [s].
     """
 
-    def __init__(self, problem: Problem, clearance: Clearance, period: float, physics_step: float) -> None:
+    def __init__(self, problem: Problem, clearance: Clearance | None, period: float, physics_step: float) -> None:
         count = round(period / physics_step) if np.isfinite(period) and physics_step > 0 else 0
         if count < 1 or abs(period - count * physics_step) > 1e-6 * physics_step:
             raise OptionError(
@@ -119,13 +97,7 @@ class Plant(ABC):
             )
         self.period, self.physics_step, self._count = period, physics_step, count
         self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
-        self._enter(problem, clearance)
-
-    def _enter(self, problem: Problem, clearance: Clearance) -> None:
-        """Judge and pay by this problem from now on."""
-        self._problem, scene = problem, problem.scene
-        crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
-        self._checker = ClearanceChecker(clearance, crowd)
+        self._problem, self._checker = problem, ClearanceChecker(problem.scene, clearance)
 
     @property
     def state(self) -> Array:
@@ -159,8 +131,7 @@ class Plant(ABC):
         h, problem, checker, x = self.physics_step, self._problem, self._checker, self.state
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
-        outcome, cost, length, k = None, 0.0, 0.0, 0
-        checker.begin()
+        outcome, cost, length, clearance, k = None, 0.0, 0.0, inf, 0
         while k < self._count and outcome is None:
             u = controls[k]
             u[:] = control_at(x, k * h)
@@ -169,15 +140,14 @@ class Plant(ABC):
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
-            checker.note(x, self.time)
+            clearance = min(clearance, checker.at(x, self.time))
             outcome = self._judge(before, x)
             k += 1
         if not np.isfinite(cost):
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
-        clearance = 0.0 if outcome is Outcome.COLLISION else checker.least
         return Advance(
-            outcome=outcome, time=k * h, cost=cost, length=length, clearance=clearance, states=states[:k],
-            controls=controls[:k], noise=noise[:k],
+            outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
+            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else clearance,
         )  # fmt: skip
 
     def _judge(self, before: Array, x: Array) -> Outcome | None:

@@ -19,7 +19,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import count
 from queue import SimpleQueue
 
@@ -60,19 +60,15 @@ class TimedPlan:
     run: RunState  # of the policy
 
 
-@dataclass(slots=True)
 class SharedPlan:
     """Fields that plant and planner share; each has one writer."""
 
-    first: TimedPlan  # the plan that the run begins with
-    start: Array  # (n,) and where
-    arrived: deque[TimedPlan] = field(default_factory=deque)  # planner to plant, in the order of their beginnings
-    driven: deque[Array] = field(default_factory=deque)  # plant to planner: states of the periods that are over
-    seen: tuple[float, Array] = field(init=False)  # plant to planner: time [s] and state of the last physics step
-    stopped: bool = False
-
-    def __post_init__(self) -> None:
-        self.seen = (0.0, self.start)
+    def __init__(self, first: TimedPlan) -> None:
+        self.first = first  # the plan that the run begins with
+        self.arrived = deque[TimedPlan]()  # planner to plant: plans, in the order of their beginnings
+        self.driven = deque[Array]()  # plant to planner: states of the periods that are over
+        self.seen = 0.0, first.plan.state  # plant to planner: time [s] and state of the last physics step
+        self.stopped = False
 
 
 def periods(
@@ -90,7 +86,7 @@ def periods(
     plant.advance(planner.first(start).plan.at, np.random.default_rng(0))  # compile and load everything before
     plant.reset(start)
     planner.reserve()
-    share, news = SharedPlan(planner.first(start), start), SimpleQueue[Period | BaseException]()
+    share, news = SharedPlan(planner.first(start)), SimpleQueue[Period | BaseException]()
 
     def thread(name: str, work: Callable[[], None]) -> threading.Thread:
         """Start a thread; its end is the other's, and its error goes to whoever waits for news."""
@@ -108,12 +104,15 @@ def periods(
         started.start()
         return started
 
-    with _undisturbed(), URGENT.drive():
+    def drive() -> None:
+        for period, begin in _drive(plant, share, clock, origin, rng):
+            news.put(period)
+            if ending(period.advance, begin, max_time) is not None:
+                return
+
+    with _undisturbed():
         origin = clock.now()
-        threads = [
-            thread("plant", lambda: _drive(plant, _Pacer(share, clock, origin), rng, max_time, news.put)),
-            thread("planner", lambda: planner.work(share, origin)),
-        ]
+        threads = [thread("plant", drive), thread("planner", lambda: planner.work(share, origin))]
         try:
             while True:
                 period = news.get()
@@ -127,53 +126,39 @@ def periods(
 
 
 def _drive(
-    plant: Plant, pacer: _Pacer, rng: np.random.Generator, max_time: float, put: Callable[[Period], None]
-) -> None:
-    """Do the plant's thread."""
+    plant: Plant, share: SharedPlan, clock: Clock, origin: float, rng: np.random.Generator
+) -> Iterator[tuple[Period, float]]:
+    """Drive period by period as the clock goes: each, and when it began [s]."""
+    law = share.first
     for step in count():
-        now, start = step * plant.period, plant.state
-        advance = plant.advance(pacer.beginning(now), rng)
-        pacer.share.driven.append(advance.states)
-        met = pacer.met
-        missed = met.begin < now - 1e-9
-        fresh, estimate = not missed and step > 0, met.plan.estimate
-        samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
-        timing = Timing(
-            missed=missed, samples=samples if fresh else None, slack=met.slack if fresh else None,
-            late=np.array(pacer.late),
-        )  # fmt: skip
-        plan = replace(met.plan, state=start)
-        put(Period(plan=plan, advance=advance, seconds=met.seconds, vertices=met.vertices, run=met.run, timing=timing))
-        if ending(advance, now, max_time) is not None:
-            return
+        begin, start, late = step * plant.period, plant.state, list[float]()
+        met = law
 
-
-class _Pacer:
-    """The control that the plant queries at every physics step, which is told when its time has come."""
-
-    def __init__(self, share: SharedPlan, clock: Clock, origin: float) -> None:
-        self.share, self._clock, self._origin = share, clock, origin
-        self._now = self.met = share.first  # in force now, and when the period began
-        self.late: list[float] = []
-
-    def beginning(self, begin: float) -> Callable[[Array, float], Array]:
-        """The control during the period that begins at `begin` [s]."""
-        self.late = []
-
-        def at(x: Array, s: float) -> Array:
-            t, arrived = begin + s, self.share.arrived
-            self.share.seen = (t, x)
-            self._clock.wait(self._origin + t)
-            if self.share.stopped:
+        def control(x: Array, s: float, begin: float = begin, late: list[float] = late) -> Array:
+            nonlocal law, met
+            t, arrived = begin + s, share.arrived
+            share.seen = (t, x)
+            clock.wait(origin + t)
+            if share.stopped:
                 raise Stopped
-            self.late.append(max(0.0, self._clock.now() - self._origin - t))
+            late.append(max(0.0, clock.now() - origin - t))
             while arrived and arrived[0].begin <= t + 1e-9:
-                self._now = arrived.popleft()
-            if len(self.late) == 1:
-                self.met = self._now
-            return self._now.plan.at(x, t - self._now.begin)
+                law = arrived.popleft()
+            if len(late) == 1:
+                met = law
+            return law.plan.at(x, t - law.begin)
 
-        return at
+        advance = plant.advance(control, rng)
+        share.driven.append(advance.states)
+        missed, estimate = met.begin < begin - 1e-9, met.plan.estimate
+        samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
+        fresh = (None, None) if missed or step == 0 else (samples, met.slack)
+        timing = Timing(missed=missed, samples=fresh[0], slack=fresh[1], late=np.array(late))
+        period = Period(
+            plan=replace(met.plan, state=start), advance=advance, plan_seconds=met.seconds, vertices=met.vertices,
+            run=met.run, timing=timing,
+        )  # fmt: skip
+        yield period, begin
 
 
 class Planner:
@@ -278,15 +263,17 @@ def predicted(policy: Policy, last: TimedPlan, time: float, x: Array, until: flo
 
 @contextmanager
 def _undisturbed() -> Iterator[None]:
-    """Avoid long pauses: only new garbage is collected, and between plans; threads take turns quickly."""
+    """Avoid long pauses: collect only new garbage, between plans; let threads take turns quickly."""
     before, collecting = sys.getswitchinterval(), gc.isenabled()
     sys.setswitchinterval(SWITCH)
     gc.collect()
     gc.freeze()
     gc.disable()
+    URGENT.clocked = True
     try:
         yield
     finally:
+        URGENT.clocked = False
         gc.unfreeze()
         if collecting:
             gc.enable()

@@ -6,7 +6,7 @@ Gazebo applies the unit of length and the transforms of the nodes, and ignores `
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.sdf_files import parse
+from sim.mjcf.limits import MOST_NESTED, MOST_NODES, MOST_TRIANGLES
 
-MOST_NODES, MOST_TRIANGLES, DEEPEST = 10_000, 1_000_000, 64
 Faces = NDArray[np.int64]
 
 
@@ -35,58 +35,55 @@ def read_collada(path: Path, name: str = "") -> Array:
         root = parse(path, "a COLLADA file")
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
-        found = list(_Document(root, name).triangles())
+        ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+        found = list(_Document(root, name, ids).triangles())
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
-        triangles = unit * np.concatenate(found) if found else np.empty((0, 3, 3))
-    except (ValueError, LookupError, OverflowError, RecursionError) as error:
+        return unit * np.concatenate([np.empty((0, 3, 3)), *found])
+    except (ValueError, LookupError, OverflowError, RecursionError, StopIteration, RuntimeError) as error:
         reason = " ".join(str(error).split())[:100]
         raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
-    return triangles
 
 
 @dataclass(slots=True)
 class _Document:
     root: ET.Element
     name: str
+    ids: dict[str, ET.Element]
     nodes: int = 0
     count: int = 0  # of triangles
-    ids: dict[str, ET.Element] = field(default_factory=dict)
     shapes: dict[str, Array] = field(default_factory=dict)  # triangles by id of the geometry
-
-    def __post_init__(self) -> None:
-        self.ids = {f"#{element.get('id')}": element for element in self.root.iter() if element.get("id")}
 
     def triangles(self) -> Iterator[Array]:
         """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
         scene = self.root.find("scene/instance_visual_scene")
         if scene is None:
-            for geometry in self.root.iterfind("library_geometries/geometry"):
-                if self._named(geometry):
-                    yield self._shape(geometry)
-            return
-        for node in self.ids[scene.get("url", "")].findall("node"):
-            yield from self._node(node, np.eye(4), not self.name, 0)
+            geometries = self.root.iterfind("library_geometries/geometry")
+            yield from (self._shape(geometry) for geometry in geometries if self._named(geometry))
+        else:
+            for node in self._at(scene).findall("node"):
+                yield from self._node(node, np.eye(4), not self.name, 0)
+
+    def _at(self, element: ET.Element, key: str = "url") -> ET.Element:
+        return self.ids[element.get(key, "")]
 
     def _named(self, element: ET.Element) -> bool:
         return self.name in ("", element.get("name"), element.get("id"))
 
-    def _node(self, node: ET.Element, outer: Array, wanted: bool, depth: int) -> Iterator[Array]:
+    def _node(self, node: ET.Element, pose: Array, wanted: bool, depth: int) -> Iterator[Array]:
         self.nodes += 1
-        if self.nodes > MOST_NODES or depth > DEEPEST:
-            raise ValueError(f"more than {MOST_NODES} nodes, or nested deeper than {DEEPEST}")
+        if self.nodes > MOST_NODES or depth > 2 * MOST_NESTED:
+            raise ValueError(f"more than {MOST_NODES} nodes, or nested deeper than {2 * MOST_NESTED}")
         wanted = wanted or self._named(node)
-        pose = outer
         for part in node:
             pose = pose @ _matrix(part)
         for part in node:
-            if part.tag == "node":
-                yield from self._node(part, pose, wanted, depth + 1)
-            elif part.tag == "instance_node":
-                yield from self._node(self.ids[part.get("url", "")], pose, wanted, depth + 1)
+            if part.tag in ("node", "instance_node"):
+                inner = part if part.tag == "node" else self._at(part)
+                yield from self._node(inner, pose, wanted, depth + 1)
             elif part.tag in ("instance_geometry", "instance_controller"):
-                geometry = self.ids[part.get("url", "")]
+                geometry = self._at(part)
                 skin = geometry.find("skin")
-                geometry = geometry if skin is None else self.ids[skin.get("source", "")]
+                geometry = geometry if skin is None else self._at(skin, "source")
                 if wanted or self._named(geometry):
                     yield self._shape(geometry) @ pose[:3, :3].T + pose[:3, 3]
 
@@ -101,20 +98,17 @@ class _Document:
 
     def _primitives(self, geometry: ET.Element) -> Iterator[Array]:
         for part in geometry.iterfind("mesh/*"):
-            inputs = {i.get("semantic"): i for i in part.findall("input")}
-            if part.tag not in _TRIANGLES or "VERTEX" not in inputs:
-                continue
-            stride = 1 + max(int(i.get("offset", 0)) for i in part.findall("input"))
-            first = int(inputs["VERTEX"].get("offset", 0))
-            faces = _TRIANGLES[part.tag]
-            counts = _whole(part.findtext("vcount"))
-            for indices in part.iter("p"):
-                yield self._points(inputs["VERTEX"])[faces(_whole(indices.text)[first::stride], counts)]
+            inputs = {one.get("semantic"): one for one in part.findall("input")}
+            if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
+                stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
+                first = int(inputs["VERTEX"].get("offset", 0))
+                for indices in part.iter("p"):
+                    corners = _whole(indices.text)[first::stride]
+                    yield self._points(inputs["VERTEX"])[_faces(part, corners)]
 
     def _points(self, source: ET.Element) -> Array:
-        vertices = self.ids[source.get("source", "")]
-        position = next(i for i in vertices.findall("input") if i.get("semantic") == "POSITION")
-        block = self.ids[position.get("source", "")]
+        vertices = self._at(source, "source")
+        block = self._at(next(one for one in vertices.findall("input") if one.get("semantic") == "POSITION"), "source")
         accessor = block.find("technique_common/accessor")
         stride = 3 if accessor is None else int(accessor.get("stride", 3))
         return _numbers(block.findtext("float_array")).reshape(-1, stride)[:, :3]
@@ -141,13 +135,18 @@ def _matrix(part: ET.Element) -> Array:
     elif part.tag == "scale":
         matrix[:3, :3] = np.diag(_numbers(part.text))
     elif part.tag == "rotate":
-        x, y, z, angle = _numbers(part.text)
-        matrix[:3, :3] = Rotation.from_rotvec(np.array([x, y, z]) * angle / np.linalg.norm([x, y, z]), True).as_matrix()
+        *axis, angle = _numbers(part.text)
+        matrix[:3, :3] = Rotation.from_rotvec(np.array(axis) * angle / np.linalg.norm(axis), True).as_matrix()
     return matrix
 
 
-def _fans(indices: Faces, counts: Faces) -> Faces:
-    """Split polygons with so many corners each into triangles around their first corners, (t, 3)."""
+def _faces(part: ET.Element, indices: Faces) -> Faces:
+    """Split polygons of these corners into triangles (t, 3), around their first corners."""
+    if part.tag == "triangles":
+        return indices.reshape(-1, 3)
+    if part.tag == "tristrips":
+        return np.lib.stride_tricks.sliding_window_view(indices, 3)
+    counts = _whole(part.findtext("vcount")) if part.tag == "polylist" else np.array([len(indices)])
     if counts.sum() != len(indices) or np.any(counts < 3):
         raise ValueError("polygons of less than three corners, or more corners than indices")
     triangles = counts - 2
@@ -155,12 +154,3 @@ def _fans(indices: Faces, counts: Faces) -> Faces:
     step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
     fans: Faces = indices[np.stack([begin, begin + step + 1, begin + step + 2], axis=1)]
     return fans
-
-
-_TRIANGLES: dict[str, Callable[[Faces, Faces], Faces]] = {
-    "triangles": lambda indices, _: indices.reshape(-1, 3),
-    "polylist": _fans,
-    "polygons": lambda indices, _: _fans(indices, np.array([len(indices)])),
-    "trifans": lambda indices, _: _fans(indices, np.array([len(indices)])),
-    "tristrips": lambda indices, _: np.lib.stride_tricks.sliding_window_view(indices, 3),
-}

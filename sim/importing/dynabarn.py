@@ -4,104 +4,44 @@ A file holds worlds by number: {"0": {"obstacles": [{"name", "radius", "keys": [
 in metres and times in seconds. The arena is the benchmark's: walls at x = -10 and y = -10, 10 and none at x = 10; the
 robot starts outside at (11, 0), heads to -x, and its goal is the disc of 1 m around (-9, 0). A motion starts over
 after its last key, where Gazebo's cylinders jump back to their first.
+
+Between keys Gazebo's PoseAnimation takes the share of the time as the parameter of a cubic whose tangents are those of
+Ogre's SimpleSpline: half the difference of the neighbours' places, at either end half that of the only neighbour, and
+where the last place is the first one half that of its neighbours around the joint. This is a Catmull-Rom spline that
+is uniform in the number of the key: unequal times between keys change the pace at a key at once, and not the curve.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing import keyframes
-from sim.importing.limits import FARTHEST, FINEST, content_of
-from sim.importing.target import (
-    BORDER,
-    GOAL,
-    START,
-    Imported,
-    check_borders,
-    check_target,
-    draft,
-    loaded,
-    numbers_of,
-    scene_text,
-    text,
-)
+from sim.importing.solids import Solid, World, distinct
+from sim.mjcf.limits import FARTHEST, FINEST, content_of
 
 SUFFIXES = (".json",)
-OTHERS = (".world", ".sdf", ".yaml", ".yml")  # names of what else can be imported
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
-PLACE, DISC, ARENA = (11.0, 0.0, np.pi), (-9.0, 0.0, 1.0), (-10.0, 12.0, -10.0, 10.0)
+START, GOAL, ARENA = (11.0, 0.0, np.pi), (-9.0, 0.0, 1.0), (-10.0, 12.0, -10.0, 10.0)
 HALF_HEIGHT = 0.5  # of cylinders and walls [m]
-CUSTOM = (
-    '<text name="pirrht_robot" data="puck"/>',
-    "<!-- The benchmark's robot drives at most 2 m/s; its circumscribed radius is 0.33 m. -->",
-    '<numeric name="pirrht_radius" data="0.33"/>',
-    '<numeric name="pirrht_noise" data="0.05"/>',
-    '<numeric name="pirrht_speed" data="2"/>',
-    '<numeric name="pirrht_margin" data="0.1"/>',
-    '<numeric name="pirrht_period" data="0.1"/>',
-    '<numeric name="pirrht_dt" data="0.1"/>',
-    '<numeric name="pirrht_samples" data="300"/>',
-    '<numeric name="pirrht_limit" data="0.8"/>',
-    '<numeric name="pirrht_vertices" data="2000"/>',
-    '<numeric name="pirrht_classes" data="8"/>',
-    '<numeric name="pirrht_max_time" data="100"/>',
-)
-WALLS = tuple(
-    f'<geom name="{name} wall" type="box" material="crate" pos="{at} {HALF_HEIGHT}" size="{size} {HALF_HEIGHT}"/>'
-    for name, at, size in (("west", "-10 0", "0.25 10.25"), ("south", "0 -10", "10 0.25"), ("north", "0 10", "10 0.25"))
-)
+OPTIONS = {  # the benchmark's robot drives at most 2 m/s; its circumscribed radius is 0.33 m
+    **{"robot": "puck", "radius": "0.33", "noise": "0.05", "speed": "2", "margin": "0.1", "period": "0.1", "dt": "0.1"},
+    **{"samples": "300", "limit": "0.8", "vertices": "2000", "classes": "8", "max_time": "100"},
+}
+WALLS = {"west": (-10, 0, 0.25, 10.25), "south": (0, -10, 10, 0.25), "north": (0, 10, 10, 0.25)}  # places, half sizes
+DEVIATION = 0.005  # of straight lines between rows from the spline, at the same time, at most [m]
+FINE = 256  # moments looked at between two keys
+SPARE = 2e-4  # of the deviation is kept for what happens between those moments and for rounding [m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Track:
-    """One cylinder and its keyframes."""
-
-    name: str
-    radius: float  # [m]
-    keys: Array  # (k, 3) t [s], x, y [m]
-
-
-def import_motions(
-    source: Path,
-    target: Path,
-    *,
-    number: str | None = None,
-    start: Sequence[float] | None = None,
-    goal: Sequence[float] | None = None,
-    workspace: Sequence[float] | None = None,
-) -> Imported:
-    """Write one of a file's worlds as a scene; start, goal and workspace are the benchmark's unless they are given.
-
-    Raises:
-        SceneError: the file or the world cannot be taken over, or the target cannot be written. It is then as it was.
-    """
-    check_target(source, target)
-    tracks = read(source, number)
-    place = numbers_of(source, START, PLACE if start is None else start, (2, 3))
-    disc = numbers_of(source, GOAL, DISC if goal is None else goal, (3,))
-    bounds = numbers_of(source, BORDER, ARENA if workspace is None else workspace, (4,))
-    check_borders(source, bounds)
-    motions, bodies = zip(*(_elements(track) for track in tracks), strict=True)
-    scene = scene_text(target.stem, (*CUSTOM, *motions), (*WALLS, *bodies), place, disc, bounds)
-    with draft(scene, target) as new:
-        found = loaded(new, source).scene
-        new.replace(target)
-    return Imported(
-        path=target, geoms=len(WALLS) + len(tracks), obstacles=len(found.obstacles), movers=len(found.movers)
-    )
-
-
-def read(source: Path, number: str | None = None) -> tuple[Track, ...]:
-    """The cylinders of one world of a file; of its only one if none is named.
+def read(source: Path, number: str | None = None) -> World:
+    """The cylinders of one world of a file, of its only one if none is named, and the arena.
 
     Raises:
         SceneError: unreadable, no such world, or one with a part that is missing or none; names it.
@@ -110,14 +50,31 @@ def read(source: Path, number: str | None = None) -> tuple[Track, ...]:
     if number is None and len(worlds) == 1:
         number = next(iter(worlds))
     if number is None or number not in worlds:
+        names = [" ".join(name.split())[:20] for name in worlds]
+        more = f" and {len(names) - 20} more" if len(names) > 20 else ""
         told = "holds several worlds" if number is None else f"has no world {number}"
-        raise SceneError(f"{source}: it {told}; give --world with one of {_listed(worlds)}")
-    where = f"{source}: world {number}"
-    world = worlds[number]
+        raise SceneError(f"{source}: it {told}; give --world with one of {', '.join(names[:20])}{more}")
+    where, world = f"{source}: world {number}", worlds[number]
     obstacles = world.get("obstacles") if isinstance(world, dict) else None
     if not isinstance(obstacles, list) or not obstacles:
         raise SceneError(f'{where} has no list "obstacles" with something in it; write {FORM}')
-    return tuple(_named(_track(f"{where}, obstacle {i}", o) for i, o in enumerate(obstacles, start=1)))
+    found = [_cylinder(f"{where}, obstacle {i}", one) for i, one in enumerate(obstacles, start=1)]
+    names = list(distinct((name for name, _, _ in found), {"floor", "world", *(f"{side} wall" for side in WALLS)}))
+    motions, bodies = zip(*(_elements(name, *one[1:]) for name, one in zip(names, found, strict=True)), strict=True)
+    walls = []
+    for side, (x, y, *size) in WALLS.items():
+        pose = np.eye(4)
+        pose[:3, 3] = x, y, HALF_HEIGHT
+        walls.append(Solid(name=f"{side} wall", shape="box", size=np.array([*size, HALF_HEIGHT]), pose=pose))
+    return World(
+        solids=tuple(walls),
+        ground=np.array(ARENA),
+        options=OPTIONS,
+        custom=motions,
+        bodies=bodies,
+        start=START,
+        goal=GOAL,
+    )
 
 
 def _worlds(source: Path) -> dict[str, Any]:
@@ -125,7 +82,7 @@ def _worlds(source: Path) -> dict[str, Any]:
     try:
         worlds = json.loads(data)
     except (ValueError, RecursionError) as error:  # ValueError: no JSON, or no UTF-8
-        if data.lstrip()[:1] == b"<" or source.suffix.lower() in OTHERS:
+        if data.lstrip()[:1] == b"<" or source.suffix.lower() in (".world", ".sdf", ".yaml", ".yml"):
             raise SceneError(
                 f"{source}: this is no file of motions, which is JSON; if it is a world or a map, leave out --motion"
             ) from None
@@ -136,44 +93,32 @@ def _worlds(source: Path) -> dict[str, Any]:
     return worlds
 
 
-def _listed(worlds: dict[str, Any], most: int = 20) -> str:
-    names = [" ".join(name.split())[:20] for name in worlds]
-    return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
-
-
-def _track(where: str, obstacle: Any) -> Track:
+def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:
+    """Name, radius [m] and keys (k, 3) t [s], x, y [m]."""
     if not isinstance(obstacle, dict):
         raise SceneError(f"{where} is no object; write {FORM}")
-    missing = [key for key in ("name", "radius", "keys") if key not in obstacle]
+    name = " ".join(str(obstacle.get("name", "")).split())
+    missing = [key for key in ("name", "radius", "keys") if key not in obstacle or (key == "name" and not name)]
     if missing:
         raise SceneError(f'{where} has no "{missing[0]}"; write {FORM}')
-    name = " ".join(str(obstacle["name"]).split())
-    if not name:
-        raise SceneError(f"{where} has an empty name; give it one")
-    where = f'{where} ("{name[:40]}")'
+    where, keys = f'{where} ("{name[:40]}")', obstacle["keys"]
     radius = _number(obstacle["radius"])
     if not FINEST <= radius <= FARTHEST:
         raise SceneError(f"{where}: its radius is {obstacle['radius']!r}; write metres, {FINEST:g} to {FARTHEST:g}")
-    return Track(name=name, radius=radius, keys=_keys(where, obstacle["keys"]))
-
-
-def _keys(where: str, keys: Any) -> Array:
     if not isinstance(keys, list) or len(keys) < 2:
         raise SceneError(f"{where}: its keys are not two or more; write [[0, x, y], [t, x, y], ...]")
-    found = np.empty((len(keys), 3))
+    rows = np.full((len(keys), 3), np.nan)
     for k, key in enumerate(keys):
-        numbers = [_number(v) for v in key] if isinstance(key, list) else []
-        if len(numbers) != 3 or not np.all(np.abs(numbers) <= FARTHEST):
+        if isinstance(key, list) and len(key) == 3:
+            rows[k] = [_number(value) for value in key]
+        if not np.all(np.abs(rows[k]) <= FARTHEST):
             raise SceneError(f"{where}: key {k + 1} is not three finite numbers up to {FARTHEST:g}; write [t, x, y]")
-        found[k] = numbers
-    if found[0, 0] != 0.0:
-        raise SceneError(f"{where}: its first key is at {found[0, 0]:g} s; it must be at 0")
-    late = np.flatnonzero(np.diff(found[:, 0]) <= 0.0)
-    if len(late):
-        k = int(late[0]) + 1
-        times = f"{found[k, 0]:g} s after one at {found[k - 1, 0]:g} s"
-        raise SceneError(f"{where}: key {k + 1} is at {times}; times must increase")
-    return found
+        if k == 0 and rows[0, 0] != 0.0:
+            raise SceneError(f"{where}: its first key is at {rows[0, 0]:g} s; it must be at 0")
+        if k > 0 and rows[k, 0] <= rows[k - 1, 0]:
+            times = f"{rows[k, 0]:g} s after one at {rows[k - 1, 0]:g} s"
+            raise SceneError(f"{where}: key {k + 1} is at {times}; times must increase")
+    return name, radius, rows
 
 
 def _number(value: Any) -> float:
@@ -183,26 +128,47 @@ def _number(value: Any) -> float:
     return float(value) if abs(value) <= FARTHEST else float("inf")
 
 
-def _named(tracks: Iterator[Track]) -> Iterator[Track]:
-    """The same with a number after names that are taken."""
-    taken: set[str] = {"floor", "world", "west wall", "south wall", "north wall"}
-    for track in tracks:
-        name, count = track.name, 1
-        while name in taken:
-            count += 1
-            name = f"{track.name} {count}"
-        taken.add(name)
-        yield Track(name=name, radius=track.radius, keys=track.keys)
-
-
-def _elements(track: Track) -> tuple[str, str]:
-    """Its motion for <custom>, and its body."""
-    way = keyframes.rows(track.keys)
-    lines = "  ".join(f"{text(*row)} 0" for row in way)
-    label, motion = quoteattr(track.name), quoteattr(f"pirrht_motion_{track.name}")
+def _elements(name: str, radius: float, keys: Array) -> tuple[str, str]:
+    """A cylinder's motion for <custom>, and its body."""
+    way = rows(keys)
+    label, motion = quoteattr(name), quoteattr(f"pirrht_motion_{name}")
+    lines = "  ".join(" ".join(f"{value:.10g}" for value in row) + " 0" for row in way)
     return (
         f'<numeric name={motion} data="{lines}"/>\n    <text name={motion} data="repeat"/>',
-        f'<body name={label} mocap="true" pos="{text(*way[0, 1:])} {HALF_HEIGHT}">\n'
-        f'      <geom name={label} type="cylinder" size="{text(track.radius)} {HALF_HEIGHT}" material="drum"/>\n'
-        "    </body>",
+        f'<body name={label} mocap="true" pos="{way[0, 1]:.10g} {way[0, 2]:.10g} {HALF_HEIGHT}">\n'
+        f'      <geom name={label} type="cylinder" size="{radius:.10g} {HALF_HEIGHT}" material="drum"/>\n    </body>',
     )
+
+
+def place(keys: Array, times: Array) -> Array:
+    """Places (..., 2) [m] at times (...) [s] on the spline through keys (k, 3) t [s], x, y [m]."""
+    points, number = keys[:, 1:], np.arange(len(keys))
+    padded = np.vstack([points[:1], points, points[-1:]])
+    if np.array_equal(points[0], points[-1]):
+        padded[0], padded[-1] = points[-2], points[1]
+    spline = CubicHermiteSpline(number, points, 0.5 * (padded[2:] - padded[:-2]))
+    return np.asarray(spline(np.interp(times, keys[:, 0], number)))
+
+
+def rows(keys: Array, deviation: float = DEVIATION) -> Array:
+    """Rows (l, 3) t [s], x, y [m] on the spline, few, with straight lines between that leave it by so little [m]."""
+    shares = np.arange(FINE) / FINE
+    times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
+    way = np.column_stack([times, place(keys, times)])
+    way[::FINE] = keys
+    kept, last = [0], len(way) - 1
+
+    def close(end: int) -> bool:
+        piece = way[kept[-1] : end + 1]
+        shares = (piece[:, :1] - piece[0, 0]) / (piece[-1, 0] - piece[0, 0])
+        off = piece[:, 1:] - (piece[0, 1:] + shares * (piece[-1, 1:] - piece[0, 1:]))
+        return bool(np.hypot(*off.T).max() <= deviation - SPARE)
+
+    while kept[-1] < last:
+        good, step, growing = kept[-1] + 1, 1, True
+        while step:
+            fits = good + step <= last and close(good + step)
+            good, growing = good + step * fits, growing and fits
+            step = 2 * step if growing else step // 2
+        kept.append(good)
+    return way[kept]

@@ -1,4 +1,4 @@
-"""Collision meshes as convex parts, since MuJoCo collides with the convex hull of a mesh.
+"""Collision meshes as convex parts, since MuJoCo collides with the convex hull of a mesh: a room would be a block.
 
 A mesh that is not convex is cut along planes of its own faces, the deepest inside its hull first, until every part
 lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly.
@@ -7,9 +7,8 @@ lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out ex
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from io import BytesIO
-from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -17,17 +16,19 @@ import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
+from trimesh.triangles import area, cross
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from sim.importing.collada import Faces, read_collada
-from sim.importing.limits import FARTHEST, content_of
+from sim.importing.solids import FLAT, World, part_solid
+from sim.mjcf.limits import FARTHEST, content_of
 
-SUFFIXES = (".dae", ".stl", ".obj")
+SUFFIXES = (".dae", ".obj", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]
+CONCAVITY = 0.05  # that CoACD leaves in a part, as a share of the size of the mesh: its own default
 MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one mesh
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
-_FLAT = 1e-3  # least thickness of a part [m]
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
 
@@ -51,53 +52,41 @@ class Parts:
     rough: float = 0.0  # how far a hull sticks out at most [m]; 0 if all are within `CONCAVE`
 
 
-@dataclass(slots=True)
-class Meshes:
-    """Meshes that were read, each once."""
+def read_mesh(source: Path) -> World:
+    """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex.
 
-    known: dict[MeshKey, Parts] = field(default_factory=dict)
-
-    def parts(self, key: MeshKey) -> Parts:
-        """Split a mesh into convex parts.
-
-        Raises:
-            SceneError: unreadable, of another format, or without triangles.
-        """
-        if key not in self.known:
-            self.known[key] = _parts(key)
-        return self.known[key]
-
-    @staticmethod
-    def triangles(path: Path) -> Array:
-        """Read the corners of a file's triangles, (t, 3, 3) [m]."""
-        return _read(path, "")
+    Raises:
+        SceneError: the file holds no mesh, or one that is too large.
+        OptionError: CoACD is needed and not installed.
+    """
+    parts = split(MeshKey(source))
+    corners = _by_coacd(source) if parts.rough else parts.vertices
+    flat = np.vstack(corners)[:, :2]
+    ground = np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1).ravel()
+    solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(corners, 1))
+    return World(kind="mesh", solids=solids, ground=ground)
 
 
-def as_box(corners: Array) -> tuple[Array, Array] | None:
-    """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
-    lengths = np.linalg.norm(corners - corners[0], axis=1)
-    edges = (corners - corners[0])[np.argsort(lengths)][1:]
-    if len(edges) != 7:
-        return None
-    square = [edge for edge in edges[1:-1] if abs(edge @ edges[0]) < _FLAT * np.linalg.norm(edges[0])]
-    if not square:
-        return None
-    frame = np.array([edges[0], square[0], edges[-1] - edges[0] - square[0]])
-    sizes = np.linalg.norm(frame, axis=1)
-    axes = frame / sizes[:, None]
-    expected = corners[0] + np.array(list(product((0.0, 1.0), repeat=3))) @ frame
-    gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
-    if np.abs(axes @ axes.T - np.eye(3)).max() > _FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > _FLAT:
-        return None
-    pose = np.eye(4)
-    first, second = axes[0], axes[1] - axes[0] * (axes[0] @ axes[1])
-    second /= np.linalg.norm(second)
-    pose[:3, :3] = np.column_stack([first, second, np.cross(first, second)])
-    pose[:3, 3] = corners.mean(axis=0)
-    return pose, sizes / 2
+def _by_coacd(source: Path) -> tuple[Array, ...]:
+    try:
+        import coacd
+    except ImportError:
+        raise OptionError(
+            f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
+        ) from None
+    triangles = _read(source, "")
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    coacd.set_log_level("error")
+    closed = "off" if mesh.is_watertight else "auto"  # what is open is closed first, on a coarse grid
+    try:
+        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, preprocess_mode=closed)
+    except Exception as error:  # of a library in C++
+        raise SceneError(f"{source}: CoACD finds no convex parts ({' '.join(str(error).split())})") from None
+    return tuple(np.asarray(corners, dtype=float) for corners, _ in found)
 
 
-def _parts(key: MeshKey) -> Parts:
+def split(key: MeshKey) -> Parts:
+    """Split a mesh into convex parts; SceneError if it is unreadable, of another format, or without triangles."""
     triangles = _read(key.path, key.name)
     if not len(triangles):
         which = f" under the name {key.name!r}" if key.name else ""
@@ -144,12 +133,12 @@ def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
         hull = _hull(part)
         depths = _depths(part, hull)
         if depths.max() > CONCAVE and count + len(todo) < MOST_CUTS:
-            across = np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])
+            across = cross(part)
             face = int(np.argmax(np.where(depths > CONCAVE, depths, 0) * np.linalg.norm(across, axis=1) ** 0.5))
             normal = across[face] / np.linalg.norm(across[face])
             todo += [p for side in _cut(part, normal, part[face, 0] @ normal) for p in _pieces(side)]
             continue
-        plates = [] if closed or hull.area <= _OPEN * _area(part) else list(_plates(part))
+        plates = [] if closed or hull.area <= _OPEN * area(part).sum() else list(_plates(part))
         for points in plates or [_corners(hull)]:
             count += 1
             yield points, 0.0 if plates else float(depths.max())
@@ -160,8 +149,8 @@ def _hull(triangles: Array) -> ConvexHull:
     points = np.unique(triangles.reshape(-1, 3), axis=0)
     middle = points.mean(axis=0)
     for axis in np.linalg.eigh((points - middle).T @ (points - middle))[1].T:
-        if np.ptp(points @ axis) < _FLAT:
-            points = np.concatenate([points - axis * _FLAT / 2, points + axis * _FLAT / 2])
+        if np.ptp(points @ axis) < FLAT:
+            points = np.concatenate([points - axis * FLAT / 2, points + axis * FLAT / 2])
     return ConvexHull(points)
 
 
@@ -187,7 +176,7 @@ def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
     heights[np.abs(heights) < _SAME] = 0.0
     upper, lower = np.any(heights > 0, axis=1), np.any(heights < 0, axis=1)
     flat = ~upper & ~lower
-    faces = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]) @ normal
+    faces = cross(triangles) @ normal
     behind, before = (lower & ~upper) | (flat & (faces > 0)), (upper & ~lower) | (flat & (faces <= 0))
     crossing, h = triangles[upper & lower], heights[upper & lower]
     above = h > 0
@@ -208,20 +197,19 @@ def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
 
 def _plates(part: Array) -> Iterator[Array]:
     """Split a surface that encloses no solid into flat convex plates, corners of each."""
-    across = np.cross(part[:, 1] - part[:, 0], part[:, 2] - part[:, 0])
-    normals = across / np.linalg.norm(across, axis=1, keepdims=True)
-    planes = np.round(np.column_stack([normals / _FLAT, np.einsum("ti,ti->t", normals, part[:, 0]) / _FLAT]))
+    normals = cross(part) / (2 * area(part))[:, None]
+    planes = np.round(np.column_stack([normals / FLAT, np.einsum("ti,ti->t", normals, part[:, 0]) / FLAT]))
     _, group = np.unique(planes, axis=0, return_inverse=True)
     for plane in range(group.max() + 1):
         for plate in _pieces(part[group.ravel() == plane]):
             hull = _hull(plate)
-            whole = hull.area <= 2 * _area(plate) * 1.01 + _FLAT * 4 * np.ptp(plate.reshape(-1, 3), axis=0).sum()
+            whole = hull.area <= 2 * area(plate).sum() * 1.01 + FLAT * 4 * np.ptp(plate.reshape(-1, 3), axis=0).sum()
             yield from [_corners(hull)] if whole else (_corners(_hull(one[None])) for one in plate)
 
 
 def _pieces(triangles: Array) -> list[Array]:
     """Separate what does not hang together, (t, 3, 3) each; corners at one place are one."""
-    triangles = triangles[_areas(triangles) > _EMPTY]
+    triangles = triangles[area(triangles) > _EMPTY]
     if not len(triangles):
         return []
     faces = _indexed(triangles)
@@ -243,13 +231,3 @@ def _is_closed(triangles: Array) -> bool:
     faces = _indexed(triangles)
     edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
     return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0))
-
-
-def _areas(triangles: Array) -> Array:
-    across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    found: Array = np.linalg.norm(across, axis=1) / 2
-    return found
-
-
-def _area(triangles: Array) -> float:
-    return float(_areas(triangles).sum())

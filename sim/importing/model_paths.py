@@ -56,8 +56,11 @@ class ModelPaths:
         raise SceneError(" ".join(f"{self.source}: {uri[:200]!r}{where} {reason}".split()))
 
     def _roots(self, file: Path) -> list[Path]:
-        roots = (_normal(folder) for folder in (*self.folders, *_around(file), *_around(self.source)))
-        return [root for root in dict.fromkeys(roots) if root != Path(root.anchor)]
+        around = [
+            folder / name for one in (file, self.source) for folder in _normal(one).parents[:_ABOVE] for name in _INSIDE
+        ]
+        roots = dict.fromkeys(_normal(folder) for folder in (*self.folders, *around))
+        return [root for root in roots if root != Path(root.anchor)]
 
     def _names(self, uri: str, file: Path) -> list[str]:
         """Names relative to a searched folder, or absolute ones."""
@@ -76,11 +79,6 @@ class ModelPaths:
             inner = inner[1:]
         inner = inner[1:] if inner[:1] == ["files"] else inner
         return ["/".join((form, *inner)) for form in (name, name.lower(), name.lower().replace(" ", "_"))]
-
-
-def _around(file: Path) -> Iterator[Path]:
-    for folder in _normal(file).parents[:_ABOVE]:
-        yield from (folder / name for name in _INSIDE)
 
 
 def _normal(path: Path) -> Path:

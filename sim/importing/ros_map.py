@@ -13,10 +13,10 @@ from __future__ import annotations
 import os
 import reprlib
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,13 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
-from sim.importing.limits import FARTHEST, MOST_PIXELS, check_regular, content_of
-from sim.importing.sdf import Solid, World
+from sim.files import why_unreadable
+from sim.importing.solids import Solid, World
+from sim.mjcf.limits import FARTHEST, MOST_PIXELS, content_of
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
-DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0}
+DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "trinary": 1}
 UNSEEN = 205  # grey that map_saver writes for an unknown cell
 HEIGHT = 0.5  # of the walls [m]
 FINEST, COARSEST = 1e-4, 100.0  # side of a cell [m]
@@ -38,6 +39,8 @@ PICTURES = (".pgm", ".png", ".ppm", ".bmp", ".gif", ".jpg", ".jpeg", ".tif", ".t
 
 _SHORT = reprlib.Repr()  # of values that refer to each other, the whole would fill the memory
 _SHORT.maxlevel = 2
+_FLAGS = {0: False, 1: True}
+_EXTRA = "maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,21 +58,19 @@ class Map:
         if unknown not in UNKNOWN:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
-        solids = tuple(self._box(i, piece) for i, piece in enumerate(cover(blocked), start=1))
-        x, y, yaw = self.origin
-        rows, columns = blocked.shape
-        border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])
-        return World(solids=solids, ground=border if yaw == 0.0 else None)
-
-    def _box(self, number: int, piece: np.ndarray[Any, Any]) -> Solid:
-        r0, r1, c0, c1 = self.resolution * piece
         x, y, yaw = self.origin
         cos, sin = np.cos(yaw), np.sin(yaw)
-        u, v = (c0 + c1) / 2, (r0 + r1) / 2
-        pose = np.eye(4)
-        pose[:2, :2] = [[cos, -sin], [sin, cos]]
-        pose[:3, 3] = x + cos * u - sin * v, y + sin * u + cos * v, HEIGHT / 2
-        return Solid(name=f"wall {number}", shape="box", size=np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose=pose)
+        solids = []
+        for number, piece in enumerate(cover(blocked), start=1):
+            r0, r1, c0, c1 = self.resolution * piece
+            u, v, pose = (c0 + c1) / 2, (r0 + r1) / 2, np.eye(4)
+            pose[:2, :2] = [[cos, -sin], [sin, cos]]
+            pose[:3, 3] = x + cos * u - sin * v, y + sin * u + cos * v, HEIGHT / 2
+            size = np.array([c1 - c0, r1 - r0, HEIGHT]) / 2
+            solids.append(Solid(name=f"wall {number}", shape="box", size=size, pose=pose))
+        rows, columns = blocked.shape
+        border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])
+        return World(kind="map", solids=tuple(solids), ground=border if yaw == 0.0 else None, notes=self.notes)
 
 
 def read_map(path: Path) -> Map:
@@ -79,22 +80,27 @@ def read_map(path: Path) -> Map:
         SceneError: names the file, the key and what would do.
         OptionError: PyYAML or Pillow is missing.
     """
-    known = DEFAULTS | _read_yaml(path)
-    resolution = _number(path, known, "resolution")
-    occupied_above, free_below = (_number(path, known, key) for key in ("occupied_thresh", "free_thresh"))
+    known, notes = _Keys(path), list[str]()
+    resolution = known.of("resolution", _number, "a number")
+    occupied_above, free_below = (known.of(key, _number, "a number") for key in ("occupied_thresh", "free_thresh"))
     if not FINEST <= resolution <= COARSEST:
-        raise SceneError(
-            f"{path}: resolution is {resolution:g}; it must be the side of a cell in metres, {FINEST:g} to {COARSEST:g}"
-        )
+        known.refuse("resolution", f"the side of a cell in metres, {FINEST:g} to {COARSEST:g}", f"{resolution:g}")
     if not 0 <= free_below <= occupied_above <= 1:
         raise SceneError(
             f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; "
             "they must lie between 0 and 1, the first below the second"
         )
-    notes: list[str] = []
-    mode, negate = _mode(path, known, notes), _flag(path, known, "negate")
-    origin = _origin(path, known, notes)
-    levels, white, transparent = _read_image(path, known, notes)
+    negate = known.of("negate", _FLAGS.__getitem__, "0 or 1")
+    trinary = "mode" in known.values or known.of("trinary", _FLAGS.__getitem__, "0 or 1")
+    if not trinary:
+        notes.append("trinary: false is the old key for mode: scale, and is read so")
+    known.values.setdefault("mode", "trinary" if trinary else "scale")
+    mode = known.of("mode", {mode: mode for mode in MODES}.__getitem__, f"one of {', '.join(MODES)}")
+    origin = known.of("origin", _origin, f"[x, y, yaw] of the lower left corner, none beyond {FARTHEST:g}")
+    if np.isnan(origin[2]):  # older map_savers write it
+        notes.append("the yaw of origin is nan and is read as 0")
+        origin[2] = 0.0
+    levels, white, transparent = _read_image(path, _image_file(known, notes))
     shades = np.arange(white + 1) / white
     if mode == "raw":
         chances = np.rint(255 * shades) / 100
@@ -122,44 +128,80 @@ def read_map(path: Path) -> Map:
     )
 
 
-def _read_yaml(path: Path) -> dict[str, Any]:
-    try:
-        import yaml
-    except ImportError:
-        raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
-    try:
-        content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
-    except RecursionError:
-        raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
-    except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
-        raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
-    if not isinstance(content, dict):
-        raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
-    for key in ("image", "resolution", "origin"):
-        if content.get(key) is None:
-            raise SceneError(f"{path}: the key {key} is missing; a map has image, resolution and origin")
-    return {key: value for key, value in content.items() if value is not None}
+class _Keys:
+    """The keys of a map's YAML file, with the values of map_server where they are missing."""
+
+    def __init__(self, path: Path) -> None:
+        try:
+            import yaml
+        except ImportError:
+            raise OptionError(_EXTRA) from None
+        self.path = path
+        try:
+            content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
+        except RecursionError:
+            raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
+        except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
+            raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
+        if not isinstance(content, dict):
+            raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
+        for key in ("image", "resolution", "origin"):
+            if content.get(key) is None:
+                raise SceneError(f"{path}: the key {key} is missing; a map has image, resolution and origin")
+        self.values: dict[str, Any] = DEFAULTS | {key: value for key, value in content.items() if value is not None}
+
+    def of(self, key: str, read: Callable[[Any], Any], must: str) -> Any:
+        """What is read of a key's value; refused where that fails."""
+        try:
+            return read(self.values[key])
+        except (TypeError, ValueError, OverflowError, KeyError):
+            self.refuse(key, must, _SHORT.repr(self.values[key]))
+
+    def refuse(self, key: str, must: str, shown: str) -> NoReturn:
+        """Raise the SceneError of a key."""
+        raise SceneError(f"{self.path}: {key} is {shown}; it must be {must}")
 
 
-def _mode(path: Path, known: Mapping[str, Any], notes: list[str]) -> str:
-    """The mode, which older files set by `trinary`."""
-    if "mode" not in known and "trinary" in known and not _flag(path, known, "trinary"):
-        notes.append("trinary: false is the old key for mode: scale, and is read so")
-        return "scale"
-    mode: str = known.get("mode", "trinary")
-    if mode not in MODES:
-        raise SceneError(f"{path}: mode is {_SHORT.repr(mode)}; it must be one of {', '.join(MODES)}")
-    return mode
+def _number(value: Any) -> float:
+    number = float(value)
+    if not np.isfinite(number) or isinstance(value, bool):
+        raise ValueError
+    return number
 
 
-def _read_image(path: Path, known: Mapping[str, Any], notes: list[str]) -> tuple[NDArray[np.uint16], int, Cells]:
+def _origin(value: Any) -> Array:
+    """x, y, yaw (3,); the yaw may be nan."""
+    if not isinstance(value, list) or len(value) not in (2, 3):
+        raise ValueError
+    origin = np.append(np.array([float(v) for v in value]), 0.0)[:3]
+    if not np.all(np.abs(origin[:2]) <= FARTHEST) or abs(origin[2]) > FARTHEST:
+        raise ValueError
+    return origin
+
+
+def _image_file(known: _Keys, notes: list[str]) -> Path:
+    """The picture: relative to the YAML file, or next to it if that came from another machine."""
+    name, path = known.values["image"], known.path
+    if not isinstance(name, str):
+        known.refuse("image", "the name of a file", _SHORT.repr(name))
+    file, moved = path.parent / name, path.parent / PureWindowsPath(name).name
+    if os.path.exists(file):  # os.path takes names that no system allows
+        return file
+    if not os.path.isfile(moved):
+        raise SceneError(f"{path}: image {file} does not exist; put it next to the YAML file")
+    notes.append(f"image {name} does not exist; {moved.name} next to the YAML file is read")
+    return moved
+
+
+def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]:
     """Brightness from 0, black, what white is of it, and what is transparent; (rows, columns) from the top."""
     try:
         from PIL import Image
     except ImportError:
-        raise OptionError("maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`") from None
-    file = _image_file(path, known["image"], notes)
-    check_regular(file, "a picture")
+        raise OptionError(_EXTRA) from None
+    why = why_unreadable(file)
+    if why is not None:
+        raise SceneError(f"{file}: cannot be read (it {why}); give a picture")
     try:
         with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
             picture = Image.open(file)
@@ -178,49 +220,3 @@ def _read_image(path: Path, known: Mapping[str, Any], notes: list[str]) -> tuple
     except (OSError, ValueError, SyntaxError) as error:
         raise SceneError(f"{path}: image {file} cannot be read ({' '.join(str(error).split())})") from None
     return pixels[..., :3].sum(axis=2, dtype=np.uint16), 3 * 255, pixels[..., 3] < 255
-
-
-def _image_file(path: Path, name: object, notes: list[str]) -> Path:
-    """The picture: relative to the YAML file, or next to it if that came from another machine."""
-    if not isinstance(name, str):
-        raise SceneError(f"{path}: image is {_SHORT.repr(name)}; it must be the name of a file")
-    file, moved = path.parent / name, path.parent / PureWindowsPath(name).name
-    if os.path.exists(file):  # os.path takes names that no system allows
-        return file
-    if not os.path.isfile(moved):
-        raise SceneError(f"{path}: image {file} does not exist; put it next to the YAML file")
-    notes.append(f"image {name} does not exist; {moved.name} next to the YAML file is read")
-    return moved
-
-
-def _number(path: Path, known: Mapping[str, Any], key: str) -> float:
-    try:
-        value = float(known[key])
-    except (TypeError, ValueError, OverflowError):
-        value = np.nan
-    if not np.isfinite(value) or isinstance(known[key], bool):
-        raise SceneError(f"{path}: {key} is {_SHORT.repr(known[key])}; it must be a number")
-    return value
-
-
-def _flag(path: Path, known: Mapping[str, Any], key: str) -> bool:
-    if known[key] not in (0, 1):
-        raise SceneError(f"{path}: {key} is {_SHORT.repr(known[key])}; it must be 0 or 1")
-    return bool(known[key])
-
-
-def _origin(path: Path, known: Mapping[str, Any], notes: list[str]) -> Array:
-    said = known["origin"]
-    try:
-        origin = np.array([float(v) for v in said] if isinstance(said, list) and len(said) in (2, 3) else [])
-    except (TypeError, ValueError, OverflowError):
-        origin = np.zeros(0)
-    if len(origin) == 3 and np.isnan(origin[2]):  # older map_savers write it
-        notes.append("the yaw of origin is nan and is read as 0")
-        origin[2] = 0.0
-    if not len(origin) or not np.all(np.abs(origin) <= FARTHEST):
-        raise SceneError(
-            f"{path}: origin is {_SHORT.repr(said)}; it must be [x, y, yaw] of the lower left corner, none beyond "
-            f"{FARTHEST:g}"
-        )
-    return np.append(origin, 0.0)[:3]

@@ -1,4 +1,4 @@
-"""Gazebo worlds, ROS maps and motions as scenes: they become MJCF files by the conventions of `sim.mjcf`.
+"""Gazebo worlds, ROS maps, meshes and motions as scenes: they become MJCF files by the conventions of `sim.mjcf`.
 
 Neither a world nor a map says anything of a task, so start and goal are the caller's; the workspace is, too, unless
 the ground plane has a size that is meant, or the map is not turned. The new file is loaded before it takes its place,
@@ -7,8 +7,12 @@ so that a file that is there already is never replaced by a broken one.
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from string import Template
 from xml.sax.saxutils import quoteattr
 
 import mujoco
@@ -17,49 +21,32 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from sim.files import why_unreadable
-from sim.importing import decomposed, dynabarn, ros_map
-from sim.importing.limits import content_of
-from sim.importing.sdf import Solid, World, read_sdf
-from sim.importing.target import (
-    BORDER,
-    GOAL,
-    START,
-    Imported,
-    check_borders,
-    check_target,
-    draft,
-    loaded,
-    numbers_of,
-    scene_text,
-    text,
-)
+from sim.importing import dynabarn, meshes, ros_map
+from sim.importing.sdf import read_sdf
+from sim.importing.solids import Solid, World, distinct
+from sim.mjcf import load, models_folder
+from sim.mjcf.limits import FARTHEST, FINEST, content_of
 
-__all__ = ["Imported", "import_world"]
-
+START, GOAL, BORDER = "--start X Y [TH]", "--goal X Y R", "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
 ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
-_ROBOTS = {
-    "world": ('<text name="pirrht_robot" data="unicycle"/>', '<numeric name="pirrht_noise" data="0.03"/>'),
-    "map": (f'<text name="pirrht_robot" data="{ROVER}"/>',),
-}
-_CUSTOM = (
-    '<numeric name="pirrht_period" data="0.1"/>',
-    '<numeric name="pirrht_dt" data="0.1"/>',
-    '<numeric name="pirrht_samples" data="300"/>',
-    '<numeric name="pirrht_limit" data="0.8"/>',
-    '<numeric name="pirrht_vertices" data="2000"/>',
-    '<numeric name="pirrht_classes" data="16"/>',
-    '<numeric name="pirrht_phi" data="1000"/>',
-    '<numeric name="pirrht_max_time" data="60"/>',
-)  # what imported worlds and maps ask for, in addition to their robots
+_OPTIONS = {"period": "0.1", "dt": "0.1", "samples": "300", "limit": "0.8", "vertices": "2000"}
+_IMPORTED = {**_OPTIONS, "classes": "16", "phi": "1000", "max_time": "60"}
 _MATERIALS = {
-    "box": "crate",
-    "mesh": "crate",
-    "cylinder": "drum",
-    "capsule": "log",
-    "sphere": "boulder",
-    "ellipsoid": "boulder",
+    **{"box": "crate", "mesh": "crate", "cylinder": "drum"},
+    **{"capsule": "log", "sphere": "boulder", "ellipsoid": "boulder"},
 }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Imported:
+    """A scene that was made from a world."""
+
+    path: Path  # of the new MJCF file
+    geoms: int  # shapes taken over
+    obstacles: int  # of these, in the way of the robot and standing
+    movers: int = 0  # bodies that move
+    notes: tuple[str, ...] = ()  # sentences on what the scene has otherwise than the source
 
 
 def import_world(
@@ -80,16 +67,16 @@ def import_world(
     """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
-        source: an SDF file with one world or with models, the YAML file of a map, or a file of motions
+        source: an SDF file with one world or with models, the YAML file of a map, a mesh, or a file of motions
             (`sim.importing.dynabarn`).
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
+        unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
         motion: it is a file of motions, whatever its name ends in.
         number: which of its worlds.
         decompose: it is a mesh, of which convex parts are made.
-        unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
         models: folders where models and meshes of an SDF world are searched for, before those around the file.
         without: names of models of an SDF world to leave out, like the robot.
         progress: called with how many of how many shapes of a world are done, now and then.
@@ -99,104 +86,137 @@ def import_world(
             do not fit, or the target cannot be written. The target is then as it was.
     """
     source, target = Path(source), Path(target)
-    moves, why = motion or source.suffix.lower() in dynabarn.SUFFIXES, why_unreadable(source)
+    suffix = source.suffix.lower()
+    moves = motion or suffix in dynabarn.SUFFIXES
+    what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
+    why = why_unreadable(source)
     if why is not None:
-        what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
-    check_target(source, target)
-    if decompose != (source.suffix.lower() in decomposed.SUFFIXES):
-        kinds = ", ".join(decomposed.SUFFIXES)
+    _check_target(source, target)
+    mapped = not moves and suffix in ros_map.SUFFIXES
+    if decompose != (suffix in meshes.SUFFIXES):
+        if decompose:
+            raise OptionError(
+                f"--decompose is for meshes, whose names end in {', '.join(meshes.SUFFIXES)}; leave it out"
+            )
         raise OptionError(
-            f"--decompose is for meshes, whose names end in {kinds}; leave it out" if decompose else
             f"{source}: MuJoCo collides with the convex hull of a mesh; add --decompose for its convex parts"
-        )  # fmt: skip
-    mapped = not moves and source.suffix.lower() in ros_map.SUFFIXES
+        )
     if without and (moves or mapped or decompose):
         raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
-    if moves:
-        if unknown is not None:
-            raise OptionError("--unknown is for maps, and this is a file of motions; leave it out")
-        return dynabarn.import_motions(source, target, number=number, start=start, goal=goal, workspace=workspace)
-    if number is not None:
-        raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
-    if source.suffix.lower() in ros_map.PICTURES:
-        raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    if mapped:
-        grid = ros_map.read_map(source)
-        world, notes = grid.world(unknown or "occupied"), grid.notes
-        workspace = world.ground.tolist() if workspace is None and world.ground is not None else workspace
-    elif unknown is not None:
+    if unknown is not None and not mapped:
         raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
+    if number is not None and not moves:
+        raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
+    if suffix in ros_map.PICTURES:
+        raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
+    if moves:
+        world = dynabarn.read(source, number)
+    elif mapped:
+        world = ros_map.read_map(source).world(unknown or "occupied")
     elif decompose:
-        world, notes = decomposed.read_mesh(source), ()
+        world = meshes.read_mesh(source)
+    elif content_of(source, what).lstrip()[:1] == b"{":
+        raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
     else:
-        _refuse_motions(source)
         world = read_sdf(source, progress, folders=models, without=without)
-        notes = world.notes
-    kind = "map" if mapped else "mesh" if decompose else "world"
-    place, goal_disc = _task(source, kind, start, goal)
-    if workspace is None and mapped and world.ground is None:
-        raise SceneError(f"{source}: a turned map needs {_example(world, place, goal_disc)}")
-    bounds = _workspace(source, world, workspace, place, goal_disc)
-    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
-    meshes = [mesh for mesh in assets if mesh]
-    custom = (*_ROBOTS["map" if mapped or decompose else "world"], *_CUSTOM)
-    scene = scene_text(target.stem, custom, geoms, place, goal_disc, bounds, meshes)
-    with draft(scene, target) as new:
-        try:
-            obstacles = len(loaded(new, source).scene.obstacles)
-        except SceneError as error:
-            raise SceneError("; ".join((str(error), *notes))) from None
-        new.replace(target)
+    scene = _scene_text(source, target.stem, world, (start, goal, workspace))
+    geoms, notes = len(world.solids) + len(world.bodies), world.notes
     if mapped or decompose:
         notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
-    return Imported(path=target, geoms=len(world.solids), obstacles=obstacles, notes=notes)
+    obstacles, movers = _write(scene, source, target, world.notes)
+    return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
-def _refuse_motions(source: Path) -> None:
-    """Refuse what is no XML but opens as JSON does."""
-    if content_of(source, "an SDF world file or the YAML file of a map").lstrip()[:1] == b"{":
-        raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
+def _check_target(source: Path, target: Path) -> None:
+    if target.suffix.lower() != ".xml":
+        raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
+    if not target.parent.is_dir():
+        raise SceneError(f"{target}: there is no folder {target.parent}; make it first")
+    if target.is_dir() or (target.exists() and target.samefile(source)):
+        raise SceneError(f"{target}: this is a folder or the world itself; choose another name")
 
 
-def _task(source: Path, kind: str, start: Sequence[float] | None, goal: Sequence[float] | None) -> tuple[Array, Array]:
-    """Start (2,) or (3,) and goal disc (3,)."""
-    options = START, GOAL
+def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:
+    """Write a scene beside its target, load it, and let it take the target's place; its obstacles and movers."""
+    try:
+        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".import-", suffix=".xml")
+        new = Path(name)
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                stream.write(scene)
+            new.chmod(0o644)  # mkstemp's files are for their owner alone
+            found = load(new).scene
+            new.replace(target)
+        except SceneError as error:
+            reason = str(error).replace(name, "as a scene").replace(new.stem, source.stem)
+            raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
+        finally:
+            new.unlink(missing_ok=True)
+    except OSError as error:
+        raise SceneError(f"{target}: cannot be written ({error.strerror}); choose another folder") from None
+    return len(found.obstacles), len(found.movers)
+
+
+def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[float] | None]) -> str:
+    """The MJCF text of a world, given start, goal and workspace, if they were."""
+    start, goal = task[0] or world.start, task[1] or world.goal
     if start is None or goal is None:
-        missing = " and ".join(f"the {name}" for name, given in (("start", start), ("goal", goal)) if given is None)
-        raise SceneError(f"{source}: a {kind} does not tell {missing}: give {' and '.join(options)}")
-    place, disc = numbers_of(source, options[0], start, (2, 3)), numbers_of(source, options[1], goal, (3,))
-    return place, disc
+        missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
+        raise SceneError(f"{source}: a {world.kind} does not tell {missing}: give {START} and {GOAL}")
+    place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
+    if not disc[2] >= FINEST:
+        raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
+    bounds = _workspace(source, world, task[2], np.vstack([place[:2], disc[:2]]))
+    half = (bounds[1::2] - bounds[::2]) / 2
+    robot = "unicycle" if world.kind == "world" else ROVER
+    options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_IMPORTED}
+    numerics = [
+        f'<{"text" if key == "robot" else "numeric"} name="pirrht_{key}" data="{value}"/>'
+        for key, value in options.items()
+    ]
+    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
+    lines = {"custom": [*numerics, *world.custom], "assets": filter(None, assets), "parts": [*geoms, *world.bodies]}
+    return Template(
+        (models_folder() / "templates" / "imported.xml").read_text()
+    ).substitute(
+        {key: "\n".join(f"    {element}" for element in elements) for key, elements in lines.items()},
+        name=quoteattr(name),
+        centre=text(*(bounds[1::2] + bounds[::2]) / 2),
+        half=text(*half),
+        height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
+        start=text(*place[:2]),
+        heading=text(*place[2:]) or "0",
+        goal=text(*disc[:2]),
+        radius=text(disc[2]),
+    )
 
 
-def _workspace(source: Path, world: World, given: Sequence[float] | None, start: Array, goal: Array) -> Array:
-    """Left, right, low and high border [m]."""
-    if given is not None:
-        bounds = numbers_of(source, BORDER, given, (4,))
-    elif world.ground is not None and max(np.diff(world.ground)[::2]) <= WIDEST:
-        bounds = world.ground
-    else:
-        raise SceneError(f"{source}: no ground plane bounds it: add {_example(world, start, goal)}")
-    check_borders(source, bounds)
+def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
+    """What was said under an option, as many numbers as it may have."""
+    values = np.array(given, dtype=float)
+    if len(values) not in counts or not np.all(np.abs(values) <= FARTHEST):
+        raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers up to {FARTHEST:g}")
+    return values
+
+
+def _workspace(source: Path, world: World, given: Sequence[float] | None, points: Array) -> Array:
+    """Left, right, low and high border [m]; the error has an example that holds points (k, 2) and the world."""
+    meant = world.ground is not None and (world.kind == "map" or max(np.diff(world.ground)[::2]) <= WIDEST)
+    if given is None and not meant:
+        points = np.vstack([points, *(solid.pose[None, :2, 3] for solid in world.solids)])
+        low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
+        why = "a turned map needs" if world.kind == "map" else "no ground plane bounds it: add"
+        raise SceneError(f"{source}: {why} {BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}")
+    bounds = _numbers(source, BORDER, world.ground if given is None else given, (4,))  # type: ignore[arg-type]
+    if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
+        raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
     return bounds
 
 
-def _example(world: World, start: Array, goal: Array) -> str:
-    """How to say the workspace, with numbers that hold start, goal and what is in the world."""
-    points = np.vstack([start[:2], goal[:2], *(solid.pose[None, :2, 3] for solid in world.solids)])
-    low, high = np.floor(points.min(axis=0) - 1), np.ceil(points.max(axis=0) + 1)
-    return f"{BORDER}, for example {low[0]:g} {high[0]:g} {low[1]:g} {high[1]:g}"
-
-
 def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
-    """Write each solid as MJCF: its mesh, if it is one, and its geom; names that are taken get a number."""
-    taken = {"floor"}
-    for solid in solids:
-        name, count = solid.name, 1
-        while name in taken:
-            count += 1
-            name = f"{solid.name} {count}"
-        taken.add(name)
+    """Write each solid as MJCF: its mesh, if it is one, and its geom."""
+    for solid, name in zip(solids, distinct((solid.name for solid in solids), {"floor"}), strict=True):
         quaternion = np.zeros(4)
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
         label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
@@ -207,3 +227,8 @@ def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
             f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
             f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
         )
+
+
+def text(*values: float) -> str:
+    """Numbers as MJCF has them."""
+    return " ".join(f"{value:.10g}" for value in values)

@@ -16,15 +16,10 @@ from defusedxml.common import DTDForbidden
 from defusedxml.ElementTree import fromstring
 
 from pirrht.errors import SceneError
-from sim.importing.limits import content_of
 from sim.importing.model_paths import ModelPaths
-from sim.importing.sdf_poses import DEEPEST
+from sim.mjcf.limits import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
 
-MOST_ELEMENTS = 300_000  # of a world with all that it includes; those of the BARN data set have 20 000
-MOST_LEVELS = 256  # of elements in elements: a copy of many thousands exhausts the stack
-BUILT_IN = ("ground_plane", "sun")
-_CONFIGS = ("model.config", "manifest.xml")
-_PARTS = ("model", "actor", "light")  # what a file of a model holds
+BUILT_IN = ("ground_plane", "sun")  # Gazebo's own models, which need no file: a scene has its floor anyway
 
 
 def parse(path: Path, what: str) -> ET.Element:
@@ -41,7 +36,7 @@ def parse(path: Path, what: str) -> ET.Element:
     except (ET.ParseError, ValueError, LookupError) as error:
         raise SceneError(f"{path}: not XML: {error}; correct it there") from None
     level = [root]
-    for _ in range(MOST_LEVELS):
+    for _ in range(MOST_LEVELS):  # a copy of many thousands exhausts the stack
         level = [part for element in level for part in element]
     if level:
         raise SceneError(f"{path}: elements are nested deeper than {MOST_LEVELS}; flatten them")
@@ -84,61 +79,64 @@ class _Includes:
         self._count(element)
         for uri in element.iterfind(".//collision/geometry/mesh/uri"):
             text = (uri.text or "").strip()
-            uri.text = str(
-                next((p for p in self.paths.find(text, file) if p.is_file()), None) or self.paths.missing(text, file)
-            )
+            found = next((p for p in self.paths.find(text, file) if p.is_file()), None)
+            uri.text = str(found or self.paths.missing(text, file))
         for parent in list(element.iter()):
             includes = {index: part for index, part in enumerate(parent) if part.tag == "include"}
             for index, include in includes.items():
                 parent[index] = self._included(include, file)
-            if includes:
-                _number(parent, set(includes))
+            taken = {part.get("name") for index, part in enumerate(parent) if index not in includes}
+            for index in includes:  # names that are taken get a number, as Gazebo gives them
+                part, count = parent[index], 0
+                name = part.get("name", "")
+                while part.get("name") in taken:
+                    part.set("name", f"{name}_{count}")
+                    count += 1
+                taken.add(part.get("name"))
 
     def _included(self, include: ET.Element, file: Path) -> ET.Element:
-        uri = (include.findtext("uri") or "").strip()
+        uri, source = (include.findtext("uri") or "").strip(), self.paths.source
         if not uri:
             raise SceneError(f"{file}: an <include> has no <uri>; write <uri>model://NAME</uri>, or remove it")
-        path = next((p for found in self.paths.find(uri, file) for p in self._file_of(found)), None)
-        if path is None and _builtin(uri):
+        path = next((p for found in self.paths.find(uri, file) for p in self._files_of(found)), None)
+        short = uri.replace("%20", " ").rstrip("/").rpartition("/")[2].lower().replace(" ", "_")
+        if path is None and short in BUILT_IN:
             return ET.Element("light")
         path = path or self.paths.missing(uri, file)
         if path not in self.models:
             self.models[path] = None
-            if list(self.models.values()).count(None) > DEEPEST:
-                raise SceneError(f"{self.paths.source}: includes are nested deeper than {DEEPEST}; flatten them")
-            self.models[path] = self._read(path)
+            if list(self.models.values()).count(None) > MOST_NESTED:
+                raise SceneError(f"{source}: includes are nested deeper than {MOST_NESTED}; flatten them")
+            root = parse(path, "an SDF model file")
+            parts = [part for part in root if part.tag in ("model", "actor", "light")]
+            if len(parts) != 1 or root.tag not in ("sdf", "gazebo"):
+                raise SceneError(f"{path}: {len(parts)} elements <model> in <{root.tag}>; write one <sdf><model>")
+            self.expand(parts[0], path)
+            self.models[path] = parts[0]
         known = self.models[path]
         if known is None:
-            raise SceneError(f"{self.paths.source}: {path} includes itself by {uri!r}; remove one of these includes")
+            raise SceneError(f"{source}: {path} includes itself by {uri!r}; remove one of these includes")
         self._count(known)
-        model = deepcopy(known)
-        _override(model, include)
-        return model
+        return _overridden(deepcopy(known), include)
 
-    def _read(self, path: Path) -> ET.Element:
-        root = parse(path, "an SDF model file")
-        parts = [part for part in root if part.tag in _PARTS] if root.tag in ("sdf", "gazebo") else []
-        if len(parts) != 1:
-            raise SceneError(f"{path}: {len(parts)} elements <model> in <{root.tag}>; write one <sdf><model>")
-        self.expand(parts[0], path)
-        return parts[0]
-
-    def _file_of(self, path: Path) -> Iterator[Path]:
+    def _files_of(self, path: Path) -> Iterator[Path]:
         """The SDF file of a model's folder: that of the highest version in its model.config."""
         if path.is_file():
             yield path
             return
-        for name in _CONFIGS:
+        for name in ("model.config", "manifest.xml"):
             if (path / name).is_file():
                 files = parse(path / name, "a model.config").findall("sdf")
                 if not files:
                     raise SceneError(f"{path / name}: it names no <sdf>; write <sdf>model.sdf</sdf>")
-                newest = max(files, key=lambda sdf: _version(sdf.get("version", "")))
+                newest = max(
+                    files, key=lambda sdf: [int(n) for n in sdf.get("version", "").split(".") if n.isdecimal()]
+                )
                 yield from self.paths.find((newest.text or "").strip(), path / name)
         if (path / "model.sdf").is_file():
             yield path / "model.sdf"
         for version in sorted((p for p in path.glob("*") if p.name.isdecimal()), key=lambda p: -int(p.name)):
-            yield from self._file_of(version)  # of the cache of Gazebo Fuel
+            yield from self._files_of(version)  # of the cache of Gazebo Fuel
 
     def _count(self, element: ET.Element) -> None:
         self.elements += sum(1 for _ in element.iter())
@@ -146,37 +144,15 @@ class _Includes:
             raise SceneError(f"{self.paths.source}: with its includes it has more than {MOST_ELEMENTS} elements")
 
 
-def _builtin(uri: str) -> bool:
-    """Whether Gazebo's ground plane or sun is meant, which need no file: the floor of a scene is there anyway."""
-    return uri.replace("%20", " ").rstrip("/").rpartition("/")[2].lower().replace(" ", "_") in BUILT_IN
-
-
-def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split(".") if part.isdecimal())
-
-
-def _override(model: ET.Element, include: ET.Element) -> None:
+def _overridden(model: ET.Element, include: ET.Element) -> ET.Element:
     """Give a model the name, pose and other properties that its include names."""
-    name, frame = include.findtext("name"), include.findtext("placement_frame")
-    if name and name.strip():
-        model.set("name", name.strip())
-    if frame:
-        model.set("placement_frame", frame.strip())
+    for tag in ("name", "placement_frame"):
+        if text := (include.findtext(tag) or "").strip():
+            model.set(tag, text)
     for tag in ("pose", "static"):
         value = include.find(tag)
         if value is not None:
             for old in model.findall(tag):
                 model.remove(old)
             model.append(value)
-
-
-def _number(parent: ET.Element, included: set[int]) -> None:
-    """Add a number to names of included parts that are taken, as Gazebo does."""
-    taken = {part.get("name") for index, part in enumerate(parent) if index not in included}
-    for index in sorted(included):
-        part, count = parent[index], 0
-        name = part.get("name", "")
-        while part.get("name") in taken:
-            part.set("name", f"{name}_{count}")
-            count += 1
-        taken.add(part.get("name"))
+    return model

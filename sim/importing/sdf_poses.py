@@ -12,9 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.limits import FARTHEST
+from sim.mjcf.limits import FARTHEST, MOST_NESTED
 
-DEEPEST = 32  # nested models
 _NAMED = ("model", "link", "frame")
 _LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
 _SHORTEST = 1e-9  # quaternion that still has a direction
@@ -44,11 +43,10 @@ def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | Non
 
 def transform(values: Array, *, degrees: bool = False) -> Array:
     """The matrix (4, 4) of x, y, z [m] and roll, pitch, yaw (6,) about fixed axes, or a quaternion x, y, z, w (7,)."""
-    quaternion = len(values) == 7
+    by_angles = len(values) == 6
+    turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
     matrix = np.eye(4)
-    matrix[:3, 3] = values[:3]
-    turn = Rotation.from_quat(values[3:]) if quaternion else Rotation.from_euler("xyz", values[3:], degrees=degrees)
-    matrix[:3, :3] = turn.as_matrix()
+    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
     return matrix
 
 
@@ -69,11 +67,9 @@ class Scope:
 
     def __post_init__(self) -> None:
         """Register the frames declared inside, whose names must differ."""
-        if self.depth > DEEPEST:
-            self.refuse(f"models are nested deeper than {DEEPEST}; flatten them")
-        for part in self.element:
-            if part.tag not in _NAMED:
-                continue
+        if self.depth > MOST_NESTED:
+            self.refuse(f"models are nested deeper than {MOST_NESTED}; flatten them")
+        for part in (part for part in self.element if part.tag in _NAMED):
             name = part.get("name")
             if not name or name in self._parts:
                 self.refuse(f'{label_of(part)} needs a name of its own; write name="..."')
@@ -104,11 +100,12 @@ class Scope:
 
     def pose(self, element: ET.Element) -> Array:
         """Where an element declared here is in the world, (4, 4)."""
-        pose = element.find("pose")
+        pose, base = element.find("pose"), ""
         raw = np.eye(4) if pose is None else self._transform(pose, label_of(element))
-        base = "" if pose is None else pose.get("relative_to", "")
-        if pose is not None and pose.get("frame"):
-            self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
+        if pose is not None:
+            base = pose.get("relative_to", "")
+            if pose.get("frame"):
+                self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
         base = base or element.get("attached_to", "")
         placed: Array = (self.resolve(base) if base else self.own) @ raw
         frame = element.get("placement_frame") if element.tag == "model" else None
@@ -132,12 +129,11 @@ class Scope:
         return self.child(part).resolve(rest) if rest else self._place(part)
 
     def _inner(self, part: ET.Element, static: bool, own: Array | None = None) -> Scope:
-        name = part.get("name", "")
         return Scope(
             element=part,
             path=self.path,
             own=self._place(part) if own is None else own,
-            label=f"{self.label}::{name}" if self.label else name,
+            label="::".join(filter(None, (self.label, part.get("name", "")))),
             static=static,
             state=self._state_of(part),
             parent=self,
@@ -147,17 +143,15 @@ class Scope:
     def _place(self, part: ET.Element) -> Array:
         """A model, link or frame declared here in the world; the state block has the last word."""
         name = part.get("name", "")
-        if name in self._known:
-            known = self._known[name]
-            if known is None:
-                self.refuse(f"the pose of {label_of(part)} is relative to itself; fix its relative_to")
-            return known
-        self._known[name] = None
-        state = self._state_of(part)
-        pose = None if state is None else state.find("pose")
-        placed = self.pose(part) if pose is None else self._transform(pose, label_of(part))
-        self._known[name] = placed
-        return placed
+        if name not in self._known:
+            self._known[name] = None
+            state = self._state_of(part)
+            pose = None if state is None else state.find("pose")
+            self._known[name] = self.pose(part) if pose is None else self._transform(pose, label_of(part))
+        known = self._known[name]
+        if known is None:
+            self.refuse(f"the pose of {label_of(part)} is relative to itself; fix its relative_to")
+        return known
 
     def _state_of(self, part: ET.Element) -> ET.Element | None:
         if self.state is None or part.tag == "frame":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections import deque
+from difflib import get_close_matches
 from functools import lru_cache
 from pathlib import Path
 
@@ -52,8 +53,9 @@ def find(kind: str, which: str | Path) -> Path:
         return models_folder() / (kind + "s") / f"{which}.xml"
     path = Path(which)
     if why_unreadable(path) == MISSING:
-        known = ", ".join(names) or "none"
-        raise SceneError(f"{path}: no such {kind}; give the path of an MJCF file or one of {known}")
+        known, close = ", ".join(names) or "none", get_close_matches(str(which), names, 1)
+        meant, what = f"did you mean {close[0]}? Else " if close else "", "file" if path.suffix else kind
+        raise SceneError(f"{path}: no such {what}; {meant}give the path of an MJCF file or one of {known}")
     return path
 
 

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -29,8 +30,7 @@ SEEN = 1.0 / 60.0  # how often somebody who watches is shown where everything is
 LATENCY = 0.3  # simulated time after which a changed world is waited for, where no clock runs [s]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Snapshot:
+class Snapshot(NamedTuple):
     """State of everything, for somebody who watches from another thread."""
 
     time: float  # of the run [s]
@@ -61,7 +61,7 @@ class InteractivePlant(Executor):
         self._push: Push | None = None
         scenario = world.scenario
         model = scenario.loaded.model
-        self._robot, self._mass = int(model.body(ROBOT).id), float(model.body_subtreemass[model.body(ROBOT).id])
+        self._robot = int(model.body(ROBOT).id)
         self.rows = {name: int(model.body_mocapid[body]) for name, body in loose_bodies(model).items()}
         self.rows[GOAL] = int(model.body_mocapid[model.body(PREFIX + GOAL).id])
         model.geom_size[model.geom(PREFIX + GOAL).id, 0] = world.scene.goal.radius
@@ -75,8 +75,8 @@ class InteractivePlant(Executor):
         """Start at a state (n,) at a time [s]; whatever has been moved stays there."""
         super().reset(state, time)
         self._push = None
-        for name in self.world.places:
-            self._put(name)
+        for name, place in self.world.places.items():
+            self.data.mocap_pos[self.rows[name], :2] = place
         self.snapshot = self._seen()
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
@@ -126,7 +126,7 @@ class InteractivePlant(Executor):
         self.world = world.moved(event, self.state) if isinstance(event, Move) else world.shaken(event)
         self.enter(self.world.scenario.problem)
         if isinstance(event, Move):
-            self._put(event.what)
+            self.data.mocap_pos[self.rows[event.what], :2] = self.world.places[event.what]
         self._live.request(self.world, self.time)
 
     def _lean(self, now: float) -> None:
@@ -138,14 +138,10 @@ class InteractivePlant(Executor):
             force[:], self._push = 0.0, None
             return
         over = self.physics_step if self._carried else max(push.lasts, self.physics_step)
-        force[:2] = self._mass / over * np.array(push.speed)
-
-    def _put(self, name: str) -> None:
-        self.data.mocap_pos[self.rows[name], :2] = self.world.places[name]
+        force[:2] = self._model.body_subtreemass[self._robot] / over * np.array(push.speed)
 
     def _seen(self) -> Snapshot:
-        qpos, mocap, turns = (v.copy() for v in (self.data.qpos, self.data.mocap_pos, self.data.mocap_quat))
-        return Snapshot(time=self.time, qpos=qpos, mocap=mocap, turns=turns)
+        return Snapshot(self.time, *(v.copy() for v in (self.data.qpos, self.data.mocap_pos, self.data.mocap_quat)))
 
 
 class Play:

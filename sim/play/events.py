@@ -1,11 +1,6 @@
 """Events that interfere with a run, and scripts that time them, as JSON.
 
-A script is a list of steps, each at a time of the run:
-
-    [{"at": 0.5, "push": [0, 0.4], "for": 0.3},
-     {"at": 1.0, "move": "upper wall", "by": [0, 0.3]},
-     {"at": 1.5, "move": "goal", "to": [5.0, 3.5]},
-     {"at": 2.0, "noise": 0.3}]
+A script is a list of steps, each at a time of the run, as in FORM.
 """
 
 from __future__ import annotations
@@ -17,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, one_line
 from sim.files import why_unreadable
 
 GOAL = "goal"  # the name under which the goal's disc is moved
@@ -79,8 +74,7 @@ def read(path: Path) -> tuple[Event, ...]:
         with path.open("rb") as stream:
             steps = json.loads(stream.read(LARGEST))
     except (ValueError, RecursionError, OSError) as error:
-        reason = " ".join(str(error).split())
-        raise OptionError(f"--script {path}: this is no JSON ({reason}); write a list like {FORM}") from None
+        raise OptionError(f"--script {path}: this is no JSON ({one_line(error)}); write a list like {FORM}") from None
     if not isinstance(steps, list):
         raise OptionError(f"--script {path}: it holds no list of steps; write one like {FORM}")
     events = [_event(f"--script {path}: step {i}", step) for i, step in enumerate(steps, 1)]
@@ -91,29 +85,29 @@ def _event(where: str, step: Any) -> Event:
     kinds = [kind for kind in _KEYS if isinstance(step, Mapping) and kind in step]
     if len(kinds) != 1:
         raise OptionError(f"{where} is not one of push, move and noise; write it as in {FORM}")
-    keys = _KEYS[kinds[0]]
-    strange = sorted(set(step) - keys)
-    if strange:
-        raise OptionError(f'{where} has "{strange[0]}"; a {kinds[0]} has {", ".join(sorted(keys))}')
+    kind, keys = kinds[0], _KEYS[kinds[0]]
+    for name in sorted(set(step) - keys):
+        raise OptionError(f'{where} has "{name}"; a {kind} has {", ".join(sorted(keys))}')
+
+    def refuse(name: str, value: Any, what: str) -> OptionError:
+        return OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be {what}')
 
     def number(name: str, value: Any, low: float, high: float) -> float:
         known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
         if not (known and low <= value <= high):
-            raise OptionError(
-                f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be a number from {low:g} to {high:g}'
-            )
+            raise refuse(name, value, f"a number from {low:g} to {high:g}")
         return float(value)
 
     def pair(name: str, most: float) -> tuple[float, float]:
         value = step[name]
         if not isinstance(value, list) or len(value) != 2:
-            raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be two numbers [x, y]')
+            raise refuse(name, value, "two numbers [x, y]")
         return number(name, value[0], -most, most), number(name, value[1], -most, most)
 
     at = number("at", step.get("at"), 0.0, LATEST)
-    if kinds[0] == "push":
+    if kind == "push":
         return Push(at=at, speed=pair("push", FASTEST), lasts=number("for", step.get("for", 0.2), 1e-3, LATEST))
-    if kinds[0] == "noise":
+    if kind == "noise":
         return Noise(at=at, noise=number("noise", step["noise"], 1e-6, 1e3))
     given = [key for key in ("to", "by") if key in step]
     if len(given) != 1 or not isinstance(step["move"], str):

@@ -19,17 +19,11 @@ from sim.scenario import Scenario
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:
-    """A scenario that may have been changed since it was loaded, and where its loose bodies are.
+    """A scenario that may have been changed since it was loaded, and where its loose bodies are."""
 
-    Attributes:
-        scenario: with the scene as it is now; its free space is that of the scene as it was planned for last.
-        places: x, y of every loose body by the name under which it is moved, (2,) [m].
-        grounded: whether the free space is that of the scene as it is now.
-    """
-
-    scenario: Scenario
-    places: Mapping[str, Array]
-    grounded: bool = True
+    scenario: Scenario  # with the scene as it is now; its free space is that of the one that was planned for last
+    places: Mapping[str, Array]  # x, y of every loose body by the name under which it is moved, (2,) [m]
+    grounded: bool = True  # whether the free space is that of the scene as it is now
 
     @classmethod
     def of(cls, scenario: Scenario) -> World:

@@ -27,11 +27,9 @@ class Convergence:
 def grow(
     tree: HomologyTree, x: Array, vertices: int, *, every: int = 10, progress: Callable[[int], None] | None = None
 ) -> Convergence:
-    """Grow a tree to so many vertices and note the best length [m] in each class from x (n,) on the way, not shortened.
+    """Grow a tree to so many vertices; note the best length [m] of each class from x (n,) every so often.
 
-    Args:
-        every: vertices between two notes; the tree is the same whatever their number.
-        progress: called with the number of vertices.
+    Lengths are not shortened, and the tree is the same whatever the number of notes.
 
     Raises:
         OptionError: every is less than 1.

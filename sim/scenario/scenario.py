@@ -34,7 +34,7 @@ from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
 from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
-from sim.scenario.required_limit import required_limit
+from sim.scenario.required_limit import required_limit, surely_wide
 from sim.settings import Settings
 from sim.systems import System, refuse
 
@@ -124,9 +124,9 @@ class Scenario:
 
     def _seeds(self) -> tuple[np.random.SeedSequence, ...]:
         """Return independent seeds of the tree, the sampler and the plant."""
-        tree, sampler, plant = np.random.SeedSequence(self.settings.seed).spawn(3)
-        if self.settings.plan_seed is not None:
-            tree = np.random.SeedSequence(self.settings.plan_seed).spawn(3)[0]
+        s = self.settings
+        _, sampler, plant = np.random.SeedSequence(s.seed).spawn(3)
+        tree = np.random.SeedSequence(s.seed if s.plan_seed is None else s.plan_seed).spawn(3)[0]
         return tree, sampler, plant
 
     def plant_rng(self) -> np.random.Generator:
@@ -151,13 +151,12 @@ class Scenario:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, most))
 
-    def empty_tree(self, limit: float | None = None) -> HomologyTree:
-        """Return a tree that has its roots only; within another limit than the settings' if one is given."""
-        return self._rooted(self.space, np.random.default_rng(self._seeds()[0]), limit)
-
-    def _rooted(self, space: FreeSpace, rng: np.random.Generator, limit: float | None = None) -> HomologyTree:
-        s = self.settings
-        return HomologyTree(space, self.steering(), limit=limit or s.limit, classes=s.classes, rng=rng)
+    def empty_tree(
+        self, limit: float | None = None, space: FreeSpace | None = None, seed: np.random.SeedSequence | None = None
+    ) -> HomologyTree:
+        """Return a tree that has its roots only; in another limit, free space or seed than the scenario's if given."""
+        s, rng = self.settings, np.random.default_rng(seed or self._seeds()[0])
+        return HomologyTree(space or self.space, self.steering(), limit=limit or s.limit, classes=s.classes, rng=rng)
 
     def grown_tree(self, progress: Callable[[int], None] | None = None, at: Array | None = None) -> HomologyTree:
         """Grow a tree of `settings.vertices` vertices, or load the one that was saved as `settings.tree`.
@@ -172,21 +171,22 @@ class Scenario:
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
 
-        def grown(limit: float) -> HomologyTree:
+        def grown(limit: float, vertices: int = s.vertices) -> HomologyTree:
             tree = self.empty_tree(limit)
-            tree.grow(s.vertices, progress=progress)
+            tree.grow(vertices, progress=progress)
             return tree
 
-        def reaches(tree: HomologyTree) -> bool:
-            return bool(tree.lengths(tree.at(x, 0.0)))
-
-        first = tree = grown(s.limit)
-        while self.widens and tree.limit < WIDER[-1]:
-            least = required_limit(tree, x)
-            if not least and reaches(tree):
+        first = grown(s.limit)
+        if not self.widens or surely_wide(first, x):
+            return first
+        least = required_limit(grown(WIDER[-1], min(s.vertices, QUICK)), x)
+        if first.lengths(first.at(x, 0.0)) and least <= s.limit:
+            return first
+        for limit in (limit for limit in WIDER if limit >= min(least, WIDER[-1]) and limit > s.limit):
+            tree = grown(limit)
+            if tree.lengths(tree.at(x, 0.0)):
                 return tree
-            tree = grown(next((limit for limit in WIDER if limit > tree.limit and limit >= least), WIDER[-1]))
-        return tree if tree is first or reaches(tree) else first
+        return first
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first.
@@ -201,26 +201,23 @@ class Scenario:
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why = goal_blocker(self.loaded.scene)
-            if why is None and waits and self.moving:
+            why, name = goal_blocker(self.loaded.scene), self.loaded.scene.name
+            if why is not None:
+                raise SceneError(
+                    f"{name}: {why}, and no way was found that gets there before; let it rest elsewhere"
+                ) from None
+            if waits and self.moving:
                 return []
-            if why is None:
-                raise
-            raise SceneError(
-                f"{self.loaded.scene.name}: {why}, and no way was found that gets there before; let it rest elsewhere"
-            ) from None
+            raise
 
     def truth(self, progress: Progress = ignore_progress) -> Desirability:
         """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends.
-
-        Args:
-            progress: called with the share that is done, where that takes long.
 
         Raises:
             OptionError: no grid solves this problem.
         """
         dt = self.settings.dt if self.settings.exit == "endpoint" else None
-        self._refuse_unsolved(dt)
+        self._check_solved(dt)
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
@@ -229,21 +226,16 @@ class Scenario:
         Raises:
             OptionError: no grid solves this problem, or moving obstacles are to be predicted.
         """
-        self.refuse_foretold()
-        self._refuse_unsolved(None)
+        self.check_known()
+        self._check_solved(None)
         return Optimal(truth or Desirability.of(self.problem, self.space, progress=progress), self.sampling)
 
-    def refuse_foretold(self) -> None:
-        """Refuse moving obstacles that are to be predicted, for the optimal law, which knows their motions.
-
-        Raises:
-            OptionError: they are.
-        """
+    def check_known(self) -> None:
+        """Refuse moving obstacles that are to be predicted, for the optimal law."""
         if self.moving and self.settings.predict != "known":
             raise OptionError(f"the optimal law knows how bodies move; leave out --predict {self.settings.predict}")
 
-    def _refuse_unsolved(self, dt: float | None) -> None:
-        """Refuse by its public name a robot that no grid serves."""
+    def _check_solved(self, dt: float | None) -> None:
         try:
             solver_for(self.problem, self.space, dt)
         except OptionError:
@@ -285,24 +277,17 @@ class Scenario:
         """Return what predicts moving obstacles for plans; None: they know."""
         if not self.moving or self.settings.predict == "known":
             return None
-        seeds = self._seeds()[0].spawn(1)[0]
+        seeds, vertices = self._seeds()[0].spawn(1)[0], min(self.settings.vertices, QUICK)
 
-        def grown(space: FreeSpace) -> HomologyTree:
-            return self._rooted(space, np.random.default_rng(seeds.spawn(1)[0]))
+        def empty(space: FreeSpace) -> HomologyTree:
+            return self.empty_tree(space=space, seed=seeds.spawn(1)[0])
 
-        vertices = min(self.settings.vertices, QUICK)
-        return ConstantVelocity(self.space, self._in_time(), grown if trees else None, vertices=vertices)
+        return ConstantVelocity(self.space, self._in_time(), empty if trees else None, vertices=vertices)
 
     def driver(
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
     ) -> Driver:
-        """Return the policy of the settings' method.
-
-        Args:
-            tree: a grown one, of methods that need one.
-            truth: of the method "optimal", the exact solution in continuous time if it is known already.
-            progress: called with the share of it that is done, if it is not.
-        """
+        """Return the policy of the settings' method, over a grown tree; `truth` is the method "optimal"'s if known."""
         return self.optimal(truth, progress) if self.settings.method == "optimal" else self.controller(tree)
 
     def plant(self) -> Plant:
@@ -321,9 +306,6 @@ class Scenario:
         Args:
             start: state (n,); None: the scene's.
             rng: the plant's noise; None: that of the settings' seed.
-
-        Raises:
-            NoReference: already the start has no reference.
         """
         s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
         clock = Clock() if s.real_time else None

@@ -59,37 +59,28 @@ class Grid:
         return {name: value for name, value in (*self.task, *self.given) if name in IDENTIFYING}
 
 
-def parse(
-    *,
-    scenes: Sequence[str],
-    methods: str,
-    noise: str | None,
-    seeds: str,
-    task: Mapping[str, Any],
-    given: Mapping[str, Any],
-) -> Grid:
+def parse(words: Mapping[str, Any], task: Mapping[str, Any], given: Mapping[str, Any]) -> Grid:
     """A grid from the words of a command line.
 
     Args:
-        methods: names with commas between them.
-        noise: levels with commas between them; None: what each scene asks for.
-        seeds: `A:B` for A to B-1, or one seed.
-        task: robot, system, radius, margin, start, goal and preset, None where not said.
-        given: settings that all runs share, None where not said.
+        words: scenes; methods and noise levels with commas between them, None for the noise of each scene; seeds as
+            `A:B` for A to B-1, or one seed.
+        task: scene options that all runs share, None where not given.
+        given: settings that all runs share, None where not given.
 
     Raises:
-        OptionError: an unknown method, seeds or noise that are no numbers, something said twice, too many runs.
+        OptionError: an unknown method, seeds or noise that are no numbers, a value twice, too many runs.
     """
-    names = tuple(name.strip() for name in methods.split(","))
+    names = tuple(name.strip() for name in words["methods"].split(","))
     for name in names:
         if name not in METHODS:
             raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
     refuse_unused(given, names)
     return Grid(
-        scenes=tuple(scenes),
+        scenes=tuple(words["scenes"]),
         methods=names,
-        noises=(None,) if noise is None else tuple(noises_of(noise)),
-        seeds=seeds_of(seeds),
+        noises=(None,) if words["noise"] is None else tuple(noises_of(words["noise"])),
+        seeds=seeds_of(words["seeds"]),
         task=frozen(task),
         given=frozen(given),
     )

@@ -80,17 +80,8 @@ class System:
         """States that are the place of a robot, which its joints must be."""
         return tuple(name for name in self.states if name in POSE)
 
-    @property
-    def coordinates(self) -> str:
-        """Its states, as they are typed after `--at`."""
-        return typed(self.states)
-
     def heard(self, scene: Mapping[str, float], meant: str) -> dict[str, float]:
-        """Select a scene's options, by name, that are not meant for another system.
-
-        Args:
-            meant: name of that system.
-        """
+        """Select a scene's options, by name, that are not meant for another system, `meant`."""
         deaf = self.own if meant != self.name else ()
         return {name: value for name, value in scene.items() if name.replace("-", "_") not in deaf}
 

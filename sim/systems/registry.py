@@ -33,78 +33,36 @@ def _at_speed(settings: Settings) -> float:
 
 SYSTEMS = (
     System(
-        name="single_integrator",
-        dynamics=_dynamics("single_integrator:SingleIntegrator"),
-        steering=_steering("straight_line:StraightLine"),
-        R=2.0 * np.eye(2),
-        states=POSE[:2],
-        urge=_at_speed,
-        heeds=("noise", "speed"),
-        paper_samples=200,
-        robots="puck",
-        noise_in="m/sqrt(s)",
+        name="single_integrator", dynamics=_dynamics("single_integrator:SingleIntegrator"),
+        steering=_steering("straight_line:StraightLine"), R=2.0 * np.eye(2), states=POSE[:2], urge=_at_speed,
+        heeds=("noise", "speed"), robots="puck", noise_in="m/sqrt(s)",
     ),
     System(
-        name="unicycle",
-        dynamics=_unicycle,
-        steering=_steering("dubins:Dubins"),
-        R=np.eye(1),
-        states=POSE,
+        name="unicycle", dynamics=_unicycle, steering=_steering("dubins:Dubins"), R=np.eye(1), states=POSE,
         defaults={
-            "noise": 0.03,
-            "phi": 1000.0,
-            "vertices": 2000,
-            "samples": 300,
-            "period": 0.1,
-            "limit": 0.8,
-            "max_time": 60.0,
-            "exploration": 10.0,  # with its own noise control sequences hardly move, and few arrive
+            "noise": 0.03, "phi": 1000.0, "vertices": 2000, "samples": 300, "period": 0.1, "limit": 0.8,
+            "max_time": 60.0, "exploration": 10.0,  # with its own noise control sequences hardly move, and few arrive
         },
-        paper_samples=300,
-        heeds=("noise", "speed", "rho"),
-        robots="unicycle",
-        noise_in="rad/sqrt(s)",
+        paper_samples=300, heeds=("noise", "speed", "rho"), robots="unicycle", noise_in="rad/sqrt(s)",
+    ),
+    System(  # its noise has a unit, its paths a speed of their own
+        name="double_integrator", dynamics=_dynamics("double_integrator:DoubleIntegrator"),
+        steering=_steering("double_integrator:MassSteering"), R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"),
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"), robots="hover", noise_in="m/s/sqrt(s)",
+    ),
+    System(  # its paths have a speed of their own
+        name="rover", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=_at_speed, states=POSE,
+        defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300, heeds=("noise", "speed"),
+        own=("vertices", "samples", "dt", "period"), robots="rover", noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),
     System(
-        name="double_integrator",
-        dynamics=_dynamics("double_integrator:DoubleIntegrator"),
-        steering=_steering("double_integrator:MassSteering"),
-        R=2.0 * np.eye(2),
-        states=("x", "y", "vx", "vy"),
-        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
-        paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"),  # its noise has a unit, its paths a pace of their own
-        robots="hover",
-        noise_in="m/s/sqrt(s)",
+        name="second_order_car", dynamics=_dynamics("second_order_car:SecondOrderCar"), R=np.eye(2), q_min=1.0,
+        q="pirrht.systems.second_order_car:cruising", states=(*POSE, "speed"), twists=3,
+        defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0}, paper_samples=300,
+        own=("noise", "vertices", "samples", "dt", "period"), robots="car", noise_in="rad/sqrt(s), m/s/sqrt(s)",
     ),
-    System(
-        name="rover",
-        dynamics=_dynamics("rover:Rover"),
-        R=np.diag([2.0, 0.5]),
-        urge=_at_speed,
-        heeds=("noise", "speed"),
-        states=POSE,
-        defaults={"vertices": 2000, "samples": 300, "period": 0.05},
-        paper_samples=300,
-        own=("vertices", "samples", "dt", "period"),  # its paths have a pace of their own
-        robots="rover",
-        noise_in="m/sqrt(s), 2b rad/sqrt(s)",
-    ),
-    System(
-        name="second_order_car",
-        dynamics=_dynamics("second_order_car:SecondOrderCar"),
-        R=np.eye(2),
-        q="pirrht.systems.second_order_car:cruising",
-        q_min=1.0,
-        states=(*POSE, "speed"),
-        defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0},
-        twists=3,
-        paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"),
-        robots="car",
-        noise_in="rad/sqrt(s), m/s/sqrt(s)",
-    ),
-)
+)  # fmt: skip
 _known: dict[str, System] = {system.name: system for system in SYSTEMS}
 BUILT_IN = tuple(_known)
 

@@ -17,48 +17,9 @@ BOX = 'type="box" size="0.1 2 1" pos="5 5 0"'
 POINTS = "0 0 0 1 0 0 0 1 0 0 0 1"
 
 
-class Files:
-    """Files with bad properties in one folder, by name."""
-
-    def __init__(self, folder: Path, rng: Random) -> None:
-        self.folder, self.rng = folder, rng
-
-    def one(self, suffix: str) -> str:
-        """The name of a new file, pipe, link or folder, or of none."""
-        kinds: tuple[Callable[[Path], object], ...] = (
-            os.mkfifo,
-            lambda path: path.symlink_to("/dev/zero"),
-            lambda path: path.symlink_to("/dev/stdin"),
-            lambda path: path.symlink_to(path),
-            self._link_to_pipe,
-            Path.mkdir,
-            self._sparse,
-            lambda path: path.write_bytes(self.rng.randbytes(self.rng.randrange(2000))),
-            lambda path: path.write_bytes(b""),
-            lambda path: path.write_bytes(png(40_000, 40_000)),
-            lambda path: path.write_bytes(png(3, 3)),
-            lambda path: path.write_bytes(stl(float("nan"))),
-            lambda path: path.write_bytes(stl(1e300)),
-            lambda path: path.write_bytes(b"\0" * 80 + struct.pack("<I", 2**32 - 1)),
-            lambda path: path.write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n"),
-            lambda path: path.write_text('<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>'),
-            lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
-            lambda path: None,
-        )
-        path = self.folder / f"part{len(os.listdir(self.folder))}{suffix}"
-        self.rng.choice(kinds)(path)
-        return self.rng.choice(
-            (path.name, path.name, str(path), f"./{path.name}", f"../{self.folder.name}/{path.name}")
-        )
-
-    def _link_to_pipe(self, path: Path) -> None:
-        pipe = path.with_name(f"{path.name}.pipe")
-        os.mkfifo(pipe)
-        path.symlink_to(pipe)
-
-    def _sparse(self, path: Path) -> None:
-        with path.open("wb") as stream:
-            stream.truncate(2**40)
+def sparse(path: Path) -> None:
+    with path.open("wb") as stream:
+        stream.truncate(2**40)
 
 
 def png(width: int, height: int) -> bytes:
@@ -72,46 +33,62 @@ def stl(value: float) -> bytes:
     return b"\0" * 80 + struct.pack("<I", len(faces)) + body
 
 
+class Files:
+    """Files with bad properties in one folder, by name."""
+
+    def __init__(self, folder: Path, rng: Random) -> None:
+        self.folder, self.rng = folder, rng
+
+    def one(self, suffix: str) -> str:
+        """The name of a new file, pipe, link or folder, or of none."""
+        contents: tuple[bytes, ...] = (
+            *(self.rng.randbytes(self.rng.randrange(2000)), b"", png(40_000, 40_000), png(3, 3)),
+            *(stl(float("nan")), stl(1e300), b"\0" * 80 + struct.pack("<I", 2**32 - 1)),
+            b"v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
+            b'<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>',
+        )
+        makers: tuple[Callable[[Path], object], ...] = (
+            *(os.mkfifo, Path.mkdir, sparse, lambda path: None),
+            *(lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to("/dev/stdin")),
+            *(lambda path: path.symlink_to(path), self._link_to_pipe),
+            lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
+        )
+        path = self.folder / f"part{len(os.listdir(self.folder))}{suffix}"
+        chosen = self.rng.choice((*contents, *makers))
+        path.write_bytes(chosen) if isinstance(chosen, bytes) else chosen(path)
+        return self.rng.choice((path.name, str(path), f"./{path.name}", f"../{self.folder.name}/{path.name}"))
+
+    def _link_to_pipe(self, path: Path) -> None:
+        pipe = path.with_name(f"{path.name}.pipe")
+        os.mkfifo(pipe)
+        path.symlink_to(pipe)
+
+
 def names_files(files: Files, rng: Random) -> tuple[str, str]:
     """Head and world of a scene that names a file."""
-    role = rng.randrange(9)
-    if role == 0:
-        return f'<include file="{files.one(".xml")}"/>', ""
-    if role == 1:
-        return f'<asset><model name="m" file="{files.one(".xml")}"/></asset>', '<attach model="m" prefix="m"/>'
-    if role in (2, 3):
-        name = files.one(rng.choice((".stl", ".obj", ".msh", ".STL", "")))
-        return f'<asset><mesh name="m" file="{name}"/></asset>', '<geom type="mesh" mesh="m" pos="5 5 0"/>'
-    if role == 4:
-        kind = rng.choice(("2d", "cube", "skybox"))
-        key = rng.choice(("file", "fileright", "fileup")) if kind != "2d" else "file"
-        return (
-            f'<asset><texture name="t" type="{kind}" {key}="{files.one(rng.choice((".png", ".ktx", "")))}"/></asset>',
-            "",
+    kind, mesh = rng.choice(("2d", "cube", "skybox")), '<geom type="mesh" mesh="m" pos="5 5 0"/>'
+    key = rng.choice(("file", "fileright", "fileup")) if kind != "2d" else "file"
+    head, world, suffixes = rng.choice(
+        (
+            ('<include file="{}"/>', "", (".xml",)),
+            ('<asset><model name="m" file="{}"/></asset>', '<attach model="m" prefix="m"/>', (".xml",)),
+            ('<asset><mesh name="m" file="{}"/></asset>', mesh, (".stl", ".obj", ".msh", ".STL", "")),
+            (f'<asset><texture name="t" type="{kind}" {key}="{{}}"/></asset>', "", (".png", ".ktx", "")),
+            ('<asset><hfield name="h" file="{}" size="1 1 1 1"/></asset>', '<geom hfield="h"/>', (".png", ".bin")),
+            ('<asset><skin name="s" file="{}"/></asset>', "", (".skn",)),
+            ("", '<body><flexcomp name="f" type="mesh" file="{}" dim="2" mass="1"/></body>', (".obj",)),
+            (f'<compiler meshdir="{files.one("")}"/><asset><mesh name="m" file="a/{{}}"/></asset>', mesh, (".stl",)),
         )
-    if role == 5:
-        name = files.one(rng.choice((".png", ".bin")))
-        return f'<asset><hfield name="h" file="{name}" size="1 1 1 1"/></asset>', '<geom type="hfield" hfield="h"/>'
-    if role == 6:
-        return f'<asset><skin name="s" file="{files.one(".skn")}"/></asset>', ""
-    if role == 7:
-        name = files.one(".obj")
-        return "", f'<body><flexcomp name="f" type="mesh" file="{name}" dim="2" mass="1"/></body>'
-    folder = files.one("")
-    name = files.one(".stl")
-    return (
-        f'<compiler meshdir="{folder}" strippath="{rng.choice(("true", "false"))}"/><asset><mesh name="m" '
-        f'file="a/b/{name}"/></asset>',
-        '<geom type="mesh" mesh="m"/>',
     )
+    name = files.one(rng.choice(suffixes))
+    return head.format(name), world.format(name)
 
 
 def asks_for_much(files: Files, rng: Random) -> tuple[str, str]:
     """Head and world of a scene with large counts."""
     n, k = rng.choice(HUGE), rng.choice(HUGE)
     size = rng.choice(("nuserdata", "nkey", "njmax", "nconmax", "nstack", "nuser_body", "nuser_geom", "memory"))
-    deep = "".join(f'<replicate count="{rng.choice((10, 100, 1000))}" offset="1 0 0">' for _ in range(4))
-    chain = "".join(f'<body name="c{i}">' for i in range(20)) + "".join("</body>" for _ in range(20))
+    deep = "".join(f'<replicate count="{rng.choice((3, 10, 30))}" offset="1 0 0">' for _ in range(4))
     cable = f'<composite type="cable" prefix="a" count="{n} 1 1" size="1"><geom type="capsule" size="0.1"/></composite>'
     return rng.choice(
         (
@@ -129,7 +106,6 @@ def asks_for_much(files: Files, rng: Random) -> tuple[str, str]:
             ("", f"<body>{cable}</body>"),
             (f'<statistic extent="{n}"/><visual><global offwidth="{n}" offheight="{k}"/></visual>', ""),
             (f'<visual><quality shadowsize="{n}" offsamples="{k}" numslices="{n}"/></visual>', ""),
-            (f'<asset><mesh name="m" builtin="sphere" params="{rng.randrange(20)}"/></asset>', chain),
             ("<keyframe>" + f'<key qpos="{"1 " * rng.randrange(100_000)}"/></keyframe>', ""),
             (f'<option timestep="{n}" iterations="{k}"/>', ""),
         )
@@ -145,66 +121,58 @@ def has_no_numbers(files: Files, rng: Random) -> tuple[str, str]:
     turned = f'{turn}="{" ".join(numbers)}"'
     mesh = rng.choice(("scale", "refpos", "refquat"))
     values = " ".join([bad, *"1" * (3 if mesh == "refquat" else 2)])
-    return rng.choice(
+    world = rng.choice(
         (
-            ("", f'<geom name="wall" {BOX} {turned}/>'),
-            ("", f'<body name="holder" {turned}><geom name="wall" {BOX}/></body>'),
-            ("", f"<body><body {turned}><body><geom {BOX}/></body></body></body>"),
-            ("", f'<frame {turned}><geom name="wall" {BOX}/></frame>'),
-            ("", f'<replicate count="3" offset="{bad} 0 0" euler="0 0 {bad}"><geom {BOX}/></replicate>'),
-            ("", f'<body mocap="true" {turned}><geom name="wall" {BOX}/></body>'),
-            (f"<default><geom {turned}/></default>", f'<geom name="wall" {BOX}/>'),
-            ("", f'<site name="start2" {turned}/>'),
-            ("", f'<geom type="box" size="{bad} 1 1" pos="5 5 0"/>'),
-            ("", f'<geom type="box" size="1 1 1" pos="5 {bad} 0"/>'),
-            ("", f'<geom type="capsule" size="0.1" fromto="4 4 0 {bad} 5 0"/>'),
-            ("", f'<body pos="{bad} 0 0"><body pos="{bad} 0 0"><geom {BOX}/></body></body>'),
-            (
-                f'<asset><mesh name="m" vertex="{POINTS}" {mesh}="{values}"/></asset>',
-                '<geom type="mesh" mesh="m" pos="5 5 0"/>',
-            ),
-            (f'<asset><mesh name="m" vertex="{POINTS} {bad} 2 2"/></asset>', '<geom type="mesh" mesh="m"/>'),
-            (f'<option gravity="0 0 {bad}" timestep="{rng.choice((bad, "0.002"))}"/>', ""),
-            (f'<custom><numeric name="pirrht_noise" data="{bad}"/></custom>', ""),
-            (f'<compiler angle="{rng.choice(("radian", "degree"))}" eulerseq="zzz"/>', f"<geom {BOX} {turned}/>"),
+            f'<geom name="wall" {BOX} {turned}/>',
+            f'<body name="holder" {turned}><geom name="wall" {BOX}/></body>',
+            f"<body><body {turned}><body><geom {BOX}/></body></body></body>",
+            f'<frame {turned}><geom name="wall" {BOX}/></frame>',
+            f'<replicate count="3" offset="{bad} 0 0" euler="0 0 {bad}"><geom {BOX}/></replicate>',
+            f'<body mocap="true" {turned}><geom name="wall" {BOX}/></body>',
+            f'<site name="start2" {turned}/>',
+            f'<geom type="box" size="{bad} 1 1" pos="5 5 0"/>',
+            f'<geom type="box" size="1 1 1" pos="5 {bad} 0"/>',
+            f'<geom type="capsule" size="0.1" fromto="4 4 0 {bad} 5 0"/>',
+            f'<body pos="{bad} 0 0"><body pos="{bad} 0 0"><geom {BOX}/></body></body>',
         )
     )
-
-
-PARTS = (names_files, asks_for_much, has_no_numbers)
+    head = rng.choice(
+        (
+            f"<default><geom {turned}/></default>",
+            f'<asset><mesh name="m" vertex="{POINTS}" {mesh}="{values}"/></asset>',
+            f'<asset><mesh name="m" vertex="{POINTS} {bad} 2 2"/></asset>',
+            f'<option gravity="0 0 {bad}" timestep="{rng.choice((bad, "0.002"))}"/>',
+            f'<custom><numeric name="pirrht_noise" data="{bad}"/></custom>',
+            f'<compiler angle="{rng.choice(("radian", "degree"))}" eulerseq="zzz"/>',
+        )
+    )
+    mesh_geom = '<geom type="mesh" mesh="m" pos="5 5 0"/>' if "<mesh" in head else ""
+    return rng.choice((("", world), (head, f"<geom {BOX}/>{mesh_geom}")))
 
 
 def hostile(folder: Path, rng: Random) -> Path:
     """A new file in a folder, which may hold more files that it names."""
     files = Files(folder, rng)
-    parts = [rng.choice(PARTS)(files, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
+    makers = (names_files, asks_for_much, has_no_numbers)
+    parts = [rng.choice(makers)(files, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
     head, world = ("".join(column) for column in zip(*parts, strict=True))
     text = f"<mujoco>{head}<worldbody>{SITES}{world}</worldbody></mujoco>"
-    declared = rng.choice(("", "", "", "latin-1", "utf-16", "ebcdic-cp-us", "nonsense", "us-ascii"))
-    if declared:
-        text = f'<?xml version="1.0" encoding="{declared}"?>{text}'
-    spoilt = rng.randrange(36)
-    if spoilt == 0:
-        text = text.replace("<worldbody>", "<!-- <worldbody> -- --><worldbody>")
-    elif spoilt == 1:
-        text = f'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "{"&a;" * 10}">]>{text.replace("5 5", "&b;")}'
-    elif spoilt == 2:
-        text = text.replace("<worldbody>", f"{'<worldbody>' * 3000}")
-    elif spoilt == 3:
-        text = text.replace("<worldbody>", "<worldbody>" + "<body>" * 30_000) + "</body>" * 30_000
-    elif spoilt == 4:
-        text = text[: rng.randrange(len(text))]
-    elif spoilt == 5:
-        text = text.replace('"', "'").replace("<geom", '<geom name="<!--"').replace("</worldbody>", "--></worldbody>")
-    elif spoilt == 6:
-        text = text.replace("<worldbody>", '<worldbody><body name="T\udcfcr"/>')
-    elif spoilt == 7:
-        text = text.replace("<worldbody>", "<worldbody>" + "<site/>" * 150_000)
-    elif spoilt == 8:
-        text = "<!--" * 200_000 + text
-    elif spoilt == 9:
-        text = text.replace("<worldbody>", f"<worldbody><![CDATA[<geom {BOX} euler='0 0 nan'/>]]>")
-    code = "utf-16" if spoilt == 10 else "utf-8"
+    declared = rng.choice(("", "", "", "latin-1", "utf-16", "nonsense"))
+    text = f'<?xml version="1.0" encoding="{declared}"?>{text}' if declared else text
+    entities = f'<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "{"&a;" * 10}">]>'
+    spoilt: list[Callable[[], str]] = [
+        lambda: text.replace("<worldbody>", "<!-- <worldbody> -- --><worldbody>"),
+        lambda: entities + text.replace("5 5", "&b;"),
+        lambda: text.replace("<worldbody>", "<worldbody>" + "<body>" * 30_000) + "</body>" * 30_000,
+        lambda: text[: rng.randrange(len(text))],
+        lambda: text.replace('"', "'").replace("<geom", '<geom name="<!--"').replace("</worldbody>", "--></worldbody>"),
+        lambda: text.replace("<worldbody>", '<worldbody><body name="T\udcfcr"/>'),
+        lambda: "<!--" * 200_000 + text,
+        lambda: text.replace("<worldbody>", f"<worldbody><![CDATA[<geom {BOX} euler='0 0 nan'/>]]>"),
+    ]
+    if rng.random() < 0.25:
+        text = rng.choice(spoilt)()
     path = folder / "scene.xml"
-    path.write_bytes((b"\xef\xbb\xbf" if spoilt == 11 else b"") + text.encode(code, "surrogateescape"))
+    code, mark = ("utf-16", b"") if rng.random() < 0.02 else ("utf-8", rng.choice((b"", b"", b"\xef\xbb\xbf")))
+    path.write_bytes(mark + text.encode(code, "surrogatepass" if code == "utf-16" else "surrogateescape"))
     return path

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from sim.importing.scene_file import Imported, import_world
+
 TASK = {"start": (0, 0), "goal": (8, 0, 0.5), "workspace": (-1, 9, -5, 5)}
 BALL = "<geometry><sphere><radius>0.4</radius></sphere></geometry>"
 PLANE = "<geometry><plane><normal>0 0 1</normal><size>{size}</size></plane></geometry>"
@@ -25,3 +29,10 @@ def ball(pose: str, *, name: str = "m") -> str:
 
 def sdf(world: str) -> str:
     return f'<?xml version="1.0"?><sdf version="1.7"><world name="w">{world}</world></sdf>'
+
+
+def imported(folder: Path, text: str | bytes, **task) -> Imported:
+    """A world file in a folder, imported as maze.xml in it."""
+    source = folder / "maze.world"
+    source.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return import_world(source, folder / "maze.xml", **(TASK | task))

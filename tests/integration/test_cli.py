@@ -13,7 +13,7 @@ import pytest
 from mjcf_samples import FLOOR, SITES, mjcf
 
 from sim import text
-from sim.cli import main, parser, tables
+from sim.cli import main
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
 from sim.text import say, table
@@ -55,10 +55,9 @@ def test_scenes_lists_every_built_in_scene(capsys):
     rows = {line.split()[0]: line for line in capsys.readouterr().out.splitlines() if line}
     for name in scene_names():
         loaded = load(name)
-        moving = len(loaded.scene.movers)
-        assert rows[name].split()[1:4] == [loaded.robot, f"{loaded.scene.defaults['noise']:g}", str(moving)]
+        facts = [loaded.robot, f"{loaded.scene.defaults['noise']:g}", str(len(loaded.scene.movers))]
+        assert rows[name].split()[1:4] == facts
         assert rows[name].endswith(f"  {loaded.about}")
-        assert loaded.about
     assert str(models_folder() / "scenes") in rows["files:"]
 
 
@@ -83,26 +82,21 @@ def test_plan_writes_the_classes_cheapest_first_and_prints_a_row_for_each(tmp_pa
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
 
 
-def test_plan_reports_open_passages_that_no_path_leads_through(tmp_path, capsys):
-    found = []
-    for classes in ("16", "1"):
-        file = tmp_path / "plan.json"
-        assert main(["plan", "slit", "--vertices", "500", "--classes", classes, "--json", str(file)]) == 0
-        found.append(json.loads(file.read_text())["passages"])
-    assert found[0] == {"open": 3, "unused": []}
-    assert all(one.keys() == {"at", "width", "between"} for one in found[1]["unused"])
-    between = [sorted(one["between"]) for one in found[1]["unused"]]
-    assert len(between) == 2
-    assert ["lower wall", "upper wall"] not in between
+def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
+    words = ["plan", "slit", "--vertices", "500"]
+    assert figures(*words)[1]["passages"] == {"open": 3, "unused": []}
+    unused = figures(*words, "--classes", "1")[1]["passages"]["unused"]
+    assert all(one.keys() == {"at", "width", "between"} for one in unused)
+    assert len(unused) == 2
+    assert ["lower wall", "upper wall"] not in [sorted(one["between"]) for one in unused]
+    assert main([*words, "--classes", "1"]) == 0
     assert "2 of 3 open passages on no path" in capsys.readouterr().out
 
 
-def test_plan_reports_the_lengths_per_class_while_the_tree_grew(tmp_path: Path):
-    picture, numbers = tmp_path / "lengths.png", tmp_path / "plan.json"
-    words = ["plan", "slit", "--vertices", "200", "--convergence", str(picture), "--json", str(numbers)]
-    assert main(words) == 0
+def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path):
+    picture = tmp_path / "lengths.png"
+    _, found = figures("plan", "slit", "--vertices", "200", "--convergence", str(picture))
     assert picture.read_bytes().startswith(b"\x89PNG")
-    found = json.loads(numbers.read_text())
     watched = found["convergence"]
     assert watched["vertices"][-1] == 200
     for known in found["classes"]:
@@ -131,18 +125,23 @@ def test_run_reports_a_run_to_the_goal(figures, plant):
     assert all(one.keys() >= CLASS for one in run["classes"])
 
 
-def test_run_ends_with_1_when_time_is_up(figures):
-    status, run = figures("run", "slit", *SHORT)
-    assert status == 1
-    assert (run["outcome"], run["executed_class"]) == ("timeout", None)
-    assert (run["time"], run["steps"]) == (pytest.approx(0.05), 5)
-    assert 0.05 < run["cost"] < 0.5
+FALLEN = ["--start", "3.4", "2.5", "--noise", "1", "--guide", "open-loop", *SMALL]
 
 
-def test_run_ends_with_1_in_a_wall(figures):
-    status, run = figures("run", "slit", "--start", "3.4", "2.5", "--noise", "1", "--guide", "open-loop", *SMALL)
+@pytest.mark.parametrize(
+    ("words", "known"),
+    [
+        (SHORT, {"outcome": "timeout", "steps": 5, "time": pytest.approx(0.05)}),
+        (FALLEN, {"outcome": "collision", "min_clearance": 0.0}),
+        (["--method", "single", *SHORT], {"method": "single", "steps": 5}),
+        (["--method", "passive", *SHORT], {"method": "passive", "steps": 5, "classes": []}),
+    ],
+)
+def test_run_ends_with_1_when_time_is_up_or_in_a_wall(figures, words, known):
+    status, run = figures("run", "slit", *words)
     assert status == 1
-    assert (run["outcome"], run["executed_class"], run["min_clearance"]) == ("collision", None, 0.0)
+    assert run.items() >= (known | {"executed_class": None}).items()
+    assert words is not SHORT or 0.05 < run["cost"] < 0.5
 
 
 def test_equal_seeds_run_alike_and_others_do_not(figures):
@@ -153,39 +152,30 @@ def test_equal_seeds_run_alike_and_others_do_not(figures):
     assert one["path_length"] != three["path_length"]
 
 
-def test_the_paper_preset_sets_the_papers_steps_and_rules(figures):
+def test_the_paper_preset_sets_the_papers_steps_and_rules_and_the_command_line_wins(figures):
     status, run = figures("run", "slit", "--preset", "paper", "--vertices", "80", "--max-time", "0.3")
-    assert status == 1
-    assert (run["dt"], run["period"], run["samples"], run["steps"]) == (0.1, 0.1, 200, 3)
-    settings = prepare("slit", preset="paper").settings
-    assert (settings.exit, settings.weights, settings.guide) == ("endpoint", "average", "open-loop")
-    assert (settings.steps, prepare("slit").settings.steps) == ("uniform", "fitted")
-    assert prepare("slit", preset="paper").sampling.steps == "uniform"
-    assert prepare("slit", preset="paper", given={"steps": "fitted", "exit": "bridge"}).sampling.fitted
+    assert (status, run["dt"], run["period"], run["samples"], run["steps"]) == (1, 0.1, 0.1, 200, 3)
     _, run = figures("run", "slit", "--preset", "paper", "--dt", "0.05", "--period", "0.02", *SHORT)
-    assert (run["dt"], run["period"], run["samples"]) == (0.05, 0.02, 20)  # the command line wins
-
-
-@pytest.mark.parametrize("method", ["single", "passive"])
-def test_every_method_runs(figures, method):
-    status, run = figures("run", "slit", "--method", method, *SHORT)
-    assert (status, run["method"], run["steps"]) == (1, method, 5)
-    assert (run["classes"] == []) == (method == "passive")
+    assert (run["dt"], run["period"], run["samples"]) == (0.05, 0.02, 20)
+    settings = prepare("slit", preset="paper").settings
+    rules = (settings.exit, settings.weights, settings.guide, settings.steps)
+    assert rules == ("endpoint", "average", "open-loop", "uniform")
+    assert prepare("slit", preset="paper", given={"steps": "fitted", "exit": "bridge"}).sampling.fitted
 
 
 def test_estimate_repeats_with_independent_samples(figures):
     status, found = figures("estimate", "slit", "--at", "1", "2.5", "--repeat", "3", "--vertices", "500")
     assert status == 0
     assert found.keys() >= ESTIMATE
-    assert all(len(found[key]) == 3 for key in ("control", "value", "ess", "class_weights", "proposal_weights"))
+    assert {len(found[key]) for key in ("control", "value", "ess", "class_weights", "proposal_weights")} == {3}
     assert len(set(found["value"])) == 3
     ids = [one["id"] for one in found["classes"]]
     for weights, drawn in zip(found["class_weights"], found["proposal_weights"], strict=True):
         assert weights.keys() == {*ids, "other"}
-        assert sum(weights.values()) == pytest.approx(1.0)
         assert len(drawn) == len(ids)
+        assert sum(weights.values()) == pytest.approx(1.0)
         assert sum(drawn) == pytest.approx(1.0)
-    assert all(len(control) == 2 for control in found["control"])
+    assert np.shape(found["control"]) == (3, 2)
     assert np.mean(found["value"]) == pytest.approx(8.44, abs=0.1)
 
 
@@ -213,13 +203,10 @@ def test_sweep_records_every_combination(figures):
     assert all(row["outcome"] == "timeout" for row in rows)
 
 
-def test_steps_of_one_length_are_asked_for_by_name_and_kept_by_a_sweep(figures, tmp_path):
+def test_steps_of_one_length_are_asked_for_by_name(figures):
     words = ["estimate", "slit", "--at", "2.3", "2.63", "--noise", "0.3", *SMALL]
-    values = {rule: figures(*words, *rule)[1]["value"] for rule in ((), ("--steps", "fitted"), ("--steps", "uniform"))}
-    assert values[()] == values["--steps", "fitted"] != values["--steps", "uniform"]
-    sweep = ["sweep", "slit", "--seeds", "0:1", "--jobs", "1", "-o", str(tmp_path / "runs"), *SHORT]
-    assert main([*sweep, "--steps", "uniform"]) == 0
-    assert json.loads((tmp_path / "runs" / "manifest.json").read_text())["settings"]["steps"] == "uniform"
+    values = [figures(*words, *rule)[1]["value"] for rule in ([], ["--steps", "fitted"], ["--steps", "uniform"])]
+    assert values[0] == values[1] != values[2]
 
 
 def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
@@ -228,14 +215,6 @@ def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
     status, plan = figures("plan", str(scene), *SMALL)
     assert (status, plan["scene"], plan["robot"]) == (0, "own", "puck")
     assert sorted(one["winding"] for one in plan["classes"]) in ([[-1], [0]], [[0], [1]])
-
-
-@pytest.mark.parametrize("command", ["", *parser.COMMANDS])
-def test_help_ends_well(capsys, command):
-    with pytest.raises(SystemExit) as caught:
-        main([*command.split(), "--help"])
-    assert caught.value.code == 0
-    assert "usage: pirrht" in capsys.readouterr().out
 
 
 def test_without_a_package_of_the_simulation_a_command_names_the_one_that_installs_it(monkeypatch, capsys):
@@ -250,25 +229,18 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
 
 def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
     header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
-    whole = table(header, rows)
-    assert table(header, rows, len(whole.splitlines()[1])) == whole
+    assert "\n\n" not in table(header, rows, 100)
     parts = [part.splitlines() for part in table(header, rows, 24, keep=2).split("\n\n")]
     assert [part[0].split() for part in parts] == [["scene", "b", "success"], ["scene", "b", "cost", "time"]]
     assert [part[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
     assert max(len(line) for part in parts for line in part) <= 24
-    assert table(header, rows, 3).count("slit") == 4  # one column next to the first, however narrow
 
 
 def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
     line = "class -1,0, 1 class switches, 0 fallbacks, least clearance 0.115 m"
     say(line)
-    assert capsys.readouterr().out == line + "\n"
     monkeypatch.setattr(text, "width", lambda: 40)
     say(line)
-    shown = capsys.readouterr().out.splitlines()
-    assert " ".join(part.strip() for part in shown) == line
-    assert max(map(len, shown)) <= 40
-    rows = [("slit", "puck", 0.1, 0, "word " * 20)]
-    wide, narrow = tables.scene_table(rows).splitlines(), tables.scene_table(rows, 60).splitlines()
-    assert max(map(len, narrow)) <= 60
-    assert " ".join(" ".join(narrow[2:]).split()) == " ".join(wide[2].split())
+    whole, *parts = capsys.readouterr().out.splitlines()
+    assert whole == line == " ".join(part.strip() for part in parts)
+    assert max(map(len, parts)) <= 40

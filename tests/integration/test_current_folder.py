@@ -50,20 +50,16 @@ def test_the_traps_of_these_tests_work(project: Path):
     assert executed(project)[:2] == ["rerun_cli", "numba"]
 
 
-def test_processes_of_a_sweep_import_nothing_from_there(project: Path):
-    command = project.parent / "command.py"  # as installed: a script in a folder of its own
-    command.write_text("import sys\nfrom sim.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
-    words = ["sweep", "slit", "--methods", "passive", "--seeds", "0:2", "--max-time", "0.1", "--jobs", "2"]
-    done = subprocess.run([sys.executable, str(command), *words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert executed(project) == []
-
-
-def test_python_m_imports_nothing_from_there_but_what_the_command_is_in(project: Path):
-    (project / "sim").rename(project / "other")  # Python itself looks there for what `-m` names
-    done = subprocess.run([sys.executable, "-m", "sim.cli", "scenes"], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert executed(project) == []
+def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_m(project: Path):
+    script = project.parent / "command.py"  # as installed: a script in a folder of its own
+    script.write_text("import sys\nfrom sim.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
+    sweep = ["sweep", "slit", "--methods", "passive", "--seeds", "0:2", "--max-time", "0.1", "--jobs", "2"]
+    for command in ([str(script), *sweep], ["-m", "sim.cli", "scenes"]):
+        done = subprocess.run([sys.executable, *command], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert executed(project) == []
+        if (project / "sim").exists():
+            (project / "sim").rename(project / "other")  # Python itself looks there for what `-m` names
 
 
 def test_python_m_works_where_the_package_lies_in_the_current_folder(monkeypatch: pytest.MonkeyPatch):

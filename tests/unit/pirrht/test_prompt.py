@@ -1,21 +1,18 @@
-"""What objects look like at the prompt: a line each, tables in notebooks, pictures where matplotlib is."""
+"""What objects look like at the prompt: a line each, pictures where matplotlib is."""
 
 from __future__ import annotations
 
 import sys
-from html.parser import HTMLParser
 
 import matplotlib
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from pirrht import Outcome
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
-from sim.drawing.colors import PALETTE
-from sim.plotting import ground, lines
+from sim.plotting import ground
 from sim.scenario import Scenario
 
 matplotlib.use("Agg")
@@ -25,28 +22,6 @@ WIDE = 200  # characters of a line
 @pytest.fixture(scope="module")
 def plan(slit: Scenario, slit_tree) -> Plan:
     return slit.driver(slit_tree).plan(slit.start)
-
-
-class Cells(HTMLParser):
-    """The rows of the tables in a text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.rows: list[list[str]] = []
-        self.open: list[str] = []
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: object) -> None:
-        self.open.append(tag)
-        if tag == "tr":
-            self.rows.append([])
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        if self.open[-1] in ("td", "th"):
-            self.rows[-1].append(data)
 
 
 def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_tree, plan):
@@ -72,25 +47,6 @@ def test_a_plan_tells_control_value_and_the_class_of_most_weight(plan):
     assert f"v {plan.estimate.value:.4g}" in said
     assert f"3 classes, most weight {plan.favourite} (" in said
     assert f"control ({plan.control[0]:.3g}, " in said
-
-
-def test_outcomes_are_told_by_name():
-    assert repr(Outcome.GOAL) == "Outcome.GOAL"
-    assert [Outcome.COLLISION] == [2]
-
-
-def test_a_plan_in_a_notebook_has_a_row_per_class(plan):
-    header, *rows = Cells(plan._repr_html_()).rows
-    assert header == ["class", "cost", "length [m]", "weight", "ESS"]
-    assert [row[0] for row in rows] == list(plan.ids)
-    assert [float(row[1]) for row in rows] == pytest.approx([r.cost for r in plan.references], rel=1e-3)
-
-
-def test_an_estimate_in_a_notebook_has_a_row_per_class_heaviest_first(plan):
-    header, *rows = Cells(plan.estimate._repr_html_()).rows
-    assert header == ["class", "weight", "ESS", "control"]
-    weights = plan.estimate.class_weights
-    assert [row[0] for row in rows] == sorted(weights, key=lambda name: -weights[name])
 
 
 def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(plan):
@@ -120,14 +76,6 @@ def test_without_matplotlib_the_extra_is_named(monkeypatch, draw, plan, slit_tre
         {"plan": plan, "tree": slit_tree}[draw].plot()
 
 
-def test_a_plan_of_nowhere_cannot_be_drawn(plan):
-    still = Plan(
-        state=plan.state, times=plan.times, references=(), ids=(), estimate=None, fallback=None, instead=plan.tape
-    )
-    with pytest.raises(OptionError, match="does not know its scene"):
-        still.plot()
-
-
 @pytest.mark.parametrize("kind", [kind for kind in Kind if kind is not Kind.MESH])
 def test_outlines_are_convex_hulls_seen_from_above(kind):
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
@@ -139,7 +87,3 @@ def test_outlines_are_convex_hulls_seen_from_above(kind):
     ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
     assert np.all(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0] > 0)  # it turns left at every corner
     assert ConvexHull(corners).volume == pytest.approx(ConvexHull(points).volume, rel=1e-9)
-
-
-def test_classes_have_the_same_colours_as_in_recordings():
-    assert [lines.color(i) for i in range(len(PALETTE))] == ["#{:02x}{:02x}{:02x}".format(*rgb) for rgb in PALETTE]

@@ -149,11 +149,6 @@ def test_a_plan_at_what_is_no_state_of_the_system_is_refused() -> None:
         controller.plan(SCENE.start)
 
 
-def test_a_system_that_says_what_its_states_are_is_accepted() -> None:
-    assert posed(system()).temperature == pytest.approx(0.01)
-    assert posed(system(states=("x", "y", "heading", "t"))).temperature == pytest.approx(0.01)
-
-
 def test_headings_states_and_bounds_follow_from_the_names_of_the_states() -> None:
     trailer = system(n=5, states=("x", "y", "speed", "heading", "t"))
     assert (trailer.angles, SingleIntegrator().angles, Unicycle().angles) == ((3,), (), (2,))
@@ -189,7 +184,3 @@ def loaded(tmp_path: Path) -> Callable[[str], Loaded]:
         return load(path)
 
     return loaded
-
-
-def test_a_mocap_body_without_motion_is_an_obstacle_that_stands(loaded: Callable[[str], Loaded]) -> None:
-    assert [o.name for o in loaded("").scene.obstacles] == ["door"]

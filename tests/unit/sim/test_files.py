@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
@@ -44,23 +45,20 @@ def test_whatever_goes_wrong_the_old_file_stays_alone(file, error):
     assert list(file.parent.iterdir()) == [file]
 
 
-@pytest.mark.parametrize("there", [True, False])
-def test_a_link_stays_and_what_it_leads_to_is_written(tmp_path, there):
+@pytest.mark.parametrize("old", [b"old", None])
+def test_a_link_stays_and_its_target_is_written(tmp_path, old):
     target, link = tmp_path / "far" / "real", tmp_path / "link"
     target.parent.mkdir()
-    if there:
-        target.write_bytes(b"old")
+    if old:
+        target.write_bytes(old)
     link.symlink_to(Path("far", "real"))
     check_writable(link, "--json")
     write(link)
-    assert link.is_symlink()
-    assert target.read_bytes() == b"new"
-    assert list(target.parent.iterdir()) == [target]
+    assert (link.is_symlink(), target.read_bytes(), list(target.parent.iterdir())) == (True, b"new", [target])
 
 
 @linux
 def test_devices_are_written_straight_to():
-    check_writable(Path("/dev/null"), "--json")
     write_json(Path("/dev/null"), {"a": 1})
     assert Path("/dev/null").is_char_device()
     with pytest.raises(OptionError, match="--json /dev/full: No space left"):
@@ -92,14 +90,10 @@ def test_a_file_larger_than_allowed_leaves_the_old_one(file):
     assert list(file.parent.iterdir()) == [file]
 
 
-def test_a_name_may_be_as_long_as_the_system_allows_and_no_longer(tmp_path):
-    file = tmp_path / ("x" * 250 + ".json")
-    check_writable(file, "--json")
-    write(file)
-    assert file.read_bytes() == b"new"
-    with pytest.raises(OptionError, match=r"--json .*\.\.\..*too long") as caught:
-        check_writable(tmp_path / ("x" * 300), "--json")
-    assert len(str(caught.value)) < 200
+def test_a_name_may_be_as_long_as_the_system_allows(tmp_path):
+    check_writable(tmp_path / ("x" * 250 + ".json"), "--json")
+    write(tmp_path / ("x" * 250 + ".json"))
+    assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"new"]
 
 
 @pytest.mark.parametrize(
@@ -107,6 +101,7 @@ def test_a_name_may_be_as_long_as_the_system_allows_and_no_longer(tmp_path):
     [
         (os.fsdecode(b"b\xff.json"), r"b\\xff.json: the name is not UTF-8"),
         ("\ud800.json", "not UTF-8"),
+        ("x" * 300, r"\.\.\..*too long"),
         ("circle", ""),
         ("no/a.json", ""),
         (".", "is a folder"),
@@ -116,7 +111,7 @@ def test_paths_that_lead_nowhere_are_refused_in_words_that_can_be_printed(tmp_pa
     (tmp_path / "circle").symlink_to("circle")
     with pytest.raises(OptionError, match=f"--json .*{what}") as caught:
         check_writable(tmp_path / name, "--json")
-    str(caught.value).encode()
+    assert len(str(caught.value).encode()) < 250
 
 
 @linux
@@ -128,12 +123,11 @@ def test_a_pipe_that_nobody_reads_is_refused_and_one_that_is_read_takes_it_all(t
     with pytest.raises(OptionError, match="--json"):  # of somebody who did not check
         write(pipe)
     reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE)
-    while True:
-        try:
+    ready = False
+    while not ready:  # it may not have opened the pipe yet
+        with suppress(OptionError):
             check_writable(pipe, "--json")
-            break
-        except OptionError:  # it has not opened the pipe yet
-            continue
+            ready = True
     write(pipe, b"all of it")
     assert reader.communicate()[0] == b"all of it"
 

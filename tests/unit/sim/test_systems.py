@@ -20,7 +20,8 @@ from sim.scenario import prepare
 from sim.system_import import blamed, chosen, source
 from sim.systems import System, named, names, register, registry
 
-RAFT = """
+MODULES = {
+    "rafts": """
 import numpy as np
 from pirrht import SingleIntegrator, StraightLine
 from sim.systems import System
@@ -34,15 +35,30 @@ NUMBER = 3
 def make(): return RAFT
 def broken(): raise ValueError("no\\nwind")
 def other(): return 4
-"""
+""",
+    "sinking": "import nothing_of_the_kind",
+    "leaking": "raise RuntimeError('water\\nin the hull')",
+    "leaving": "import sys; sys.exit(3)",
+    "typo": "def (",
+    "whirl": """
+import numpy as np
+from pirrht import SingleIntegrator
+from sim.systems import System
+class Whirl(SingleIntegrator):
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1] = np.log(-1.0 - x[0] * x[0]), 0.0
+WHIRL = System(name='whirl', dynamics=lambda s: Whirl(b=s.noise), R=2.0 * np.eye(2), states=('x', 'y'))
+""",
+}
+MODULES["fleet"] = MODULES["rafts"] + "SUNK = System(name='sunk', dynamics=None, R=None, defaults={'perod': 0.1})\n"
+MODULES["holes"] = MODULES["rafts"].replace("settings.noise", "settings.wind")
+MODULES["bare"] = MODULES["rafts"].replace("StraightLine.of", "lambda problem: 1 / 0")
 
 
 def raft(**changes: object) -> System:
-    known: dict[str, object] = {
-        "name": "raft", "dynamics": lambda s: SingleIntegrator(b=s.noise), "steering": StraightLine.of,
-        "R": 2 * np.eye(2),
-    }  # fmt: skip
-    return System(**{**known, **changes})  # type: ignore[arg-type]
+    known = {"dynamics": lambda s: SingleIntegrator(b=s.noise), "steering": StraightLine.of, "R": 2 * np.eye(2)}
+    return System(**{"name": "raft", **known, **changes})  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -51,12 +67,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(registry, "_known", dict(registry._known))
     monkeypatch.setattr(sys, "path", list(sys.path))
-    (tmp_path / "rafts.py").write_text(RAFT)
-    (tmp_path / "sinking.py").write_text("import nothing_of_the_kind")
-    (tmp_path / "leaking.py").write_text("raise RuntimeError('water\\nin the hull')")
-    (tmp_path / "leaving.py").write_text("import sys; sys.exit(3)")
-    (tmp_path / "typo.py").write_text("def (")
-    for name in ("rafts", "sinking", "leaking", "leaving", "typo"):
+    for name, text in MODULES.items():
+        (tmp_path / f"{name}.py").write_text(text)
         monkeypatch.delitem(sys.modules, name, raising=False)
     return tmp_path
 
@@ -67,31 +79,31 @@ def test_the_robots_of_the_house_have_the_systems_of_the_paper():
     assert (named("unicycle").settings.noise, named("single_integrator").settings.noise) == (0.03, 0.1)
 
 
-def test_a_system_is_chosen_by_module_and_name_with_its_own_defaults(folder):
+def test_a_system_is_chosen_by_module_and_name_with_its_own_defaults_or_handed_over(folder):
     scenario = prepare("slit", system="rafts:RAFT", given={"vertices": 10})
     assert (scenario.system.name, scenario.loaded.dynamics_name) == ("raft", "raft")
     assert scenario.settings.vertices == 10
-    assert scenario.settings.samples == 200  # the scene's, which win over a system's
+    assert scenario.settings.samples == 200  # the scene's, which take precedence over a system's
     assert chosen("rafts:make") is scenario.system
     assert b"RAFT" in source("rafts:RAFT")
+    assert prepare("slit", system=raft(paper_samples=11), preset="paper").settings.samples == 11
+    assert prepare("slit", system="unicycle", robot="unicycle").system is named("unicycle")
 
 
-def test_a_robot_names_any_registered_system(folder):
+def test_a_robot_names_any_registered_system_but_takes_no_built_in_name(folder):
     robot = folder / "machine.xml"
     robot.write_text(robot_mjcf(dynamics=ROBOT["dynamics"].replace("single_integrator", "raft")))
     with pytest.raises(
-        Exception,
-        match=r'"raft"; write "single_integrator" or .* or "rover" or "second_order_car", or',
+        Exception, match=r'"raft"; write "single_integrator" or .* or "rover" or "second_order_car", or'
     ):
         load("slit", robot=robot)
     register(raft())
     assert load("slit", robot=robot).dynamics_name == "raft"
-
-
-def test_a_system_may_be_handed_over_as_it_is(folder):
-    own = raft(paper_samples=11)
-    assert prepare("slit", system=own, preset="paper").settings.samples == 11
-    assert prepare("slit", system="unicycle", robot="unicycle").system is named("unicycle")
+    with pytest.raises(OptionError, match="unicycle: that name is taken"):
+        register(raft(name="unicycle"))
+    with pytest.raises(OptionError, match=r"3 is no sim\.systems\.System"):
+        register(3)  # type: ignore[arg-type]
+    assert register(raft()) is named("raft")
 
 
 @pytest.mark.parametrize(
@@ -99,6 +111,7 @@ def test_a_system_may_be_handed_over_as_it_is(folder):
     [
         ("rafts", "write MODULE:NAME"),
         (":RAFT", "write MODULE:NAME"),
+        ("boats/rafts.py:RAFT", "in its folder, or with PYTHONPATH=boats, write --system rafts:RAFT"),
         ("nowhere:RAFT", "there is no module nowhere in"),
         ("rafts.deep:RAFT", "there is no module rafts.deep in"),
         ("rafts:KAYAK", "the module rafts has no KAYAK; its systems are RAFT"),
@@ -110,96 +123,55 @@ def test_a_system_may_be_handed_over_as_it_is(folder):
         ("leaving:RAFT", "SystemExit: 3 while the module leaving was imported"),
         ("typo:RAFT", "SyntaxError"),
         ("..rafts:RAFT", "while the module ..rafts was imported"),
+        ("fleet:RAFT", "system sunk: 'perod' is no setting"),  # blamed on its line, whichever name was asked for
+        ("fleet:RAFT", f"line {len(MODULES['fleet'].splitlines())} of "),
+        ("whirl:WHIRL", "writes [nan, 0.0]"),
+        ("holes:RAFT", "system raft: AttributeError: 'Settings' object has no attribute 'wind' in its dynamics"),
+        ("bare:RAFT", "system raft: ZeroDivisionError: division by zero in its steering"),
+        ("rafts:RAFT --robot unicycle", "for the states (x, y) of raft: slide along x, slide along y"),
     ],
 )
-def test_what_is_no_system_costs_one_line(folder, capsys, which, what):
-    assert main(["plan", "slit", "--system", which]) == 2
-    told = capsys.readouterr().err
-    assert what in told
-    assert f"--system {which}" in told or f"--system is '{which}'" in told
-    assert told.count("\n") == 1
-
-
-def test_a_system_that_cannot_be_made_is_blamed_on_its_line_whichever_name_was_asked_for(folder, capsys):
-    lines = (folder / "rafts.py").read_text().splitlines()
-    lines.append("SUNK = System(name='sunk', dynamics=None, R=None, defaults={'perod': 0.1})")
-    (folder / "fleet.py").write_text("\n".join(lines))
-    assert main(["plan", "slit", "--system", "fleet:RAFT"]) == 2
-    told = capsys.readouterr().err
-    assert "system sunk: 'perod' is no setting" in told
-    assert f"line {len(lines)} of {folder / 'fleet.py'} was imported" in told
-
-
-def test_a_drift_that_is_no_number_costs_one_line_and_no_warning(folder, capsys, recwarn):
-    (folder / "whirl.py").write_text(
-        "import numpy as np\nfrom pirrht import SingleIntegrator\nfrom sim.systems import System\n"
-        "class Whirl(SingleIntegrator):\n    @staticmethod\n    def drift(x, p, out):\n"
-        "        out[0], out[1] = np.log(-1.0 - x[0] * x[0]), 0.0\n"
-        "WHIRL = System(name='whirl', dynamics=lambda s: Whirl(b=s.noise), R=2.0 * np.eye(2), states=('x', 'y'))\n"
-    )
-    assert main(["plan", "slit", "--system", "whirl:WHIRL"]) == 2
-    told = capsys.readouterr().err
-    assert "writes [nan, 0.0]" in told
-    assert told.count("\n") == 1
+def test_a_system_that_cannot_be_had_or_used_costs_one_line_and_no_warning(folder, capsys, recwarn, which, what):
+    assert main(["plan", "slit", "--system", *which.split()]) == 2
+    said = capsys.readouterr().err
+    assert what in said
+    assert said.count("\n") == 1
     assert not recwarn.list
 
 
 @pytest.mark.parametrize(
     "line", ["    return float(f'{x[0]:.2f}')", "    return np.interp(x[0], [0.0], [1.0], period=1.0)"]
 )
-def test_what_numba_cannot_compile_is_blamed_on_its_line(folder, line, monkeypatch):
+def test_code_that_numba_cannot_compile_is_blamed_on_its_line(folder, line, monkeypatch):
     monkeypatch.delitem(sys.modules, "odd", raising=False)
     (folder / "odd.py").write_text(f"from rafts import *\nimport numpy as np\ndef cost(x, p):\n{line}\n")
     chosen("odd:RAFT")
     with pytest.raises(Exception, match=r"format spec|interp") as caught:
         njit(sys.modules["odd"].cost)(np.zeros(2), 0.0)
-    told = str(blamed(caught.value))
-    assert f"{folder / 'odd.py'}, line 4: numba cannot compile this (" in told
-    assert told.isprintable()
+    reason = str(blamed(caught.value))
+    assert f"{folder / 'odd.py'}, line 4: numba cannot compile this (" in reason
+    assert reason.isprintable()
 
 
-def test_states_that_do_not_fit_the_robot_are_refused_by_name(folder, capsys):
-    assert main(["plan", "slit", "--robot", "unicycle", "--system", "rafts:RAFT"]) == 2
-    told = capsys.readouterr().err
-    assert "unicycle.xml" in told
-    assert "for the states (x, y) of raft: slide along x, slide along y" in told
-
-
-def test_states_of_the_system_and_its_dynamics_are_the_same(folder):
+def test_states_are_those_of_the_dynamics_and_joints_those_of_the_place(folder):
+    mass = System(name="mass", dynamics=lambda _: DoubleIntegrator(b=0.1), R=np.eye(2), heeds=())
+    assert mass.states == ("x", "y", "vx", "vy")
+    assert mass.joints == ("x", "y")
+    assert load("slit", system=raft(states=mass.states)).states == mass.states
     with pytest.raises(OptionError, match=r"system raft: SingleIntegrator has the states \('x', 'y'\)"):
         prepare("slit", robot="unicycle", system=raft(states=("x", "y", "heading")))
 
 
-def test_what_goes_wrong_in_a_system_costs_one_line(folder, capsys):
-    text = (folder / "rafts.py").read_text()
-    (folder / "holes.py").write_text(text.replace("settings.noise", "settings.wind").replace("RAFT =", "HOLED ="))
-    (folder / "bare.py").write_text(text.replace("StraightLine.of", "lambda problem: 1 / 0").replace("make", "bare"))
-    for which, what in (
-        ("holes:HOLED", "system raft: AttributeError: 'Settings' object has no attribute 'wind' in its dynamics"),
-        ("bare:RAFT", "system raft: ZeroDivisionError: division by zero in its steering"),
-    ):
-        assert main(["plan", "slit", "--system", which]) == 2
-        told = capsys.readouterr().err
-        assert what in told
-        assert told.count("\n") == 1
-
-
-def test_joints_are_those_of_a_systems_place(folder):
-    assert raft(states=("x", "y", "vx", "vy")).joints == ("x", "y")
-    assert load("slit", system=raft(states=("x", "y", "vx", "vy"))).states == ("x", "y", "vx", "vy")
-
-
 def test_the_way_home_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
     scenario = prepare("slit", robot="hover")
-    beyond, goal = named("double_integrator").way_home(scenario.problem), scenario.loaded.scene.goal
-    at_rest, off = np.array([[1.0, 2.5, 0.0, 0.0]]), 4.5 - goal.radius  # the goal's middle is 4.5 m away
+    cost, goal = named("double_integrator").way_home(scenario.problem), scenario.loaded.scene.goal
+    off = 4.5 - goal.radius  # the goal's middle is 4.5 m away
     duration = (4.5 * 2.0 * off**2) ** 0.25  # T^4 = (9 r / 2 q) off^2 from rest, and the cost is 4/3 q T
-    assert beyond(at_rest)[0] == pytest.approx(4.0 / 3.0 * duration)
-    toward, away = np.array([[1.0, 2.5, 1.0, 0.0]]), np.array([[1.0, 2.5, -1.0, 0.0]])
-    assert beyond(toward)[0] < beyond(at_rest)[0] < beyond(away)[0]
-    np.testing.assert_array_equal(beyond(np.array([[*goal.center, 3.0, 1.0]])), [0.0])
+    rest, toward, away = (float(cost(np.array([[1.0, 2.5, v, 0.0]]))[0]) for v in (0.0, 1.0, -1.0))
+    assert rest == pytest.approx(4.0 / 3.0 * duration)
+    assert toward < rest < away
+    np.testing.assert_array_equal(cost(np.array([[*goal.center, 3.0, 1.0]])), [0.0])
     assert named("unicycle").way_home(prepare("slit", robot="unicycle").problem) is None
-    assert scenario.with_settings(method="mppi").mppi().path_integral is not None
 
 
 def test_a_scene_sets_what_a_system_has_of_its_own_only_if_it_is_meant_for_it(folder):
@@ -227,15 +199,6 @@ def test_a_system_that_cannot_work_is_refused(changes, what):
         raft(**changes)
 
 
-def test_a_built_in_name_is_taken_and_another_one_may_be_given_anew(folder):
-    with pytest.raises(OptionError, match="unicycle: that name is taken"):
-        register(raft(name="unicycle"))
-    with pytest.raises(OptionError, match=r"3 is no sim\.systems\.System"):
-        register(3)  # type: ignore[arg-type]
-    register(raft())
-    assert register(raft()) is named("raft")
-
-
 @pytest.mark.parametrize(
     ("option", "robot", "who"), [("speed", "hover", "puck, unicycle or rover"), ("rho", "puck", "unicycle")]
 )
@@ -243,15 +206,6 @@ def test_numbers_that_a_system_has_none_of_are_refused(option, robot, who):
     with pytest.raises(OptionError, match=f"--{option} is for {who}, and this robot is a {robot}"):
         prepare("slit", robot=robot, given={option: 2.0})
     assert prepare("slit", robot="unicycle", given={option: 2.0}).settings != named("unicycle").settings
-
-
-@pytest.mark.parametrize("robot", first(["puck", "rover"]))
-def test_a_speed_is_the_one_at_which_references_are_driven(robot):
-    """Driving at v costs q + v'v, q/v + v a metre: least at v = sqrt(q)."""
-    for speed in (0.5, 1.0, 2.0):
-        scenario = prepare("slit", robot=robot, given={"speed": speed, "vertices": 60})
-        way = scenario.references(scenario.grown_tree())[0].trajectory
-        assert way.length / way.durations.sum() == pytest.approx(speed, rel=1e-9)
 
 
 def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
@@ -263,6 +217,10 @@ def test_noise_that_a_system_has_in_itself_is_not_asked_for(folder):
         scenario.with_settings(noise=0.2)
 
 
-def test_a_system_takes_the_names_of_its_states_from_its_dynamics():
-    given = {"R": np.eye(2), "heeds": ()}
-    assert System(name="mass", dynamics=lambda _: DoubleIntegrator(b=0.1), **given).states == ("x", "y", "vx", "vy")
+@pytest.mark.parametrize("robot", first(["puck", "rover"]))
+def test_a_speed_is_the_one_at_which_references_are_driven(robot):
+    """Driving at v costs q + v'v, q/v + v a metre: least at v = sqrt(q)."""
+    for speed in (0.5, 1.0, 2.0):
+        scenario = prepare("slit", robot=robot, given={"speed": speed, "vertices": 60})
+        path = scenario.references(scenario.grown_tree())[0].trajectory
+        assert path.length / path.durations.sum() == pytest.approx(speed, rel=1e-9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import mujoco
@@ -10,9 +11,8 @@ import pytest
 import trimesh
 from sdf_samples import BALL, TASK, ball, collision, link, model, sdf
 
-from pirrht.errors import OptionError, SceneError
+from pirrht.errors import SceneError
 from sim.cli import main
-from sim.importing.model_paths import folders_of
 from sim.importing.scene_file import Imported, import_world
 from sim.mjcf import load
 
@@ -92,29 +92,20 @@ def test_the_command_searches_the_folders_of_the_environment_and_of_its_option(t
             assert main(command) == 0
 
 
-def test_folders_of_the_environment_are_in_its_order():
-    environment = {"GAZEBO_MODEL_PATH": "/c:", "GZ_SIM_RESOURCE_PATH": "/a:/b", "PATH": "/d"}
-    assert folders_of(environment) == [Path("/a"), Path("/b"), Path("/c")]
-
-
 def test_the_ground_plane_and_the_sun_need_no_file(run):
     fuel = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground Plane"
     uris = "model://sun", "model://ground_plane", fuel, f"\n  {fuel.replace(' ', '%20')}\n"
     assert run("".join(include(uri, "") for uri in uris)).geoms == 0
 
 
-def test_the_configuration_names_the_file_of_the_highest_version(run, tmp_path):
+def test_the_configuration_names_the_file_and_caches_the_newest_version(run, tmp_path):
     versions = '<sdf version="1.10">new.sdf</sdf><sdf version="1.9">old.sdf</sdf>'
     put(tmp_path / "models" / "desk", ball("", name="old"), name="old.sdf")
     put(tmp_path / "models" / "desk", ball("", name="new"), versions, "new.sdf")
-    assert list(places(run(include("model://desk")))) == ["new"]
-
-
-def test_the_newest_model_in_a_cache_of_fuel_is_taken(run, tmp_path):
     for version in (2, 10, 9):
         put(tmp_path / "models" / "ground desk" / str(version), ball("", name=f"v{version}"))
-    uri = "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground Desk"
-    assert list(places(run(include(uri)))) == ["v10"]
+    fuel = include("https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground Desk", "<pose>4 -2 0 0 0 0</pose>")
+    assert list(places(run(include("model://desk") + fuel))) == ["new", "v10"]
 
 
 def test_an_include_names_poses_and_fixes_its_model(run, tmp_path):
@@ -193,13 +184,6 @@ def test_models_are_left_out_by_name_and_named_where_the_start_touches_them(run,
         run(robot, without=["rover"])
 
 
-@pytest.mark.parametrize("name", ["map.yaml", "motions.json"])
-def test_only_worlds_have_models_to_leave_out(tmp_path, name):
-    (tmp_path / name).write_text("{}")
-    with pytest.raises(OptionError, match="only models of a Gazebo world"):
-        import_world(tmp_path / name, tmp_path / "a.xml", without=["robot"], **TASK)
-
-
 def test_models_that_include_each_other_or_too_much_are_refused(run, tmp_path):
     put(tmp_path / "models" / "a", model(include("model://b"), name="a"))
     put(tmp_path / "models" / "b", model(include("model://a"), name="b"))
@@ -214,32 +198,24 @@ def test_models_that_include_each_other_or_too_much_are_refused(run, tmp_path):
         run(include("model://d20"))
 
 
-BAD_FILES = {
-    "two models": (ball("", name="a") + ball("", name="b"), "2 elements <model>"),
-    "a world": ("<world name='w'/>", "0 elements <model>"),
-    "not XML": ("<model>", "not XML"),
-    "deep": (model("<x>" * 200_000 + "</x>" * 200_000), "nested deeper than"),
-    "too large": (model(" " * 33 * 2**20), "MiB"),
-    "no such mesh": (
-        model(link(collision("<geometry><mesh><uri>model://desk/a.dae</uri></mesh></geometry>")), name="desk"),
-        "is in none of",
-    ),
-    "mesh of another format": (
-        model(link(collision("<geometry><mesh><uri>model.sdf</uri></mesh></geometry>")), name="desk"),
-        ".dae, .stl, .obj",
-    ),
-    "no scale": (
-        model(
-            link(collision("<geometry><mesh><uri>model.sdf</uri><scale>1 0 1</scale></mesh></geometry>")), name="desk"
-        ),
-        "'1 0 1'",
-    ),
-}
+def meshed(inner: str) -> str:
+    return model(link(collision(f"<geometry><mesh>{inner}</mesh></geometry>")), name="desk")
 
 
-@pytest.mark.parametrize("case", BAD_FILES)
-def test_bad_models_are_refused_in_one_line(run, tmp_path, case):
-    text, words = BAD_FILES[case]
+BAD_FILES = [
+    (ball("", name="a") + ball("", name="b"), "2 elements <model>"),
+    ("<world name='w'/>", "0 elements <model>"),
+    ("<model>", "not XML"),
+    (model("<x>" * 200_000 + "</x>" * 200_000), "nested deeper than"),
+    (model(" " * 33 * 2**20), "MiB"),
+    (meshed("<uri>model://desk/a.dae</uri>"), "is in none of"),
+    (meshed("<uri>model.sdf</uri>"), ".dae, .obj, .stl"),
+    (meshed("<uri>model.sdf</uri><scale>1 0 1</scale>"), "'1 0 1'"),
+]
+
+
+@pytest.mark.parametrize(("text", "words"), BAD_FILES)
+def test_bad_models_are_refused_in_one_line(run, tmp_path, text, words):
     put(tmp_path / "models" / "desk", text)
     with pytest.raises(SceneError) as caught:
         run(include("model://desk"))
@@ -249,8 +225,6 @@ def test_bad_models_are_refused_in_one_line(run, tmp_path, case):
 
 
 def test_a_model_that_is_a_pipe_is_refused(run, tmp_path):
-    import os
-
     (tmp_path / "models" / "desk").mkdir(parents=True)
     os.mkfifo(tmp_path / "models" / "desk" / "model.sdf")
     with pytest.raises(SceneError, match=r"model://desk.* is in none of"):

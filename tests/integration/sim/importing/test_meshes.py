@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import trimesh
 
-from pirrht.errors import OptionError, SceneError
+from pirrht.errors import OptionError
 from sim.importing.scene_file import import_world
 from sim.mjcf import load
 
@@ -37,23 +36,6 @@ def ring(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
-def parted(monkeypatch):
-    """CoACD, as far as it is used: a part for each solid that hangs together."""
-
-    def run(mesh, *, threshold, preprocess_mode):
-        assert (threshold, preprocess_mode) == (0.05, "off")
-        parts = trimesh.Trimesh(mesh.vertices, mesh.faces).split()
-        return [[part.vertices, part.faces] for part in parts]
-
-    fake = SimpleNamespace(
-        Mesh=lambda vertices, faces: SimpleNamespace(vertices=vertices, faces=faces),
-        run_coacd=run,
-        set_log_level=lambda level: None,
-    )
-    monkeypatch.setitem(sys.modules, "coacd", fake)
-
-
 def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
     imported = import_world(angle, tmp_path / "scene.xml", decompose=True, **TASK)
     scene = load(imported.path).scene
@@ -63,11 +45,6 @@ def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
     extents = [[*(o.position - r), *(o.position + r)] for o, r in zip(scene.obstacles, reaches, strict=True)]
     expected = [[0, 0, 0, 4, 0.2, 1], [0, 0.3, 0, 0.2, 4, 1]]
     np.testing.assert_allclose(sorted(np.round(extents, 5).tolist()), expected, atol=1e-5)
-
-
-def test_a_mesh_that_its_own_faces_do_not_cut_is_parted_by_coacd(ring, parted, tmp_path):
-    task = {"start": (105.0, 105.0), "goal": (108.0, 108.0, 0.3), "workspace": (104.0, 110.0, 104.0, 110.0)}
-    assert import_world(ring, tmp_path / "scene.xml", decompose=True, **task).geoms == 1
 
 
 def test_coacd_itself_parts_a_mesh(ring, tmp_path):
@@ -89,22 +66,3 @@ def test_without_coacd_the_extra_is_named(ring, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "coacd", None)
     with pytest.raises(OptionError, match=r"pip install 'pirrht\[decompose\]'"):
         import_world(ring, tmp_path / "scene.xml", decompose=True, **TASK)
-
-
-@pytest.mark.parametrize(
-    ("content", "reason"),
-    [
-        (b"", "mesh"),
-        (b"v 0 0 0\n", "mesh"),
-        (b"v 0 0 0\nv 1e7 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n", "farther out"),
-        (b"mtllib /dev/zero\nv 0 0 0\n", "mesh"),
-        (bytes(range(256)), "mesh"),
-    ],
-)
-def test_what_is_no_mesh_is_refused_in_one_line(content, reason, tmp_path):
-    path = tmp_path / "room.obj"
-    path.write_bytes(content)
-    with pytest.raises(SceneError, match=reason) as caught:
-        import_world(path, tmp_path / "scene.xml", decompose=True, **TASK)
-    assert "\n" not in str(caught.value)
-    assert not (tmp_path / "scene.xml").exists()

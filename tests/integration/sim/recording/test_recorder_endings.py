@@ -46,7 +46,8 @@ def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tm
     drive = Drive()
     frame = next(drive.frames())
     recorder = drive.recorder(tmp_path / "late.rrd")
-    with URGENT.drive():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(URGENT, "clocked", True)
         for _ in range(ROOM + 100):
             recorder.log(frame)
         time.sleep(5.0 * NAP)

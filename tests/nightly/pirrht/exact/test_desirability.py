@@ -19,13 +19,6 @@ from pirrht import FreeSpace, Problem, Sampling, Unicycle, path_integral
 from pirrht.exact.desirability import Desirability
 
 
-def test_psi_far_below_the_smallest_number_is_no_trouble():
-    grid = solved(scene(width=10.0), 0.11)
-    log_psi = grid.log_psi(np.array([0.3, 2.0]))
-    assert log_psi < -600.0
-    assert grid.value(np.array([0.3, 2.0])) == pytest.approx(2.0 * 7.65, rel=0.01)
-
-
 @pytest.mark.thorough
 def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     """Independent: 9.452 and a share of 0.46 through the slit, against 9.535 and 0.05 in continuous time."""
@@ -33,15 +26,6 @@ def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
     assert grid.value(START) == pytest.approx(9.452, abs=0.003)
     assert grid.shares(START, 2000)["0,0"] == pytest.approx(0.46, abs=4 * 0.011)
     assert through_slit[0.3].shares(START, 2000)["0,0"] == pytest.approx(0.048, abs=4 * 0.005)
-
-
-@pytest.mark.thorough
-def test_shorter_steps_come_closer_to_continuous_time():
-    room = scene(post(2.0, 2.2, 0.3))
-    x = np.array([0.5, 2.0])
-    exact = solved(room, 0.3).value(x)
-    gaps = [abs(solved(room, 0.3, dt=dt).value(x) - exact) for dt in (0.1, 0.025)]
-    assert gaps[1] < 0.6 * gaps[0]  # O(sqrt dt)
 
 
 def test_the_discrete_solution_solves_its_own_equation():

@@ -10,8 +10,6 @@ from benchmarks import mass_line
 from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from thoroughly import first, thorough
 
-from pirrht.errors import OptionError
-
 Q, R = 1.0, 2.0
 QUIET = ((0.2, 0.0), (0.5, -0.3), (0.3, 0.8), (0.9, -0.5))  # states from which the best way is not near the wall
 
@@ -78,50 +76,9 @@ def test_without_noise_the_value_is_the_cost_of_the_two_point_optimum(x):
     assert solved(0.1).control(*x) == pytest.approx(control, abs=0.03)
 
 
-@pytest.mark.parametrize("b", [0.1, 0.3])
-def test_the_error_that_a_coarse_grid_claims_holds_for_a_finer_one(b):
-    """At 40 random states, those that graze the wall included."""
-    coarse, fine = solved(b, spacing=0.03), solved(b)
-    off, claimed = np.array([
-        (abs(coarse.value(p, v) - fine.value(p, v)), coarse.error(p, v) + fine.error(p, v))
-        for p, v in mass_line.random_line_states(40, 7)
-    ]).T  # fmt: skip
-    assert np.all(off <= claimed)
-    assert np.median(claimed) < 0.01
-
-
-def test_where_a_mass_leaves_it_has_arrived_or_is_lost_and_where_it_comes_in_neither():
-    truth = solved(0.3)
-    assert truth.value(1.0, 0.5) == pytest.approx(0.0, abs=1e-9)
-    assert truth.value(1.0, -0.5) > 1.0
-    assert truth.value(0.0, -0.5) > 100.0
-    assert truth.value(0.0, 1.0) < 2.0
-    assert solved(0.7, fastest=6.0, phi=1.0).value(0.0, -0.5) == pytest.approx(1.0, abs=1e-6)
-
-
-def test_what_cannot_be_solved_is_refused_with_what_can():
-    for name, number in (("b", 0.0), ("q", -1.0), ("r", np.nan), ("fastest", np.inf), ("spacing", 0.0)):
-        with pytest.raises(OptionError, match=f"{name} is"):
-            mass_on_line(**{"b": 0.1, name: number})
-    with pytest.raises(OptionError, match="phi is -1"):
-        mass_on_line(b=0.1, phi=-1.0)
-    with pytest.raises(OptionError, match=r"choose a spacing of 0\.011 or more"):
-        mass_on_line(b=0.003, spacing=0.005)
-    with pytest.raises(OptionError, match="beside the grid"):
-        solved(0.3).value(0.5, 4.0)
-
-
 @pytest.mark.parametrize("b", first(mass_line.NOISES))
 def test_the_value_that_samples_give_a_mass_is_the_grids(b):
     """At 20 random states within 1 %, 2000 samples each, seed 0."""
     truth, integral = solved(b, spacing=0.005), mass_line.sampler(b, threads=1)
     for p, v in mass_line.random_line_states(20, 0):
         assert mass_line.sampled(integral, p, v, 2000, 0).value == pytest.approx(truth.value(p, v), rel=0.01)
-
-
-def test_samples_along_a_tape_tell_the_grids_value_as_well():
-    """Within 3 standard errors and 0.1 %; 200 000 samples at b = 0.3, seed 3."""
-    truth, integral = solved(0.3, spacing=0.005), mass_line.sampler(0.3, threads=1)
-    for p, v in mass_line.random_line_states(4, 3):
-        said = mass_line.sampled(integral, p, v, 200_000, 3, guide=False)
-        assert said.value == pytest.approx(truth.value(p, v), abs=3.0 * said.value_error + 0.001 * truth.value(p, v))

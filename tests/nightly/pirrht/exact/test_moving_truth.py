@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from discs import block, disc
-from moving import SCENES, START, as_mesh, moved
+from moving import SCENES, START, moved
 from moving_samples import sampled_log_psi
 from scipy.stats import norm
 from thoroughly import first, thorough
@@ -126,76 +126,12 @@ def test_a_mover_that_stands_still_is_an_obstacle(phi, accuracy):
     assert moving.value(x[away]) == pytest.approx(still.value(x[away]), rel=accuracy, abs=1e-3)
 
 
-def test_psi_behind_a_wall_is_not_lost_beside_a_psi_that_is_a_thousand_nats_greater():
-    """A long wall, and the way around its end: 4.5 m there and as much back, at 100 nats a meter."""
-    rows = [(0.0, 2.3, 0.355, 0.0), (0.05, 2.3, 0.355, 0.0)]
-    scene = Scene(
-        name="hairpin", lower=np.zeros(2), upper=np.array([5.0, 0.8]), obstacles=(), robot_radius=0.05,
-        goal=Goal(center=np.array([0.2, 0.6]), radius=0.1), start=np.array([0.2, 0.2, 0.0]),
-        movers=(moved("wall", rows, block("wall", 0.0, 0.0, (2.35, 0.002))),),
-    )  # fmt: skip
-    grid = solved(scene, 0.1)
-    x = np.column_stack([np.linspace(0.1, 1.0, 40), np.full(40, 0.298)])
-    assert grid.value(x) == pytest.approx(grid.value(x, 0.06), rel=1e-3)
-    assert np.all(grid.log_psi(x[:20]) < -800.0)
-    assert np.all(grid.log_psi(x[:20] + np.array([0.0, 0.12])) > -60.0)
-
-
-def test_after_the_last_row_nothing_changes_any_more(crossed):
-    x, _ = places(100)
-    assert np.array_equal(crossed.log_psi(x, 2.1), crossed.log_psi(x, 9.0))
-    close = np.isfinite(crossed.log_psi(x, 2.1))
-    assert crossed.log_psi(x, 1.999)[close] == pytest.approx(crossed.log_psi(x, 2.001)[close], rel=2e-3, abs=0.02)
-
-
-def test_psi_is_at_most_one_and_falls_as_the_rate_of_cost_grows(crossed):
-    x, t = places(200)
-    dear = solved(room(crosser()), q=1.2)
-    free = np.isfinite(crossed.log_psi(x, t))
-    assert np.all(crossed.log_psi(x, t) <= 0.0)
-    assert free.sum() > 150
-    assert np.all(dear.value(x, t)[free] >= crossed.value(x, t)[free])
-
-
-def test_value_is_zero_in_the_goal_and_phi_in_a_moving_wall():
-    grid = solved(room(crosser()), phi=2.0)
-    assert grid.value(np.array([4.3, 0.6]), 0.7) == 0.0
-    assert grid.value(np.array([2.1, 1.4]), 0.75) == pytest.approx(2.0)
-    assert grid.value(np.array([2.1 - 0.5 - 1e-3, 1.4]), 0.75) == pytest.approx(2.0, abs=0.02)
-    assert grid.value(np.array([2.1, 1.4]), 0.0) != pytest.approx(2.0, abs=0.1)
-    assert np.all(grid.control(np.array([4.3, 0.6]), 0.7) == 0.0)
-
-
-def test_close_to_a_moving_wall_the_control_grows_as_one_over_the_distance(crossed):
-    """log psi behaves as log(distance): u . normal x distance = b^2, however the wall moves."""
-    for c in (0.01, 0.003, 0.0005):
-        u = crossed.control(np.array([2.1 - 0.5 - c, 1.4]), 0.75)
-        assert -u[0] * c == pytest.approx(0.09, rel=0.15)
-
-
 def test_the_control_is_the_gradient_of_the_value_at_any_time(crossed):
     x, t = places(60, seed=3)
     free = np.isfinite(crossed.log_psi(x, t)) & (crossed.value(x, t) > 0.0) & (t < 2.0)
     x, t, step = x[free], t[free], 1e-5
     slope = [(crossed.value(x + step * e, t) - crossed.value(x - step * e, t)) / (2.0 * step) for e in np.eye(2)]
     assert crossed.control(x, t) == pytest.approx(-0.5 * np.array(slope).T, rel=1e-3, abs=1e-3)
-
-
-def test_many_states_give_what_each_gives_at_its_time(crossed):
-    x, t = places(6, seed=1)
-    assert crossed.value(x, t) == pytest.approx([crossed.value(a, b) for a, b in zip(x, t, strict=True)])
-    assert crossed.control(x, t) == pytest.approx(np.array([crossed.control(a, b) for a, b in zip(x, t, strict=True)]))
-
-
-def test_a_mesh_is_as_far_as_the_box_that_it_is():
-    rows = [(0.0, 2.0, 1.0, 0.0), (1.5, 2.2, 1.9, 2.0)]
-    box = block("box", 0.1, 0.0, (0.15, 0.4), yaw=0.3)
-    x, t = places(100)
-    grids = [solved(room(moved("body", rows, solid))) for solid in (box, as_mesh(box))]
-    a, b = (grid.log_psi(x, 0.5 * t) for grid in grids)
-    both = np.isfinite(a) & np.isfinite(b)
-    assert both.sum() > 80
-    assert a[both] == pytest.approx(b[both], abs=0.01)
 
 
 @pytest.mark.thorough
@@ -231,23 +167,11 @@ def test_what_the_march_cannot_do_is_refused_with_what_it_can(options, message):
         solved(room(crosser()), **options)
 
 
-def test_periods_without_a_common_multiple_are_refused():
-    odd = moved("odd", [(0.0, 3.0, 1.0, 0.0), (math.pi, 3.0, 2.0, 0.0)], disc("odd", 0.0, 0.0, 0.2), repeat=True)
-    with pytest.raises(OptionError, match="no common multiple"):
-        solved(room(crosser(repeat=True), odd))
-
-
 def test_a_car_among_moving_bodies_is_refused_by_name():
     scene = room(crosser())
     problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1))
     with pytest.raises(OptionError, match="Unicycle among moving obstacles; it takes SingleIntegrator"):
         Desirability.of(problem, FreeSpace.of(scene))
-
-
-def test_optimal_paths_pass_a_crossing_disc_on_both_sides(crossed):
-    shares = crossed.shares(np.array([0.6, 1.5]), 500, t=0.2)
-    assert sum(shares.values()) == pytest.approx(1.0)
-    assert len([share for share in shares.values() if share > 0.02]) == 2
 
 
 @pytest.mark.parametrize("b", first([0.2, 0.1, 0.3]))

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from discs import block, disc
 from solved import around_post
-from tilted import cluttered
 from warehouses import warehouse
 
 from pirrht.arrays import Array
@@ -19,12 +18,9 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import FREE, certify_segment
-from pirrht.geometry.blocks import build_blocks
-from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance, interpolate, nearest_label, with_slope
+from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance
 from pirrht.geometry.passages import find_passages
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.straight_line import StraightLine
+from pirrht.geometry.scene import Goal, Obstacle, Scene
 
 ROBOT = 0.2
 ROUNDING = 1e-6  # the field is kept in single precision [m]
@@ -90,18 +86,6 @@ def test_the_field_is_never_too_high_and_near_walls_hardly_too_low_at_any_size(k
     assert np.all((np.minimum(exact, REACH) - found)[far] < 0.25 * exact[far] + 1.5 * h)
 
 
-@pytest.mark.parametrize("kind", [None, Kind.MESH, Kind.ELLIPSOID], ids=lambda kind: kind.value if kind else "all")
-def test_tilted_solids_in_blocks_are_never_farther_than_fcl_says(kind: Kind | None):
-    space = cluttered(kind)
-    field = build_blocks(space.collision, range(len(space.scene.obstacles)), space.field.spacing)
-    r, points = space.scene.robot_radius, places(space, 3000)
-    exact, found = space.collision.clearance(points), field_at(field, points)
-    shallow = exact > -0.5 * r
-    assert np.all(found[shallow] <= exact[shallow] + ROUNDING)
-    assert np.all(found[~shallow] < -0.4 * r)
-    assert np.median((exact - found)[shallow & (exact < 0.05)]) < 2.0 * field.spacing**2 / (4.0 * 0.5 * r)
-
-
 def test_no_segment_through_a_thin_wall_is_free_in_a_long_corridor():
     """With a spacing that grows with the workspace, a path went 0.15 m through such walls."""
     walls = [block(f"wall{k}", 20.0 * (k + 1), 2.0, (0.05, 2.0)) for k in range(120)]
@@ -126,11 +110,6 @@ def test_a_workspace_beyond_single_precision_is_refused_with_the_size_that_works
     assert find_passages(space.field, space.collision).count == 0
 
 
-def test_a_warehouse_beyond_memory_is_refused_with_a_size_and_a_radius():
-    with pytest.raises(SceneError, match=r"among these \d+ obstacles; up to about \d+ m x \d+ m works, or a radius of"):
-        FreeSpace.of(warehouse(300.0, radius=0.05))
-
-
 def packed(field: Field, space: FreeSpace) -> Field:
     """The same grid in blocks of 8 cells, all of them of the finest level."""
     cells, arrays = 8, []
@@ -150,61 +129,3 @@ def test_paths_are_the_same_bit_for_bit_whether_a_grid_lies_in_columns_or_in_blo
         integral = path_integral(solved.problem, replace(solved.space, field=field), Sampling(dt=0.1, samples=700))
         weights.append(integral.estimate(integral.rollout(solved.batch(integral, 700, 700), 5)).rollouts.log_weight)
     np.testing.assert_array_equal(*weights)
-
-
-def by_hand(field: Field, x: float, y: float) -> tuple[float, float, float, int]:
-    """Value and slope of the nearest wall, and its label, from the blocks themselves."""
-    assert field.blocks is not None
-    cells, h = field.stride - 1, field.spacing
-    entry = int(field.blocks[int(x / h) // cells, int(y / h) // cells])
-    number, level = entry >> LEVEL_BITS, entry % (1 << LEVEL_BITS)
-    width = h * 2**level
-    s, t = (x % (cells * width)) / width, (y % (cells * width)) / width
-    i, j = int(s), int(t)
-    u, v = s - i, t - j
-    (a, b), (c, d) = field.arrays[0][number, i : i + 2, j : j + 2].astype(float)
-    value = (1 - u) * ((1 - v) * a + v * b) + u * ((1 - v) * c + v * d)
-    slope = ((1 - v) * (c - a) + v * (d - b)) / width, ((1 - u) * (b - a) + u * (d - c)) / width
-    return value, *slope, int(field.arrays[2][number, i + round(u), j + round(v)])
-
-
-def test_look_ups_find_the_cell_of_whatever_level():
-    space = space_of("60 m")
-    field = space.field
-    levels = set()
-    for x, y in places(space, 2000):
-        value, *slope, label = by_hand(field, x, y)
-        assert interpolate(field, field.nearest, x, y) == pytest.approx(value, abs=1e-6)
-        np.testing.assert_allclose(with_slope(field, field.nearest, x, y), (value, *slope), atol=1e-5)
-        assert nearest_label(field, x, y) == label
-        levels.add(int(field.blocks[int(x / field.spacing) // 8, int(y / field.spacing) // 8]) % 4)
-    assert levels == set(range(LEVELS))
-
-
-@pytest.mark.parametrize("gap", [0.42, 0.6, 1.2])
-def test_a_gap_is_as_wide_a_passage_in_a_large_world_as_it_is(gap: float):
-    middle, yaw = np.array([77.7, 91.3]), 0.4
-    along = np.array([np.cos(yaw), np.sin(yaw)])
-    ends = [middle + side * (4.0 + 0.5 * gap) * along for side in (-1, 1)]
-    space = FreeSpace.of(hall(200.0, 150.0, [block(f"wall{k}", *end, (4.0, 0.3), yaw) for k, end in enumerate(ends)]))
-    found = find_passages(space.field, space.collision)
-    assert space.field.blocks is not None
-    assert found.count == 1
-    assert abs((found.place[0] - middle) @ along) < 3e-3
-    assert np.hypot(*(found.place[0] - middle)) < 0.35
-    assert found.width[0] == pytest.approx(gap, abs=4e-3)
-
-
-def test_a_detour_in_a_large_world_is_as_short_as_it_can_be():
-    """With a spacing that grew with the workspace this one came out 4e-4 too long."""
-    half, far, r = 10.0, 40.0, ROBOT
-    scene = hall(500.0, 500.0, [block("block", 250.0, 250.0, (half, half))])
-    space = FreeSpace.of(replace(scene, start=np.array([250.0 - far, 250.0, 0.0]),
-                                 goal=Goal(center=np.array([250.0 + far, 250.0]), radius=0.4)))  # fmt: skip
-    problem = replace(around_post(0.3).problem, scene=space.scene)
-    tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
-    tree.grow(400)
-    corner = np.hypot(far - half, half)
-    turn = np.arctan2(half, far - half) + np.arcsin(r / corner)
-    shortest = 2.0 * (np.sqrt(corner**2 - r**2) + r * turn + half) - 0.4
-    assert tree.references(space.scene.start[:2])[0].length < 1.0002 * shortest

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -23,12 +23,9 @@ from pirrht.moving.exits import sweep, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, LinearFeedback
-from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Trajectory
-from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.unicycle import Unicycle
 
 RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
@@ -95,33 +92,3 @@ def through(
     guidance = integral.guidance
     assert isinstance(guidance, DDPGuidance)
     return best(guidance, x, integral.grid(8.0), key, trajectory)
-
-
-CASES = {
-    "mass": (DoubleIntegrator(b=0.15), 2.0 * np.eye(2), np.array([1.0, 2.3, 0.4, 0.0])),
-    "car": (Unicycle(b=0.3), 2.0 * np.eye(1), np.array([1.0, 2.3, 0.3])),
-}
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("system", CASES)
-def test_two_guides_of_what_moves_smoothly_agree_on_psi(system):
-    dynamics, R, x = CASES[system]
-    integral = crossed(dynamics, R)
-    ways = [(2.2, 1.5)], [(2.2, 3.3)]
-    made = [through(integral, x, way, [1.8, 2.0]) for way in ways]
-    guides = [guide for guide in made if guide is not None and guide.valid]
-    assert guides
-    times, found = integral.grid(8.0), []
-    for gain in (1.0, 0.7):
-        leads = [LinearFeedback(replace(guide, gains=gain * guide.gains)) for guide in guides]
-        proposals = tuple(Proposal(lead=lead, count=6000) for lead in leads)
-        found.append(integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=proposals), 1)))
-    assert min(one.ess for one in found) > 50.0
-    assert abs(found[0].value - found[1].value) < 4.0 * math.hypot(found[0].value_error, found[1].value_error)
-    states, _ = integral.replay.trace(found[0].rollouts, np.flatnonzero(found[0].weight > 1e-4)[:50])
-    crowd = MovingObstacles(integral.space.scene.movers, integral.space.scene.footprint)
-    for path in states:
-        for place, time in zip(path[1:30, :2], times[1:30], strict=True):
-            if np.any(place != 0.0):
-                assert crowd.clearance(place, time) > -1e-3

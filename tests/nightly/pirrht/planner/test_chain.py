@@ -8,9 +8,7 @@ from discs import scattered
 from unit.pirrht.planner.test_chain import Foreign, by_class, grown
 
 from pirrht.freespace import FreeSpace
-from pirrht.planner.chain import cheapest_chain
 from pirrht.steering.dubins import Dubins
-from pirrht.steering.straight_line import StraightLine
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -33,16 +31,3 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
     assert np.median(ratios) < 1.02
     assert max(ratios) < 1.15
-
-
-def test_chains_around_corners_are_hardly_longer_than_the_shortest_lines():
-    """Sixteen classes: 1.4 % longer in the median; vertices move along axes only, which costs most at sharp corners."""
-    space = FreeSpace.of(scattered(4))
-    tree = grown(space, StraightLine(), 200)
-    shortest, ratios = by_class(tree.references(space.scene.start[:2])), []
-    for rough in tree.references(space.scene.start[:2], shortened=False):
-        chained = cheapest_chain(rough.path, StraightLine(), tree.checker)
-        assert float(chained.cost.sum()) <= float(rough.path.cost.sum())
-        ratios.append(float(chained.cost.sum()) / shortest[rough.winding].cost)
-    assert np.median(ratios) < 1.03
-    assert max(ratios) < 1.1

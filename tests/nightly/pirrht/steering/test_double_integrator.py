@@ -14,7 +14,6 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.double_integrator import Cubics, MassSteering, optimum
-from pirrht.steering.edges import EdgeChecker
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.single_integrator import SingleIntegrator
 
@@ -37,13 +36,6 @@ def states_at(motions: Cubics, i: int, s: Array) -> Array:
     return np.hstack([place + s * (speed + s * (force / 2 + s * jerk / 6)), speed + s * (force + s * jerk / 2)])
 
 
-def turned(points: Array, markers: Array) -> Array:
-    """Angle (M,) [turns] that a fine polyline (k, 2) turns through as seen from markers (M, 2)."""
-    gap = points[:, None] - markers
-    angle = np.unwrap(np.arctan2(gap[..., 1], gap[..., 0]), axis=0)
-    return np.asarray((angle[-1] - angle[0]) / (2.0 * np.pi))
-
-
 @pytest.mark.parametrize("free", [False, True])
 def test_the_duration_is_the_best_of_all_roots_of_the_quartic(free: bool):
     """2000 random pairs at scales from 0.1 to 3 against NumPy's roots; some have two minima."""
@@ -64,13 +56,6 @@ def test_the_duration_is_the_best_of_all_roots_of_the_quartic(free: bool):
     assert twice > 20
 
 
-def test_a_target_a_hair_behind_costs_thousands_of_times_one_a_hair_ahead():
-    drive = np.array([0.0, 0.0, 1.0, 0.0])
-    near = [np.array([s, 0.0, 1.0, 0.0]) for s in (1e-3, -1e-3)]
-    assert MASS.distance(drive, near[0]) == pytest.approx(1e-3, rel=1e-3)
-    assert MASS.distance(drive, near[1]) == pytest.approx(6.93, abs=0.01)
-
-
 def test_motions_end_where_they_should_and_cost_the_integral_of_their_acceleration():
     rng = np.random.default_rng(0)
     tails, heads = rng.normal(size=(50, 4)), rng.normal(size=(50, 4))
@@ -83,49 +68,6 @@ def test_motions_end_where_they_should_and_cost_the_integral_of_their_accelerati
         rate = 1.0 + np.sum(force**2, axis=1)
         assert motions.cost[i] == pytest.approx(np.trapezoid(rate, s), rel=1e-5)
         assert motions.length()[i] == pytest.approx(np.hypot(*np.diff(states[:, :2], axis=0).T).sum(), rel=3e-3)
-
-
-def test_a_free_velocity_at_the_end_costs_no_more_than_any_fixed_one():
-    rng = np.random.default_rng(1)
-    tail, gap = rng.normal(size=4), rng.normal(size=2)
-    free = MASS.distance(tail, np.array([*gap, np.nan, np.nan]))
-    fixed = [MASS.distance(tail, np.array([*gap, *rng.normal(size=2) * 2]))[()] for _ in range(200)]
-    assert free <= min(fixed)
-    assert MASS.distance(np.array([*gap, np.nan, np.nan]), tail) == np.inf
-
-
-@pytest.mark.parametrize("forward", [True, False])
-def test_the_nearest_are_those_of_least_cost(forward: bool):
-    rng = np.random.default_rng(2)
-    states, x = rng.normal(size=(300, 4)), rng.normal(size=4)
-    states[7, 2:] = np.nan
-    cost = MASS.distance(x, states) if forward else MASS.distance(states, x)
-    assert np.array_equal(MASS.nearest(states, x, 12, forward=forward), np.argsort(cost, kind="stable")[:12])
-
-
-def test_free_motions_keep_clear_and_turn_as_their_points_do():
-    """Random motions among solids: FREE ones never touch, others do, and turns are those of a dense polyline."""
-    rng, space = np.random.default_rng(3), FreeSpace.of(scattered(1))
-    low, high = space.scene.lower, space.scene.upper
-    tails, heads = (np.hstack([rng.uniform(low, high, (400, 2)), rng.normal(size=(400, 2))]) for _ in range(2))
-    motions = MASS.connect(tails, heads)
-    edges = EdgeChecker.of(space, MASS).inspect(motions, np.zeros(400, bool))
-    goal = space.scene.goal
-    seen = {True: 0, False: 0}
-    for i in range(400):
-        points = states_at(motions, i, np.linspace(0.0, motions.duration[i], 3000))[:, :2]
-        clear = space.collision.clearance(points).min()
-        apart = np.hypot(*(points - goal.center).T).min() - goal.radius
-        seen[bool(edges.free[i])] += 1
-        if not edges.free[i]:
-            assert min(clear, apart) < 1e-2
-            continue
-        assert clear > 0.0
-        assert apart > 0.0
-        first, last = (space.homology.base(p) for p in (points[0], points[-1]))
-        whole = turned(points, space.homology.markers) + last - first
-        assert edges.turns.dense(i, space.homology.M) == pytest.approx(whole, abs=1e-6)
-    assert min(seen.values()) > 30
 
 
 def test_a_tree_of_masses_finds_the_classes_of_points_and_pulls_their_paths_taut():

@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from unit.sim.drive.test_executor import QUIET, WALL, problem_of, scene_file
+from plants import QUIET, WALL, problem_of, scene_file
 
 from pirrht.outcome import Outcome
 from pirrht.systems.unicycle import Unicycle

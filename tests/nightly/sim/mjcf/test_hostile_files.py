@@ -53,8 +53,7 @@ def _loaded(path: Path) -> str:
     try:
         scene = load(path).scene
     except SceneError as error:
-        message = str(error)
-        return f"refused: {message}" if "\n" not in message else f"error: more than a line: {message!r}"
+        return f"refused: {error}" if "\n" not in str(error) else f"error: more than a line: {str(error)!r}"
     for solid in scene.obstacles:
         assert np.all(np.isfinite(solid.position))
         np.testing.assert_allclose(solid.rotation @ solid.rotation.T, np.eye(3), atol=1e-6)
@@ -75,5 +74,5 @@ def test_hostile_files_load_or_are_refused_with_one_line(tmp_path):
         else:
             shutil.rmtree(folder)
     assert not wrong, f"{len(wrong)} of {FILES}\n" + "\n\n".join(wrong[:10])
-    assert found["loaded"] >= 50
-    assert found["refused"] >= 300
+    assert found["loaded"] >= FILES // 12
+    assert found["refused"] >= FILES // 2

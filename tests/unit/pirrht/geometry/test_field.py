@@ -9,8 +9,8 @@ from tilted import RADIUS, cluttered
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
-from pirrht.geometry.field import REACH, clearance, interpolate
-from pirrht.geometry.scene import Goal, Kind, Scene
+from pirrht.geometry.field import clearance
+from pirrht.geometry.scene import Kind
 
 ROUNDING = 1e-6  # the field is kept in single precision [m]
 every_kind = pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
@@ -52,16 +52,6 @@ def test_the_field_gives_little_room_away_near_the_surface(kind):
     assert lost.max() < 1.5 * h
 
 
-@every_kind
-def test_the_field_gives_a_bounded_share_away_further_off(kind):
-    space = cluttered(kind)
-    points = points_in(space, 1500, 4)
-    exact, found = space.collision.clearance(points), field_at(space, points)
-    far = exact > 0.05
-    assert np.all((np.minimum(exact, REACH) - found)[far] < 0.25 * exact[far] + 1.5 * space.field.spacing)
-    assert np.median((np.minimum(exact, REACH) - found)[far]) < 0.02
-
-
 def test_the_border_is_exact_and_belongs_to_the_centre():
     space = cluttered(Kind.BOX)
     scene = space.scene
@@ -69,25 +59,6 @@ def test_the_border_is_exact_and_belongs_to_the_centre():
         assert clearance(space.field, scene.lower[0] + 0.005, y) == pytest.approx(0.005)
         assert clearance(space.field, scene.lower[0] - 0.3, y) == pytest.approx(-0.3)
         assert clearance(space.field, scene.upper[0] + 0.2, y) == pytest.approx(-0.2)
-
-
-def test_the_nearest_wall_is_nearer_than_the_second():
-    space = cluttered(None)
-    points = points_in(space, 1000, 5)
-    nearest = np.array([interpolate(space.field, space.field.nearest, x, y) for x, y in points])
-    second = np.array([interpolate(space.field, space.field.second, x, y) for x, y in points])
-    assert np.all(nearest <= second + ROUNDING)
-    assert np.mean(second > nearest + 0.01) > 0.5
-
-
-def test_without_obstacles_only_the_border_bounds():
-    scene = Scene(
-        name="empty", lower=np.zeros(2), upper=np.full(2, 30.0), obstacles=(), robot_radius=0.2,
-        goal=Goal(center=np.full(2, 20.0), radius=0.5), start=np.array([1.0, 1.0, 0.0]),
-    )  # fmt: skip
-    space = FreeSpace.of(scene)
-    assert clearance(space.field, 15.0, 12.0) == pytest.approx(12.0)
-    assert interpolate(space.field, space.field.nearest, 15.0, 12.0) > 1e3
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -119,20 +90,3 @@ def test_a_certified_arc_is_free_by_fcl_at_every_point():
         arc = start + np.column_stack([np.sin(heading) - np.sin(pose[2]), np.cos(pose[2]) - np.cos(heading)]) / kappa
         assert np.all(space.collision.clearance(arc) > 0)
     assert certified > 100
-
-
-def test_a_segment_of_no_length_is_free_where_its_point_is():
-    space = cluttered(None)
-    for point in points_in(space, 300, 9):
-        gap = space.collision.clearance(point[None])[0]
-        verdict = certify_segment(space.field, *point, *point)
-        assert (verdict == FREE) <= (gap > 0)
-        if gap > 0.02:
-            assert verdict == FREE
-
-
-def test_a_segment_out_of_the_workspace_is_never_free():
-    space = cluttered(None)
-    for end in ([-0.4, -0.4], [-0.4, -0.5], [-0.6, -0.2], [-5.0, -0.2]):
-        assert certify_segment(space.field, -0.4, -0.2, *end) != FREE
-        assert certify_segment(space.field, *end, -0.4, -0.2) != FREE

@@ -72,30 +72,9 @@ def test_clearance_with_a_waiver_changes_no_faster_than_places_do_and_the_field_
     assert np.median(here[free] - sampled[free]) < 0.02
 
 
-@pytest.mark.parametrize("overlap", [0.0, 1e-15, 1e-12])
-def test_a_start_in_contact_by_rounding_alone_is_free(overlap: float) -> None:
-    space = FreeSpace.of(replace(beside_wall((2.0, 1.1 - overlap)), robot_radius=0.1, margin=0.0))
-    assert grown(space).references(space.scene.start[:2])
-
-
 def test_a_start_that_touches_is_refused_whatever_the_margin() -> None:
     with pytest.raises(SceneError, match=r"start \(2, 1.05\) is in .* of radius 0.1 \(it lacks 0.05 m"):
         FreeSpace.of(beside_wall((2.0, 1.05)))
-
-
-@pytest.mark.parametrize("margin", [-0.1, 0.4, np.nan])
-def test_a_margin_that_is_no_part_of_the_radius_is_refused(margin: float) -> None:
-    with pytest.raises(SceneError, match="margin"):
-        replace(beside_wall(), margin=margin)
-
-
-def test_a_task_that_moves_into_a_margin_and_out_of_it_is_that_of_a_fresh_examination() -> None:
-    free, tight = beside_wall((2.0, 3.0)), beside_wall()
-    there = FreeSpace.of(free).with_task(start=tight.start)
-    assert there.scene.waivers == FreeSpace.of(tight).scene.waivers != ()
-    back = there.with_task(start=free.start)
-    assert back.scene.waivers == ()
-    np.testing.assert_array_equal(back.field.arrays[0], FreeSpace.of(free).field.arrays[0])
 
 
 def test_a_partly_covered_goal_becomes_the_disc_in_its_free_part() -> None:
@@ -104,27 +83,8 @@ def test_a_partly_covered_goal_becomes_the_disc_in_its_free_part() -> None:
     assert goal.radius == pytest.approx(0.15, abs=0.02)
 
 
-def test_a_goal_whose_centre_touches_by_rounding_alone_is_planned_for() -> None:
-    space = FreeSpace.of(shelf(center=(4.4, 2.0), radius=0.25))
-    assert grown(space).references(space.scene.start[:2])
-
-
-def test_around_a_pillar_in_the_middle_of_the_goal_the_nearest_part_is_taken() -> None:
-    goal = FreeSpace.of(shelf(center=(4.0, 2.0), radius=0.5, pillar=0.1)).scene.goal
-    assert goal.center[0] < 3.8
-    assert abs(goal.center[1] - 2.0) < 0.05
-    assert goal.radius > 0.2
-
-
 def test_a_goal_that_is_free_in_its_centre_stays_as_it_is_and_one_that_is_covered_is_refused() -> None:
     scene = shelf(center=(4.3, 2.0), radius=0.4)
     assert FreeSpace.of(scene).scene.goal is scene.goal
     with pytest.raises(SceneError, match="everywhere in its disc"):
         FreeSpace.of(shelf(center=(5.0, 2.0), radius=0.4))
-
-
-def test_a_goal_that_is_free_for_the_body_alone_is_planned_for_with_less_margin() -> None:
-    scene = beside_wall((2.0, 3.0), goal=Goal(center=np.array([2.5, 1.15]), radius=0.1))
-    space = FreeSpace.of(scene)
-    assert len(space.scene.waivers) == 1
-    assert grown(space).references(scene.start[:2])

@@ -27,20 +27,6 @@ def test_a_motion_that_starts_over_has_the_period_of_its_last_row():
     assert np.isinf(motion.last)
 
 
-@pytest.mark.parametrize("repeat", [False, True])
-def test_a_later_clock_sees_the_same_body(repeat):
-    motion, times = Motion(rows=ROWS, repeat=repeat), np.linspace(0.0, 7.0, 29)
-    np.testing.assert_allclose(motion.after(1.3).after(0.4).pose(times), motion.pose(times + 1.7), atol=1e-12)
-
-
-@pytest.mark.parametrize("repeat", [False, True])
-@pytest.mark.parametrize("rows", [ROWS, ROWS[:2], ROWS[:1]])
-def test_a_pose_at_one_time_is_the_same_to_the_last_digit(rows, repeat):
-    motion = Motion(rows=rows, repeat=repeat and len(rows) > 1, offset=0.3)
-    times = np.concatenate([np.linspace(-1.0, 9.0, 101), rows[:, 0] - 0.3, rows[:, 0]])
-    np.testing.assert_array_equal([motion.pose_at(t) for t in times.tolist()], motion.pose(times))
-
-
 def test_the_solids_of_a_body_turn_and_move_with_it():
     solid = Obstacle(name="o", kind=Kind.BOX, size=np.ones(3), position=np.array([1.0, 0.0, 0.2]), rotation=np.eye(3))
     quarter = Motion(rows=np.array([[0.0, 2.0, 3.0, 0.5 * np.pi]]))

@@ -6,11 +6,11 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from discs import block, disc, scattered, scene_of
+from discs import block, scattered, scene_of
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.passages import BORDER, Passages, find_passages
+from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Scene
 
 RADIUS = 0.1
@@ -57,22 +57,6 @@ def test_a_doorway_whose_jambs_belong_together_is_a_passage():
     assert found.count == 1
     np.testing.assert_allclose(found.place[0], [3.0, 3.0], atol=0.1)
     assert found.width[0] == pytest.approx(0.3, abs=2e-3)
-
-
-def test_an_empty_room_has_no_passage():
-    found, _ = passages_of(scene_of([], start=(1.0, 1.0), goal=(5.0, 5.0)))
-    assert found.count == 0
-    assert found.axis.shape == (0, 3)
-    assert not found.crossed(np.array([[1.0, 1.0], [5.0, 5.0]])).any()
-
-
-def test_between_an_obstacle_and_the_border_is_a_passage():
-    found, space = passages_of(scene_of([disc("tree", 3.0, 0.8, 0.4)], start=(1.0, 3.0), goal=(5.0, 3.0)))
-    np.testing.assert_allclose(found.place[0], [3.0, 0.15], atol=2e-3)  # the border bounds the robot's centre
-    assert found.width[0] == pytest.approx(2 * (0.15 + RADIUS), abs=2e-3)
-    assert set(found.between(0, space.collision)) == {"tree", BORDER}
-    np.testing.assert_array_equal(found.crossed(np.array([[2.0, 0.1], [4.0, 0.1]]))[:1], [True])
-    np.testing.assert_array_equal(found.crossed(np.array([[2.0, 2.1], [4.0, 2.1]]))[:1], [False])
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -97,14 +97,6 @@ def test_a_polygon_is_as_far_away_as_its_outline(corners, turned: int):
     np.testing.assert_allclose(clearance(Scene.from_polygons([polygon], **room), points), expected, atol=1e-5)
 
 
-def test_a_turned_box_is_the_polygon_of_its_corners():
-    c, s = np.cos(0.5), np.sin(0.5)
-    corners = [[3, 2.5]] + np.array([[1, 0.25], [-1, 0.25], [-1, -0.25], [1, -0.25]]) @ np.array([[c, s], [-s, c]])
-    points = np.random.default_rng(2).uniform([0.5, 0.5], [5.5, 4.5], (200, 2))
-    box, prism = Scene.from_boxes([[2, 2.25, 4, 2.75, 0.5]], **ROOM), Scene.from_polygons([corners], **ROOM)
-    np.testing.assert_allclose(clearance(box, points), clearance(prism, points), atol=1e-5)
-
-
 def test_a_grid_is_occupied_where_it_says_and_free_elsewhere():
     occupied = np.random.default_rng(3).random((12, 20)) < 0.3
     occupied[:2, :2] = occupied[-2:, -2:] = False
@@ -115,12 +107,6 @@ def test_a_grid_is_occupied_where_it_says_and_free_elsewhere():
     centres = np.column_stack([-1 + 0.5 * (columns.ravel() + 0.5), 2 + 0.5 * (rows.ravel() + 0.5)])
     np.testing.assert_array_equal(clearance(scene, centres) <= 0.0, occupied.ravel())
     assert len(scene.obstacles) < occupied.sum()
-
-
-def test_walls_are_as_high_as_a_robot_asks_for():
-    points = np.array([[1.0, 1.0], [3.0, 2.0]])
-    low, high = (Scene.from_boxes(BOXES, robot_height=height, **ROOM) for height in (0.1, 3.0))
-    np.testing.assert_array_equal(clearance(low, points), clearance(high, points))
 
 
 CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "upper")}

@@ -13,10 +13,9 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import REACH, interpolate, nearest_label
+from pirrht.geometry.field import REACH, interpolate
 from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
-from pirrht.geometry.shapes import Solids, distance_from, offset_from
-from pirrht.geometry.walls import APART_COSINE, RISE_SINE, stands_apart
+from pirrht.geometry.walls import APART_COSINE, RISE_SINE
 
 GAP = 0.012  # the field tells at most this much less than the clearance in what follows [m]
 HEIGHT = 0.12
@@ -81,20 +80,6 @@ def of_field(space: FreeSpace, points: Array) -> tuple[Array, Array]:
     return np.array(both[0]), np.array(both[1])
 
 
-@pytest.mark.parametrize("tilted", [False, True], ids=["upright", "tilted"])
-@pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
-def test_offsets_point_along_the_slope_of_the_distance(kind: Kind, tilted: bool) -> None:
-    rng = np.random.default_rng(1)
-    collision, points = among(*(solid(kind, rng, tilted) for _ in range(4))), rng.uniform(0, 4, (100, 2))
-    forms = Solids.of(collision.world.obstacles)
-    for m in range(4):
-        d = np.array([distance_from(forms, m, *point, HEIGHT) for point in points])
-        found = np.array([offset_from(forms, m, *point, HEIGHT) for point in points])
-        out = d > 1e-3
-        assert found[out] == pytest.approx((d[:, None] * slopes(collision, m, points))[out], abs=1e-4)
-        assert out.sum() > 50
-
-
 @pytest.mark.parametrize("reach", [0.5, 3.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_both_walls_are_those_of_a_search_through_all_solids(seed: int, reach: float) -> None:
@@ -107,24 +92,6 @@ def test_both_walls_are_those_of_a_search_through_all_solids(seed: int, reach: f
     assert found.second[sure] == pytest.approx(second[sure], abs=1e-5)
     assert sure.sum() > 60
     assert np.any(second[sure] < reach)
-
-
-def test_solids_that_do_not_count_are_ignored() -> None:
-    rng = np.random.default_rng(4)
-    solids = [solid(kind, rng, True) for kind in [*Kind, *Kind]]
-    points = rng.uniform(0, 4, (200, 2))
-    some = among(*solids).nearest_walls(points, [1, 4, 5, 9], 1.0)
-    alone = among(*(solids[i] for i in (1, 4, 5, 9))).nearest_walls(points, range(4), 1.0)
-    assert np.array_equal(some.first, alone.first)
-    assert np.array_equal(some.second, alone.second)
-    assert np.array_equal(some.which, np.array([1, 4, 5, 9, -1])[alone.which])
-
-
-def test_where_no_solid_is_near_no_wall_is_known() -> None:
-    found = among(solid(Kind.SPHERE, np.random.default_rng(5), False)).nearest_walls(np.full((1, 2), 40.0), [0], 1.0)
-    assert [part.tolist() for part in found] == [[1.0], [1.0], [-1], [[0.0, 0.0]], [1.0]]
-    none = among().nearest_walls(np.full((1, 2), 1.0), [], 1.0)
-    assert none.which.tolist() == [-1]
 
 
 @cache
@@ -141,51 +108,6 @@ def test_both_jambs_of_a_doorway_count_although_they_join() -> None:
     for found, exact in ((nearest, jambs.min(axis=1)), (second, jambs.max(axis=1))):
         assert np.all(found <= exact - 0.1 + 1e-6)
         assert np.all(found > exact - 0.1 - GAP)
-
-
-def test_facing_walls_match_up_across_the_middle() -> None:
-    """The wall that is nearest on one side of the middle is the second on the other."""
-    space, x = doorway(), 3.4
-    y = np.concatenate([np.linspace(2.36, 2.49, 40), np.linspace(2.51, 2.64, 40)])
-    nearest, second = of_field(space, np.column_stack([np.full(80, x), y]))
-    below = y < 2.5
-    assert np.where(below, nearest, second) == pytest.approx(y - 2.25 - 0.1, abs=GAP)
-    assert np.where(below, second, nearest) == pytest.approx(2.75 - 0.1 - y, abs=GAP)
-    labels = [nearest_label(space.field, x, each) for each in y]
-    assert labels == [1] * 40 + [0] * 40
-
-
-def test_boxes_in_line_are_one_wall() -> None:
-    """However far along the wall the next box begins, and though the boxes meet only within a millimetre."""
-    space = room((1.0, 2.0, 1.6, 2.3), (1.6, 2.0, 2.2, 2.301), (2.2, 2.0, 2.5, 2.299), (2.5, 2.0, 4.5, 2.3))
-    points = np.column_stack([np.linspace(1.05, 4.45, 200), np.full(200, 2.48)])
-    nearest, second = of_field(space, points)
-    assert nearest == pytest.approx(np.full(200, 0.08), abs=GAP)
-    assert np.all(second > REACH - 2 * GAP)
-
-
-def test_a_concave_corner_is_two_walls() -> None:
-    space = room((1.0, 1.0, 4.0, 1.3), (1.0, 1.3, 1.3, 4.0))
-    points = np.random.default_rng(6).uniform([1.45, 1.45], [1.8, 1.8], (200, 2))
-    nearest, second = of_field(space, points)
-    exact = np.sort(points - 1.3 - 0.1, axis=1)
-    assert np.all(nearest <= exact[:, 0] + 1e-6)
-    assert np.all(nearest > 0.75 * exact[:, 0] - GAP)  # coarse where both are equally far
-    assert second == pytest.approx(exact[:, 1], abs=GAP)
-
-
-def test_a_convex_corner_is_one_wall() -> None:
-    space = room((1.0, 1.0, 2.0, 2.0))
-    _, second = of_field(space, np.random.default_rng(7).uniform(0.5, 2.5, (100, 2)))
-    assert np.all(second > REACH - 2 * GAP)
-
-
-def test_directions_a_sixth_of_a_turn_apart_are_two() -> None:
-    for angle, two in ((0.0, False), (55.0, False), (65.0, True), (120.0, True), (180.0, True)):
-        c, s = np.cos(np.radians(angle)), np.sin(np.radians(angle))
-        assert stands_apart(1.2 * c, 1.2 * s, 1.0, 0.0) == two
-    assert stands_apart(0.0, 0.0, 1.0, 0.0)
-    assert stands_apart(1.0, 0.0, 0.0, 0.0)
 
 
 def test_the_field_tells_no_more_of_the_second_wall_than_there_is() -> None:

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from repository import environment
 
 from pirrht.jit.cache import identity
-from pirrht.jit.jit import DISABLED, as_jitable, kernel
+from pirrht.jit.jit import DISABLED
 
 pytestmark = pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 
@@ -86,13 +83,6 @@ def drift(x):
 """
 
 
-def test_kernels_read_records_enumerations_and_slices_of_a_module():
-    scope: dict[str, object] = {"__name__": "users"}
-    exec(TUNED, scope)
-    scope["scaled"] = as_jitable(scope["scaled"])  # type: ignore[arg-type]
-    assert kernel(scope["drift"])(np.arange(3.0)) == 2.0 + 3.0 + 0.5 * 3.0 + 3 * 2.0
-
-
 @pytest.mark.parametrize(
     ("edit", "same"),
     [
@@ -112,29 +102,6 @@ def test_values_of_records_enumerations_and_slices_are_part_of_a_name(edit: tupl
 @pytest.mark.parametrize("value", ["object()", "[1.0]", "__import__('os')"])
 def test_what_could_change_unseen_leaves_a_function_without_a_name(value: str):
     assert named(SYSTEM.replace("SPEED = 1.5", f"SPEED = {value}")) is None
-
-
-def test_a_kernel_around_a_nameless_function_has_no_name_either():
-    hidden = [1.0]
-
-    def nameless(x: float) -> float:
-        return x + len(hidden)
-
-    inner = as_jitable(nameless)
-
-    def outer(x: float) -> float:
-        return float(inner(x))
-
-    assert identity(nameless) is None
-    assert identity(outer) is None
-
-
-def test_a_function_that_calls_itself_has_no_name():
-    def around(x: float) -> float:
-        return around(x - 1.0) if x > 0.0 else x
-
-    assert identity(around) is None
-    np.testing.assert_equal(kernel(lambda x: 2.0 * x)(1.5), 3.0)
 
 
 # A package of three folders: a kernel calls an inlined function, which calls one two folders down.
@@ -227,39 +194,6 @@ def test_an_edit_costs_the_kernels_that_it_touches_and_their_callers(users: User
 
 
 @pytest.mark.slow
-def test_what_is_compiled_anew_after_its_file_was_lost_is_called_by_what_is_there(users: Users):
-    """What calls it lies on disk, and its code names what it calls."""
-    users.edit("outer/inner/deep.py", "@inlined", "@kernel")
-    users.edit("outer/inner/deep.py", "import inlined", "import kernel")
-    users.edit("outer/inner/deep.py", "return x + 1.0", "for _ in range(50):\n        x = x + x % 3.0\n    return x")
-    first, _ = users.run()
-    for path in (users.cache / "pirrht" / "kernels").iterdir():
-        if ".step" in path.name or ".four" in path.name:
-            path.unlink()
-    users.edit("kernels.py", "print(four", "step(2.0); print(four")
-    assert users.run()[0] == [*first[:2], "four", "step"]
-
-
-@pytest.mark.slow
-def test_a_large_array_is_read_where_it_lies_in_each_process(users: Users):
-    """Its address is part of the code, which is not kept."""
-    table = "import numpy as np\nTABLE = np.arange(300_000.0)\n"
-    users.edit("kernels.py", "@kernel\ndef other", f"{table}@kernel\ndef other")
-    users.edit("kernels.py", "10.0 * x", "10.0 * TABLE[int(x)]")
-    first, second = users.run()[0], users.run()[0]
-    assert first[:2] == second[:2] == ["5.0", "10.0"]
-    assert "other" in second
-    assert "four" not in second
-
-
-@pytest.mark.slow
-def test_of_processes_that_want_a_kernel_at_once_one_compiles_it(users: Users):
-    both = [process.communicate()[0].split() for process in [users.begin(), users.begin()]]
-    assert [one[:2] for one in both] == [["5.0", "10.0"]] * 2
-    assert sorted(name for one in both for name in one[2:]) == ALL[2:]
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "damage",
     [
@@ -289,16 +223,3 @@ def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(users: User
     assert said == ALL
     assert len(told) == 1
     assert "NUMBA_CACHE_DIR" in told[0]
-
-
-@pytest.mark.slow
-def test_what_was_not_loaded_for_a_month_is_removed(users: Users):
-    users.run()
-    kernels = users.cache / "pirrht" / "kernels"
-    old, used = (list(kernels.glob(f"{name}-*[0-9a-f]")) for name in ("__main__.other", "__main__.four"))
-    for path in (*old, *used):
-        os.utime(path, (0.0, time.time() - 40 * 86400.0))
-    users.edit("kernels.py", "10.0 * x", "12.0 * x")
-    assert users.run()[0] == ["5.0", "12.0", "other"]
-    assert not any(path.exists() for path in old)
-    assert sum(path.exists() for path in used) == 1  # what Python calls; what it was made of is not loaded any more

@@ -56,12 +56,6 @@ def linked(path: Path) -> None:
     os.lchown(path, NOBODY, NOBODY)
 
 
-def test_a_kernel_of_ones_own_is_loaded_whatever_new_files_may_be_done_with(kernels: Path, tmp_path: Path, caplog):
-    cache.load(KEY, lambda found: found)
-    assert (tmp_path / "ran").exists()
-    assert not caplog.messages
-
-
 @pytest.mark.parametrize("which", ["folder", "file"])
 @pytest.mark.parametrize(
     "done", [opened, shared, pytest.param(given_away, marks=ROOT), pytest.param(linked, marks=ROOT)]
@@ -79,12 +73,6 @@ def test_what_others_may_have_written_is_not_run_and_one_line_says_so(
         assert cache.load(KEY, lambda found: found) == 1.0  # replaced by what was compiled
     else:
         assert not cache.kept()
-
-
-def test_a_kernel_that_is_a_pipe_is_none(kernels: Path):
-    (kernels / KEY).unlink()
-    os.mkfifo(kernels / KEY)
-    assert cache.load(KEY, lambda found: found) is None
 
 
 def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: Path, monkeypatch):

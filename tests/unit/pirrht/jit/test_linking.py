@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
-import os
 import subprocess
 import sys
 
 import numpy as np
 import pytest
-from numba.core import compiler, typed_passes
-from numba.core.bytecode import FunctionIdentity
 from repository import environment
 
 from pirrht.jit import linking
@@ -37,15 +33,6 @@ if __name__ == "__main__":
     for factor in sys.argv[1:]:
         print(round(times(float(factor))(1.0)))
 """.replace("LINES", "        x += math.sin(x) ** 2 + math.cos(x) ** 2 - 1.0\n" * 100)
-FORKED = """
-import os
-from pirrht.jit import jit
-from numba.core.bytecode import FunctionIdentity
-child = os.fork()
-if child:
-    os.waitpid(child, 0)
-print(next(FunctionIdentity._unique_ids), flush=True)
-"""
 
 
 def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_path):
@@ -59,13 +46,6 @@ def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_pa
 
     assert [said("2"), said("3")] == [["6"], ["9"]]
     assert said("2", "3") == ["6", "9"]
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork")
-def test_a_child_counts_otherwise_than_its_parent():
-    done = subprocess.run([sys.executable, "-c", FORKED], env=environment(), capture_output=True, text=True, check=True)
-    childs, mine = map(int, done.stdout.split())
-    assert abs(mine - childs) > 1000  # both alike with a chance of one in 10^11
 
 
 @jitable
@@ -110,67 +90,6 @@ def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal():
     assert len(next_of.part.overloads) == 1
 
 
-def _nested():
-    """Make a kernel and one that calls it."""
-
-    @kernel
-    def below(x):
-        return x + 1.0
-
-    @kernel
-    def above(x):
-        return below(x)
-
-    return below, above
-
-
-@pytest.mark.usefixtures("nothing_kept")
-def test_only_what_python_calls_becomes_machine_code():
-    below, above = _nested()
-    assert above(1.0) == 2.0
-    assert not below.overloads
-    (part,) = below.part.overloads.values()
-    assert isinstance(part.library, linking.PartLibrary)
-    assert part.library._final_module.get_function(part.fndesc.llvm_func_name).linkage.name == "linkonce_odr"
-
-
-def test_functions_of_numba_become_parts_that_kernels_share(monkeypatch):
-    monkeypatch.setattr(linking.cache, "load", lambda *_: None)
-
-    @kernel
-    def rows(n):
-        return np.zeros((n, 2)).shape[0]
-
-    assert rows(3) == 3
-    (template,) = (one for one in rows.part.typingctx._functions[np.zeros] if hasattr(one, "_overload_func"))
-    made = [found[0] for found in template._impl_cache.values() if found[0] is not None]
-    assert made
-    assert all(isinstance(one, linking.Part) for one in made)
-
-
-@pytest.mark.usefixtures("nothing_kept")
-def test_code_that_links_a_part_without_a_name_is_not_kept():
-    _, above = _nested()
-    assert above(1.0) == 2.0
-    (part,) = above.part.overloads.values()
-    assert part.library.bound
-    assert not part.library.parts[0].bound
-
-
-def test_the_passes_of_numba_have_one_lowering():
-    passes = compiler.DefaultPassBuilder.define_nopython_pipeline(_State()).passes
-    assert [one for one, _ in passes].count(typed_passes.NativeLowering) == 1
-
-
-class _State:
-    """State that a builder of passes reads."""
-
-    func_ir = None
-
-    class flags:  # noqa: N801
-        no_rewrites, enable_ssa, auto_parallel = False, True, type("Off", (), {"enabled": False})
-
-
 PUBLIC = """
 import sys
 sys.modules["pirrht.jit.linking"] = None  # as if it failed to import
@@ -210,9 +129,3 @@ def test_without_the_private_interface_kernels_are_compiled_with_the_public_one(
     done = subprocess.run([sys.executable, "-c", PUBLIC], env=environment(), capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["26.0", "9.0", "12.0"]
     assert "compiled anew by every command" in done.stderr
-
-
-def test_an_import_names_parts_of_numba_that_are_missing(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delattr(FunctionIdentity, "_unique_ids")
-    with pytest.raises(ImportError, match=r"numba .* has no _unique_ids"):
-        importlib.reload(linking)

@@ -62,13 +62,6 @@ def test_a_kernel_calls_different_functions_by_address_and_owns_the_arrays_that_
 
 
 @pytest.mark.skipif(DISABLED, reason="nothing is compiled")
-def test_a_kernel_that_calls_by_address_compiles_once():
-    for function in (_doubled, _counted):
-        _calling(address_of(function, (ROW, 1)), ROW, 2)
-    assert len(_calling.overloads) == 1
-
-
-@pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 def test_machine_code_from_disk_is_called_by_address(tmp_path):
     script = tmp_path / "halves.py"
     script.write_text(HALVES)

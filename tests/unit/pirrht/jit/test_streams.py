@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.stats import chi2, kstest, norm
+from scipy.stats import chi2, kstest
 
 from pirrht.arrays import Array
 from pirrht.jit.jit import kernel
@@ -68,12 +68,6 @@ def test_normals_drawn_abreast_are_those_drawn_one_after_the_other():
         assert np.array_equal(abreast, normals(13, 1, 160, first=7)[0])
 
 
-@pytest.mark.parametrize("shape", [(1, 200_000), (200_000, 1), (1000, 200)], ids=["one long", "many short", "both"])
-def test_normals_are_normal(shape):
-    """Kolmogorov-Smirnov on 200000 numbers of seed 11: an error of 0.5 % in the law would show."""
-    assert kstest(normals(11, *shape).ravel(), "norm").pvalue > 1e-3
-
-
 @pytest.mark.slow
 def test_the_first_eight_moments_are_those_of_a_normal():
     """4 million numbers of seed 12; each moment within 4 standard errors."""
@@ -82,15 +76,6 @@ def test_the_first_eight_moments_are_those_of_a_normal():
     for k, moment in exact.items():
         power = x**k
         assert abs(power.mean() - moment) < 4 * power.std() / np.sqrt(len(x)), k
-
-
-@pytest.mark.parametrize("bound", [2.0, 3.0, 4.0, 4.5, 5.0])
-def test_both_tails_weigh_what_they_should(bound):
-    """4 million numbers of seed 13: counts beyond a bound are Poisson, within 4 deviations."""
-    x = normals(13, 2000, 2000).ravel()
-    expected = len(x) * norm.sf(bound)
-    for count in (np.sum(x > bound), np.sum(x < -bound)):
-        assert abs(count - expected) < 4 * np.sqrt(expected)
 
 
 def test_the_logarithm_is_within_the_rounding_of_its_numbers():
@@ -119,28 +104,12 @@ def test_uniforms_are_uniform_and_below_one():
     assert kstest(u, "uniform").pvalue > 1e-3
 
 
-def test_numbers_of_one_sample_do_not_depend_on_each_other():
-    """Correlations of a draw with the 50 after it, and of squares: 400000 pairs, within 4.5 deviations."""
-    x = normals(15, 2000, 250)
-    for values in (x, x**2 - 1.0):
-        scale = values.var()
-        for lag in range(1, 51):
-            pairs = values[:, lag:] * values[:, :-lag]
-            assert abs(pairs.mean()) / scale < 4.5 / np.sqrt(pairs.size), lag
-
-
 def test_samples_do_not_depend_on_their_neighbours():
     x = normals(16, 2000, 250)
     for values in (x, x**2 - 1.0):
         for gap in (1, 2, 3, 64):
             pairs = values[gap:] * values[:-gap]
             assert abs(pairs.mean()) / values.var() < 4.5 / np.sqrt(pairs.size), gap
-
-
-def test_neighbouring_seeds_do_not_depend_on_each_other():
-    one, other = normals(17, 2000, 250), normals(18, 2000, 250)
-    assert abs(np.mean(one * other)) < 4.5 / np.sqrt(one.size)
-    assert not np.any(one == other)
 
 
 def test_the_sum_of_the_first_draws_of_all_samples_has_the_law_of_independent_ones():
@@ -155,11 +124,6 @@ def test_a_number_depends_on_seed_sample_and_draw_alone():
     np.testing.assert_array_equal(whole[40:60], normals(20, 20, 50, first=40))
     np.testing.assert_array_equal(whole[:, :10], normals(20, 100, 10))
     assert len(np.unique(whole)) == whole.size
-
-
-def test_no_two_sequences_start_alike():
-    starts = np.array([stream(np.uint64(seed), s) for seed in (0, 1, 2**63 - 1) for s in range(20000)], dtype=np.uint64)
-    assert len(np.unique(starts)) == len(starts)
 
 
 @kernel
@@ -182,15 +146,3 @@ def test_the_exponential_is_exact_to_three_in_ten_million():
     for x in (drawn, edges, np.nextafter(edges.astype(np.float32), np.float32(0.0)), -np.logspace(-30.0, 1.9, 1000)):
         out, exact = exponential_of(x)
         np.testing.assert_allclose(out, exact, rtol=3e-7)
-
-
-def test_the_exponential_of_nothing_is_one_and_falls():
-    assert exponential_of([0.0, -0.0])[0].tolist() == [1.0, 1.0]
-    out, _ = exponential_of(-np.linspace(0.0, 86.0, 100_000))
-    assert np.all(np.diff(out) <= 4e-7 * out[1:])
-
-
-@pytest.mark.parametrize("x", [-87.5, -1e3, -1e30, -np.inf])
-def test_below_its_least_argument_the_exponential_stays_what_it_is_there(x):
-    out, _ = exponential_of([x, -87.0])
-    assert out[0] == out[1] == pytest.approx(np.exp(-87.0), rel=1e-5)

@@ -8,8 +8,7 @@ import time
 
 import pytest
 
-from pirrht.jit import jit
-from pirrht.jit.jit import _pool, mapped
+from pirrht.jit.jit import mapped
 
 
 def test_results_come_in_the_order_of_the_items_whatever_the_number_of_threads():
@@ -51,39 +50,3 @@ def test_no_thread_still_works_when_interruptions_have_ended_the_call():
     finally:
         signal.signal(signal.SIGINT, before)
     assert len(over) == 1
-
-
-def test_an_interruption_while_threads_are_sent_waits_for_those_that_are_at_work(monkeypatch):
-    """The first is at its second item when the call that sends it is struck: of that future nobody is told."""
-    working, over = threading.Semaphore(0), []
-
-    def work(i: int) -> int:
-        working.release()
-        time.sleep(0.05)
-        over.append(i)
-        return i
-
-    class Struck:
-        def submit(self, pull):
-            threading.Thread(target=pull).start()
-            for _ in range(2):
-                working.acquire()
-            raise KeyboardInterrupt
-
-    monkeypatch.setattr(jit, "_pool", lambda count, process: Struck())
-    with pytest.raises(KeyboardInterrupt):
-        mapped(work, range(1000), 2)
-    then = len(over)
-    assert 2 <= then < 1000
-    time.sleep(0.2)
-    assert len(over) == then
-
-
-def test_all_threads_of_a_pool_are_there_before_it_is_used():
-    """None is begun later, by a thread that a signal may strike meanwhile."""
-    pool = _pool(3, -1)  # of no process
-    before = set(pool._threads)
-    assert len(before) == 3
-    assert list(pool.map(abs, range(-50, 0))) == list(range(50, 0, -1))
-    assert pool._threads == before
-    pool.shutdown()

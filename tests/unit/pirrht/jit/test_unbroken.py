@@ -36,37 +36,9 @@ def test_a_signal_waits_until_the_outermost_work_is_done_and_comes_once(heard: l
     assert heard == ["waits", "waits", "heeded"]
 
 
-def test_a_signal_that_another_thread_makes_wait_again_is_not_forgotten(monkeypatch):
-    """What is heeded as one work ends may meet the next one, which has begun by then; so it is heeded as that ends."""
-    heeded: list[str] = []
-
-    def main_thread(number: int) -> None:
-        if not heeded:
-            patches.unbroken.__enter__()
-        heeded.append("waits" if patches.waits(number) else "heeded")
-
-    monkeypatch.setattr(patches, "interrupt_main", main_thread)
-    with patches.unbroken:
-        assert patches.waits(signal.SIGINT)
-    assert heeded == ["waits"]
-    patches.unbroken.__exit__()
-    assert heeded == ["waits", "heeded"]
-
-
 def test_a_signal_without_any_work_is_heeded_at_once(heard: list[str]):
     signal.raise_signal(signal.SIGINT)
     assert heard == ["heeded"]
-
-
-def test_work_that_fails_lets_signals_through_again(heard: list[str]):
-    def failing() -> float:
-        with patches.unbroken:
-            signal.raise_signal(signal.SIGINT)
-            return 1.0 / 0.0
-
-    with pytest.raises(ZeroDivisionError):
-        failing()
-    assert heard == ["waits", "heeded"]
 
 
 class During(event.Listener):  # type: ignore[misc]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from discs import disc
-from moving import busy, hall, moved
+from moving import busy
 
 from pirrht.arrays import Array
 from pirrht.geometry.world import WALL
@@ -55,20 +54,3 @@ def test_what_a_path_knows_from_before_leaves_out_no_body_that_is_near(onward):
         found += len(rows)
     assert kept > 100
     assert found > 40
-
-
-def test_a_path_is_told_every_jump_to_come():
-    """One body starts over every 0.9 s, another every 0.4 s; a third comes back to where it has been."""
-    lap = [(0.0, 1.0, 1.0, 0.0), (0.9, 2.0, 1.0, 0.0)]
-    short = [(0.0, 1.0, 3.0, 0.0), (0.4, 2.0, 3.0, 0.0)]
-    round_trip = [(0.0, 4.0, 3.0, 0.0), (0.1, 4.5, 3.0, 0.0), (0.3, 4.0, 3.0, 0.0)]
-    bodies = [
-        moved(f"b{k}", rows, disc(f"d{k}", 0.0, 0.0, 0.2), repeat=True)
-        for k, rows in enumerate([lap, short, round_trip])
-    ]
-    traffic = MovingObstacleArrays.of(hall("laps", bodies))
-    jumps, notes = np.concatenate([0.9 * np.arange(1, 9), 0.4 * np.arange(1, 9)]), _watch(traffic)
-    for t in np.sort(np.random.default_rng(4).uniform(0.13, 2.1, 50)):
-        rows, until = near(traffic, notes, np.array([5.8, 4.8]), t, 0.1)  # far from all
-        assert len(rows) == 0
-        assert until == pytest.approx(jumps[jumps > t].min(), abs=1e-12)

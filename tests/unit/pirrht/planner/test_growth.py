@@ -7,7 +7,6 @@ import json
 import numpy as np
 import pytest
 
-from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_point
 from pirrht.planner.tree import HomologyTree
 from sim.cli import main
 from sim.drive import episode
@@ -66,25 +65,6 @@ def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot
     assert together.graph.pruned[0] == one_by_one.graph.pruned[0]
 
 
-def test_reserved_room_is_not_asked_for_again_and_changes_no_tree(small: Scenario):
-    plain, roomy = small.grown_tree(), small.grown_tree()
-    roomy.reserve(400)
-    room = [len(part) for part in roomy.graph]
-    for tree in (plain, roomy):
-        tree.grow(400)
-    assert_equal_trees(plain, roomy)
-    assert [len(part) for part in roomy.graph] == room
-
-
-def test_positions_that_the_field_decides_are_so_to_fcl(small: Scenario):
-    points = np.random.default_rng(0).uniform(-0.1, 1.1, (2000, 2)) * [6.0, 5.0]
-    found = np.array([certify_point(small.space.field, *point) for point in points])
-    free = small.space.collision.free(points)
-    assert np.all(free[found == FREE])
-    assert not np.any(free[found == BLOCKED])
-    assert np.mean(found == UNSURE) < 0.02
-
-
 def test_equal_seeds_grow_and_drive_alike(small: Scenario):
     one, other = drive(small, 4), drive(small, 4)
     assert [frame.vertices for frame in one] == [60 + 4 * k for k in range(len(one))]
@@ -92,20 +72,6 @@ def test_equal_seeds_grow_and_drive_alike(small: Scenario):
         assert first.vertices == second.vertices
         np.testing.assert_array_equal(first.advance.states, second.advance.states)
         assert [r.cost for r in first.plan.references] == [r.cost for r in second.plan.references]
-
-
-def test_without_growth_the_tree_stays_as_it_was(small: Scenario):
-    assert {frame.vertices for frame in drive(small, 0)} == {60}
-
-
-def test_classes_appear_and_their_paths_get_shorter(small: Scenario):
-    tree = small.with_settings(vertices=1).empty_tree()
-    found: list[dict[tuple[int, ...], float]] = []
-    for size in (2, 100, 1000):
-        tree.grow(size)
-        found.append(tree.lengths(small.start))
-    assert set(found[0]) < set(found[2]) == {(0, 0), (-1, 0), (0, 1)}
-    assert all(found[2][winding] < length for winding, length in found[1].items())
 
 
 def test_the_command_line_grows_while_it_drives(tmp_path, capsys):

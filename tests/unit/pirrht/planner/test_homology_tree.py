@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from pirrht.arrays import Array
-from pirrht.errors import NoReference, OptionError
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import Curves
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
 from pirrht.planner.references import Reference
 from pirrht.planner.shorten import shorten
 from pirrht.planner.tree import HomologyTree
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.signature import class_id
@@ -101,21 +99,6 @@ def test_growing_more_never_raises_the_best_cost_of_a_class(slit: Scenario):
     assert best
 
 
-def test_references_get_better_with_more_vertices(slit: Scenario, slit_tree: HomologyTree):
-    small = by_class(tree_in(slit.space, limit=0.6, vertices=150).references(slit.start, shortened=False))
-    large = by_class(slit_tree.references(slit.start, shortened=False))
-    assert small.keys() <= large.keys()
-    assert sum(large[name].cost for name in small) < sum(one.cost for one in small.values())
-
-
-def test_equal_seeds_grow_equal_trees_and_other_seeds_others(slit: Scenario):
-    one, two, three = (tree_in(slit.space, limit=0.6, seed=seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(one.states[: one.size], two.states[: two.size])
-    np.testing.assert_array_equal(one.graph.cost, two.graph.cost)
-    assert one.draws == two.draws
-    assert not np.array_equal(one.states[1:20], three.states[1:20])
-
-
 @pytest.mark.parametrize("x", [[1.0, 2.5], [0.3, 4.5], [3.4, 2.5], [5.0, 4.7], [2.4, 2.5]])
 def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit, slit_tree, x):
     x = np.array(x)
@@ -145,14 +128,6 @@ def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Sc
     assert np.all(np.abs(1.0 - wide["-1,1"].signature) <= 0.6)
     for name in EXACT:
         assert wide[name].cost == pytest.approx(narrow[name].cost, rel=0.01)
-
-
-def test_a_limit_of_half_a_turn_and_a_little_allows_the_straight_line_everywhere(slit: Scenario):
-    tree = tree_in(slit.space, limit=0.501, vertices=400)
-    gr = tree.graph
-    for v in range(tree.size):
-        for slot in range(gr.nodes[v]):
-            assert np.all(np.abs(gr.straight[v] + class_at(gr, v, slot)) <= 0.501)
 
 
 @pytest.mark.parametrize("classes", [1, 2, 16])
@@ -228,19 +203,6 @@ def check_shortened(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
     return saved
 
 
-def test_polishing_a_cars_path_keeps_class_and_freedom_and_never_lengthens():
-    space = posts()
-    tree = HomologyTree(space, Dubins(rho=0.3), limit=0.9, rng=np.random.default_rng(1))
-    tree.grow(300)
-    assert check_shortened(space, tree, np.array([0.5, 2.1, 0.3])) > 0.02
-
-
-def test_a_taut_path_is_left_alone(slit: Scenario, slit_tree: HomologyTree):
-    straight: Curves = slit_tree.steering.connect(np.array([[1.0, 2.5]]), np.array([[5.2, 2.5]]))
-    short = shorten(straight, slit_tree.steering, slit_tree.checker)
-    assert short.length.sum() == pytest.approx(4.2)
-
-
 # -- where there is nothing to do --------------------------------------------------------------------------------
 
 
@@ -253,15 +215,6 @@ def test_without_obstacles_there_is_one_straight_class():
     (reference,) = tree.references(np.array([1.0, 1.0]))
     assert reference.id == "-"
     assert reference.length == pytest.approx(np.hypot(3, 3) - 0.2)
-
-
-def test_a_tree_of_its_root_alone_sees_what_the_goal_sees(slit: Scenario):
-    tree = HomologyTree(slit.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
-    assert tree.size == 1
-    (reference,) = tree.references(slit.start)
-    assert reference.cost == pytest.approx(8.4)
-    with pytest.raises(NoReference):
-        tree.references(np.array([1.0, 3.4]))
 
 
 def test_states_that_collide_or_reach_nothing_do_not_become_vertices(slit: Scenario):

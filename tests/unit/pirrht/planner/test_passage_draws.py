@@ -9,8 +9,6 @@ from discs import block, scattered, scene_of
 from pirrht.freespace import FreeSpace
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.tuning import TUNING
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.straight_line import StraightLine
 
 FEW = 300  # vertices
@@ -60,22 +58,3 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
         assert len(offered) <= (many + 1) // 2
         assert len(offered) == len(set(offered))
     assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))
-
-
-def test_what_has_become_a_vertex_is_not_offered_again():
-    states = np.random.default_rng(0).random((5, 2))
-    offers = PassageSampler(states)
-    assert offers.together(0) == TUNING.offer_period
-    offers.note(states[:3])
-    assert [k for k in range(TUNING.offer_period) if offers.at(k) is not None] == [6, 8]
-    offers.note(np.vstack([states[:3], states[3:]]))
-    assert not offers.waiting
-    assert all(offers.at(k) is None for k in range(2 * TUNING.offer_period))
-
-
-def test_a_car_is_led_through_a_passage_both_ways():
-    way = np.array([[1.0, 2.0, 0.5], [3.0, 4.0, -3.0]])
-    states = Dubins().states_along(way, scattered(0))
-    np.testing.assert_array_equal(states[:, :2], np.repeat(way[:, :2], 2, axis=0))
-    np.testing.assert_allclose(np.cos(states[:, 2]), [c for a in way[:, 2] for c in (np.cos(a), -np.cos(a))])
-    assert np.all(np.abs(states[:, 2]) <= np.pi)

@@ -68,13 +68,3 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
     assert len(references) == 2
     for reference in references:
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
-
-
-@pytest.mark.parametrize("half", [(0.3, 1.0), (1.2, 0.5)])
-def test_around_a_block_a_reference_has_the_length_of_the_tangents_to_its_rounded_corners(half: tuple[float, float]):
-    space = FreeSpace.of(scene_of([block("stone", 3.0, 3.0, half)], start=(0.5, 3.0), goal=(5.5, 3.0)))
-    dx, dy = 2.5 - half[0], half[1]
-    lean = np.arctan2(dy, dx) + np.arcsin(RADIUS / np.hypot(dx, dy))  # of the tangent to the corner's circle
-    whole = 2.0 * (np.sqrt(dx**2 + dy**2 - RADIUS**2) + RADIUS * lean + half[0])
-    for reference in grown(space).references(space.scene.start[:2]):
-        assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.obstacle import Motion
 from pirrht.jit.jit import kernel
 from pirrht.moving.exits import watch
 from pirrht.planner.in_time import BAND, model
@@ -119,16 +116,6 @@ def test_before_and_behind_cost_what_dynamic_programming_finds(side, winding, vi
     assert cost_of(found) > 2.0 * 4.2
 
 
-def test_who_must_wait_stands_or_walks_slowly_but_never_turns_back():
-    """Behind a door that stays shut for a while the best way is slow from the start on."""
-    space = FreeSpace.of(SCENES["crossing"]())
-    found = taut(space, np.array([[1.0, 2.5, 0.0], [1.2, 2.5, 3.0], [5.5, 2.5, 8.0]]))
-    speed = np.hypot(*np.diff(found[:, :2], axis=0).T) / np.diff(found[:, 2])
-    assert np.all(np.diff(found[:, 0]) > 0.0)
-    assert speed.max() < 1.2
-    assert math.isclose(found[0, 0], 1.0)
-
-
 def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[FreeSpace, Legs, np.ndarray]:
     """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
     space = FreeSpace.of(SCENES["crossing"]())
@@ -154,12 +141,3 @@ def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via
     homology = STEERING.homology(space)
     assert homology.winding(found.knots) == homology.winding(anew)
     assert found.cost.sum() == pytest.approx(cost_of(anew), rel=2e-3)
-
-
-def test_no_path_goes_on_where_a_body_has_come_into_the_way():
-    space, path, x = later((3.25, 3.1, 2.2), (0.0, 0.0))
-    wall = [(0.0, 3.25, 2.5, 0.0), (9.0, 3.25, 2.5, 0.0)]
-    other = replace(space.scene.movers[0], motion=Motion(rows=np.array(wall)))
-    blocked = space.with_movers([replace(other, solids=(block("block", 0.0, 0.0, (0.1, 1.6)),))])
-    assert resume(x, path, STEERING, EdgeChecker.of(blocked, STEERING)) is None
-    assert resume(x, path, STEERING, EdgeChecker.of(space, STEERING)) is not None

@@ -10,12 +10,11 @@ import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
-from pirrht.errors import NoReference, OptionError
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.moving.collision import MovingObstacles
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.tuning import TUNING
 from pirrht.steering.in_time import InTime
 from sim.tree_file import load, save
 
@@ -74,37 +73,6 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
     assert len({one.winding for one in references}) == len(references)
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_shortening_stays_in_the_class_and_never_costs_more(name):
-    tree = grown(FreeSpace.of(SCENES[name]()), 1)
-    plain = {one.winding: one.cost for one in tree.references(START, shortened=False)}
-    short = {one.winding: one.cost for one in tree.references(START)}
-    assert plain.keys() == short.keys()
-    assert all(short[winding] <= plain[winding] * (1.0 + 1e-12) for winding in plain)
-
-
-def test_a_tree_on_its_own_clock_gives_references_at_any_later_time():
-    """Who has waited for 2.5 s where he started can only go behind what he let pass, which no longer hinders him."""
-    space = FreeSpace.of(SCENES["crossing"]())
-    tree = grown(space, 0, 600)
-    late = tree.references(np.array([1.0, 2.5, 2.5]))[0]
-    assert late.path.knots[0] == pytest.approx([1.0, 2.5, 2.5])
-    assert not collides(space, late)
-    assert late.cost == pytest.approx(2.0 * 4.2, abs=0.05)
-
-
-def test_a_tree_for_bodies_as_they_are_foretold_now_agrees_with_one_that_was_grown_before():
-    """What a clock from now on tells at 0 the clock of before tells now; nothing that stands is sampled again."""
-    before = FreeSpace.of(SCENES["pincer"]())
-    now = before.with_movers([replace(mover, motion=mover.motion.after(0.4)) for mover in before.scene.movers])
-    assert now.field is before.field
-    known = {one.id: one.cost for one in grown(before, 0, 400).references(np.array([1.4, 2.5, 0.4]))}
-    fresh = {one.id: one.cost for one in grown(now, 0, 400).references(np.array([1.4, 2.5, 0.0]))}
-    assert {"0,0", "1,0", "0,-1"} <= known.keys() & fresh.keys()
-    for way in ("0,0", "1,0", "0,-1"):
-        assert known[way] == pytest.approx(fresh[way], rel=5e-3)
-
-
 def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
     block = [disc("post", 3.0, 2.6, 0.4)]
     space = FreeSpace.of(hall("standing", [], block))
@@ -117,35 +85,6 @@ def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
     below = [2 * np.pi - abs(angle) % (2 * np.pi) - sum(np.arctan2(r, 0.5) for r in reach), bend]
     lengths = sorted(sum(reach) + 0.5 * max(turn, 0.0) - 0.3 for turn in below)
     assert found[0].cost == pytest.approx(2.0 * lengths[0], rel=3e-3)
-
-
-def test_who_is_shut_in_has_no_reference():
-    """Four bodies close around the robot, and stay."""
-    sides = [(0.0, 1.0), (0.0, -1.0), (1.0, 0.0), (-1.0, 0.0)]
-    rows = [[(0.0, 1 + 0.62 * x, 2.5 + 0.62 * y, 0.0), (0.1, 1 + 0.6 * x, 2.5 + 0.6 * y, 0.0)] for x, y in sides]
-    movers = [moved(f"side{k}", row, disc("disc", 0.0, 0.0, 0.44)) for k, row in enumerate(rows)]
-    tree = grown(FreeSpace.of(hall("shut", movers)), 0)
-    with pytest.raises(NoReference):
-        tree.references(START)
-
-
-def test_no_limit_of_speeds_is_exceeded_and_a_slower_robot_goes_around():
-    """Through the closing door one must be fast."""
-    space = FreeSpace.of(SCENES["closing_door"]())
-    slow = grown(space, 0, 250, InTime(speed=1.2)).references(START)
-    assert "0,0" not in {one.id for one in slow}
-    for one in slow:
-        knots = one.path.knots
-        assert np.max(np.hypot(*np.diff(knots[:, :2], axis=0).T) / np.diff(knots[:, 2])) <= 1.2 * (1.0 + 1e-6)
-
-
-def test_growth_in_steps_is_growth_at_once():
-    space = FreeSpace.of(SCENES["oblique"]())
-    once, steps = grown(space, 5, 150), HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(5))
-    for vertices in (40, 41, 97, 150):
-        steps.grow(vertices)
-    assert np.array_equal(once.states[: once.size], steps.states[: steps.size], equal_nan=True)
-    assert [one.cost for one in once.references(START)] == [one.cost for one in steps.references(START)]
 
 
 def test_far_bodies_do_not_multiply_the_classes_that_count():
@@ -188,38 +127,6 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
         later = tree.references(START + np.array([0.1, 0.01, 0.1]), before=before, threads=threads)
         found.append([(one.winding, one.path.knots.tolist()) for one in [*first, *later]])
     assert found[0] == found[1]
-
-
-@pytest.mark.parametrize("shortened", [False, True])
-def test_the_cheapest_classes_alone_are_found_as_among_all(shortened):
-    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
-    every = {one.winding: one for one in tree.references(START, shortened=shortened)}
-    raw = [one.winding for one in tree.references(START, shortened=False)]  # cheapest first
-    assert len(raw) > 2
-    for most in range(1, len(raw) + 1):
-        found = tree.references(START, shortened=shortened, most=most)
-        assert {one.winding for one in found} == set(raw[:most])
-        for one in found:
-            assert one.path.knots.tolist() == every[one.winding].path.knots.tolist()
-
-
-def test_a_class_whose_earlier_path_is_short_is_looked_at_whatever_the_tree_makes_of_it():
-    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 600)
-    raw = tree.references(START, shortened=False)
-    short = {one.winding: one for one in tree.references(START)}
-    last = raw[-1].winding
-    cheaper = [one.winding for one in raw if one.cost < short[last].cost]
-    assert len(cheaper) < len(raw) - 1
-    found = tree.references(START, before={last: short[last].path}, most=len(cheaper) + 1)
-    assert {one.winding for one in found} == {*cheaper, last}
-
-
-def test_edges_that_are_judged_in_parts_are_those_that_are_judged_at_once():
-    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 500)
-    once, parts = (tree.choose_parent(START, tree.steering.min_neighbours, threads) for threads in (1, 3))
-    assert len(once.near) > 2 * TUNING.shared_edges
-    for one, other in zip([*once[:3], *once.turns], [*parts[:3], *parts.turns], strict=True):
-        assert np.array_equal(one, other)
 
 
 def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():

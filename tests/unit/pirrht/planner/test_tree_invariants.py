@@ -125,18 +125,6 @@ def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: S
             assert gr.cost[v, slot] == pytest.approx(parent + gr.edge_cost[e], abs=1e-9)
 
 
-@pytest.mark.parametrize("steering", [StraightLine(), Dubins(rho=0.4)])
-def test_the_state_of_every_node_is_driven_to_the_goal_in_its_class(space: FreeSpace, steering: Steering) -> None:
-    tree = grown(space, steering, 3)
-    for v in np.flatnonzero(~tree.in_goal[: tree.size])[::7]:
-        for slot in range(int(tree.graph.nodes[v])):
-            states = tree.states[tree.path_of(int(v), slot)]
-            path = tree.checker.until_goal(steering.connect(states[:-1], states[1:]))
-            assert path.cost.sum() == pytest.approx(tree.graph.cost[v, slot], abs=1e-9)
-            assert space.homology.winding(np.vstack(path.points(0.01))) == tuple(class_at(tree.graph, int(v), slot))
-            assert np.all(tree.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
-
-
 def test_equal_seeds_grow_equal_trees(space: FreeSpace) -> None:
     one, other = (grown(space, Dubins(rho=0.4), 4) for _ in range(2))
     np.testing.assert_array_equal(one.states[: one.size], other.states[: other.size])

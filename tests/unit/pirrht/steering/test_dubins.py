@@ -7,27 +7,18 @@ import pytest
 from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves, along
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.chain import cheapest_chain
+from pirrht.geometry.arcs import TWO_PI, Curves
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.shorten import shorten
-from pirrht.planner.tree import HomologyTree
-from pirrht.planner.tuning import ChainTuning
-from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
-from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 
 CAR = Dubins(V=1.5, rho=0.8)
 
 
 R = CAR.radius
-
-
-WORDS = ((1, 1), (-1, -1), (1, -1), (-1, 1))
 
 
 def pairs(count: int, seed: int, span: float = 6.0) -> tuple[Array, Array]:
@@ -131,39 +122,6 @@ def test_distance_is_an_asymmetric_metric(sample: tuple[Array, Array]) -> None:
     np.testing.assert_allclose(CAR.distance(heads + reverse, tails + reverse) * CAR.V, length, atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("head", "length"),
-    [
-        ((0.0, 0.0, np.pi), 7 * np.pi / 3),  # about turn on the spot: three arcs
-        ((4.0, 0.0, 0.0), 4.0),
-        ((0.0, 2.0, np.pi), np.pi),
-        ((0.0, 4.0, np.pi), np.pi + 2.0),
-        ((1.0, 1.0, np.pi / 2), np.pi / 2),
-        ((0.0, 1e-12, 0.0), 0.0),
-    ],
-)
-def test_known_lengths(head: tuple[float, float, float], length: float) -> None:
-    scaled = np.array([R, R, 1.0]) * np.array(head)
-    measured = float(CAR.distance(np.zeros(3), scaled)) * CAR.V / R
-    assert measured == pytest.approx(length, abs=1e-9)
-
-
-def test_distance_broadcasts_and_serves_nearest() -> None:
-    states, points = pairs(300, 10)
-    table = CAR.distance(states[:, None], points[None, :5])
-    assert table.shape == (300, 5)
-    np.testing.assert_array_equal(table[:, 3], CAR.distance(states, points[3]))
-    differ = 0
-    for x in points[:40]:
-        ahead = CAR.nearest(states, x, 12, forward=True)
-        behind = CAR.nearest(states, x, 12, forward=False)
-        np.testing.assert_array_equal(ahead, np.argsort(CAR.distance(x, states), kind="stable")[:12])
-        np.testing.assert_array_equal(behind, np.argsort(CAR.distance(states, x), kind="stable")[:12])
-        differ += set(ahead) != set(behind)
-    assert differ > 35
-    assert len(CAR.nearest(states[:4], points[0], 12, forward=True)) == 4
-
-
 def test_the_tape_drives_the_unicycle_to_the_head() -> None:
     car, dt = Unicycle(V=CAR.V, rho=CAR.rho), 1e-3
     for tail, head in zip(*pairs(6, 11), strict=True):
@@ -185,16 +143,6 @@ def plain() -> Scene:
     )  # fmt: skip
 
 
-def test_only_a_unicycle_is_steered_by_dubins_curves() -> None:
-    scene = plain()
-    problem = Problem(dynamics=Unicycle(V=1.5, rho=0.8), scene=scene, R=np.eye(1))
-    assert Dubins.of(problem) == CAR
-    with pytest.raises(OptionError, match="SingleIntegrator"):
-        Dubins.of(Problem(dynamics=SingleIntegrator(), scene=scene, R=np.eye(2)))
-    with pytest.raises(OptionError, match="rho"):
-        Dubins(rho=0.0)
-
-
 @pytest.mark.parametrize("circles", [1.0, 2.0, 5.0, 1.0 - 1e-12, 1.0 + 1e-12])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
@@ -211,60 +159,6 @@ def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
         )  # fmt: skip
         np.testing.assert_allclose(out[:8], sign * np.rint(circles), atol=1e-8)
         np.testing.assert_allclose(out[8:], 0.0, atol=1e-8)
-
-
-def test_markers_on_the_chord_of_an_arc_see_half_a_turn() -> None:
-    for sign in (1.0, -1.0):
-        for sweep in np.linspace(0.1, 6.2, 60):
-            arc = np.array([sign / R]), np.array([sweep * R])
-            start = np.array([0.0, 0.0, 0.7])
-            end = np.array(along(*start, arc[0][0], arc[1][0])[:2])
-            out = np.empty(1)
-            turns_of_curve(start, *arc, (0.3 * end)[None, :], out)
-            assert out[0] == pytest.approx(0.5 * sign, abs=1e-9)
-
-
-@pytest.fixture(scope="module")
-def grown() -> HomologyTree:
-    spots = [(2.5, 3.0), (4.5, 5.2), (4.6, 1.8), (6.6, 3.4), (2.4, 6.2), (6.6, 6.6)]
-    posts = tuple(
-        Obstacle(
-            name=f"post{i}", kind=Kind.CYLINDER if i % 2 else Kind.BOX, size=np.array([0.35, 0.3, 0.3]),
-            position=np.array([*spot, 0.1]), rotation=np.eye(3),
-        )
-        for i, spot in enumerate(spots)
-    )  # fmt: skip
-    scene = Scene(
-        name="posts", lower=np.zeros(2), upper=np.full(2, 8.0), obstacles=posts,
-        start=np.array([0.6, 4.0, 0.0]), robot_radius=0.15,
-        goal=Goal(center=np.array([7.4, 4.6]), radius=0.35),
-    )  # fmt: skip
-    tree = HomologyTree(FreeSpace.of(scene), Dubins(rho=0.7), limit=0.8, classes=12, rng=np.random.default_rng(15))
-    tree.grow(300)
-    return tree
-
-
-def test_polished_paths_keep_class_bounds_and_freedom(grown: HomologyTree) -> None:
-    car, goal, homology = grown.steering, grown.space.scene.goal, grown.space.homology
-    assert isinstance(car, Dubins)
-    saved = []
-    for raw in grown.references(grown.space.scene.start, shortened=False):
-        path = shorten(raw.path, car, grown.checker)
-        assert path.length.sum() <= raw.path.length.sum()
-        saved.append(1.0 - path.length.sum() / raw.path.length.sum())
-        assert np.abs(path.curvature).max() * car.radius <= 1 + 1e-9
-        np.testing.assert_allclose(path.start[0], grown.space.scene.start)
-        finish = ends(path)
-        np.testing.assert_allclose(finish[:-1, :2], path.start[1:, :2], atol=1e-8)
-        np.testing.assert_allclose(wrapped(finish[:-1, 2] - path.start[1:, 2]), 0.0, atol=1e-8)
-        assert np.hypot(*(finish[-1, :2] - goal.center)) == pytest.approx(goal.radius, abs=1e-8)
-        assert homology.winding(np.vstack(path.points(0.005))) == raw.winding
-        assert np.all(grown.checker.inspect(path, np.ones(len(path.cost), dtype=np.bool_)).free)
-        np.testing.assert_array_equal(shorten(raw.path, car, grown.checker).length, path.length)
-        more = cheapest_chain(path, car, grown.checker, ChainTuning(stations=(30, 40)))
-        assert more.length.sum() > 0.9 * path.length.sum()
-    assert len(saved) >= 6
-    assert np.mean(saved) > 0.01
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -10,7 +10,6 @@ from discs import block, disc
 from moving import SCENES, as_mesh, hall, moved
 from thoroughly import thorough
 
-from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
@@ -74,16 +73,6 @@ def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
     assert min(counts) > 5
 
 
-def test_a_way_that_touches_by_a_hair_is_left_to_fcl_and_what_surely_meets_is_blocked():
-    space = FreeSpace.of(SCENES["crossing"]())
-    traffic = space.moving
-    x = 3.25 + 0.4
-    assert traffic.certify(x + 1e-3, 0.5, x + 1e-3, 4.5, 0.0, 4.5) == FREE
-    assert traffic.certify(x - 1e-3, 0.5, x - 1e-3, 4.5, 0.0, 4.5) == BLOCKED
-    assert traffic.certify(3.25, 3.79, 3.25, 3.79, 0.0, 3.8) == FREE  # who waits until it comes near
-    assert traffic.certify(3.25, 3.79, 3.25, 3.79, 0.0, 3.9) == BLOCKED
-
-
 def test_costs_are_those_of_the_integral():
     steering = InTime(q=1.3, r=0.7)
     tails, heads = edges(0, 200)
@@ -116,14 +105,6 @@ def test_nearest_states_are_those_of_least_cost_in_either_direction(forward):
     assert np.isfinite(cost[found]).all()
 
 
-def test_arrival_is_free_and_at_the_best_speed():
-    steering = InTime(q=2.0, r=1.0)
-    motion = steering.connect(np.array([[1.0, 2.5, 0.4]]), GOAL)
-    assert steering.pace == pytest.approx(2.0)
-    assert motion.path[0, 5] == pytest.approx(0.4 + 4.5 / 2.0)
-    assert motion.cost[0] == pytest.approx(4.5 * math.sqrt(2.0 * 2.0 * 1.0))
-
-
 def test_a_way_into_the_goal_is_paid_up_to_the_rim_and_other_ways_must_not_enter_it():
     space, steering = FreeSpace.of(hall("empty", [])), InTime()
     checker = EdgeChecker.of(space, steering)
@@ -133,18 +114,6 @@ def test_a_way_into_the_goal_is_paid_up_to_the_rim_and_other_ways_must_not_enter
     path = checker.until_goal(motions)
     assert path.path[0, 3:] == pytest.approx([5.2, 2.5, 4.2])
     assert path.cost[0] == pytest.approx(8.4)
-
-
-def test_waiting_is_no_control_for_a_while():
-    steering = InTime()
-    knots = np.array([[1.0, 2.5, 0.5], [1.0, 2.5, 1.75], [2.0, 2.5, 2.25]])
-    path = steering.connect(knots[:-1], knots[1:])
-    found = steering.trajectory(path)
-    assert found.controls == pytest.approx(np.array([[0.0, 0.0], [2.0, 0.0]]))
-    assert found.durations == pytest.approx([1.25, 0.5])
-    assert found.cost == pytest.approx(1.25 + 0.5 * (1.0 + 4.0))
-    assert found.slack is None
-    assert path.knots == pytest.approx(knots)
 
 
 def test_a_point_is_steered_by_its_own_cost_and_other_systems_track_at_their_pace():
@@ -158,31 +127,3 @@ def test_a_point_is_steered_by_its_own_cost_and_other_systems_track_at_their_pac
     found = rover.trajectory(rover.connect(np.array([[1.0, 1.0, 0.0]]), np.array([[2.0, 1.0, 1.0]])))
     assert np.array_equal(found.controls, np.zeros((1, 2)))
     assert found.slack == rover.slack > 0.0
-
-
-@pytest.mark.parametrize("wrong", [{"q": 0.0}, {"r": np.inf}, {"speed": -1.0}])
-def test_costs_and_limits_that_are_none_are_refused(wrong):
-    with pytest.raises(OptionError, match="must be a"):
-        InTime(**wrong)
-
-
-def test_draws_are_of_use_from_the_start_on():
-    """Most lie where the way there and on to the goal costs a small multiple of the straight way."""
-    space, steering = FreeSpace.of(SCENES["pincer"]()), InTime()
-    rng = np.random.default_rng(0)
-    states = steering.draws(space, rng, 600)
-    assert np.all((states[:, :2] > 0.0) & (states[:, :2] < [6.0, 5.0]) & (states[:, 2:] >= 0.0))
-    away = np.hypot(*(states[:, :2] - [1.0, 2.5]).T)
-    least = states[:, 2] + away**2 / np.maximum(states[:, 2], 1e-9) + 2.0 * np.hypot(*(states[:, :2] - [5.5, 2.5]).T)
-    assert np.mean(least < 2.0 * 9.0) > 0.7
-
-
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("begun", [0.0, 3.0])
-def test_no_draw_is_later_than_a_motion_and_the_way_to_the_goal_after_it(scene, begun):
-    """What may cost a large multiple of the straight way is no later for it."""
-    space, steering = FreeSpace.of(SCENES[scene]()), InTime()
-    origin = np.array([*space.scene.start[:2], begun])
-    times = steering.draws(space, np.random.default_rng(1), 4000, origin)[:, 2]
-    assert begun < times.min()
-    assert times.max() <= begun + steering.horizon(space.scene)

@@ -84,17 +84,6 @@ def test_the_pairs_of_a_curve_are_its_whole_turns(M: int) -> None:
     assert wound > 0 or M < 3
 
 
-def test_a_half_circle_about_a_marker_on_its_way_to_the_goal_has_one_whole_turn_or_none() -> None:
-    """Start, marker, end and goal point on one line: no side can be told by rounding, but the angle adds up."""
-    homology = Homology(markers=np.array([[2.0, 0.0]]), goal=np.array([5.0, 0.0]))
-    marker, turn = np.empty(3, np.int32), np.empty(3, np.int16)
-    for sign, expected in ((1.0, 1), (-1.0, 0)):
-        start = np.array([1.0, 0.0, -sign * np.pi / 2])
-        arc = np.array([sign, 0.0, 0.0]), np.array([np.pi, 0.0, 0.0])
-        count = pairs_of_curve(homology.cuts, (start, *arc), False, (3.0, 0.0), marker, turn, 0)
-        assert spread(marker[:count], turn[:count], 1)[0] == expected
-
-
 def test_short_steps_ask_a_few_of_many_markers() -> None:
     homology, rng = field(1000), np.random.default_rng(3)
     steps = [(a, a + rng.normal(0, 0.05, 2)) for a in rng.uniform(0, 24, (500, 2))]

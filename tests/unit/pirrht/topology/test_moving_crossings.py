@@ -14,9 +14,6 @@ from pirrht.geometry.scene import Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import copied
-from pirrht.topology.homology import Homology
-from pirrht.topology.moving_crossings import outside, whole_turns
-from pirrht.topology.tracks import MarkerTrajectories, crossings_of_step, crossings_of_waiting, place_at
 
 STEERING = InTime()
 
@@ -78,37 +75,6 @@ def test_a_sampled_path_has_the_class_of_its_polyline(seed):
         assert homology.winding(samples) == homology.winding(knots)
 
 
-def test_what_is_beside_a_triangle_all_the_time_is_not_turned_about():
-    """The quick test never says so of a marker that an edge turns about."""
-    space, rng = FreeSpace.of(busy(0)), np.random.default_rng(1)
-    moving, goal, quick = STEERING.homology(space), (5.5, 2.5), 0
-    for _ in range(400):
-        a, b = random_path(rng)[:2]
-        for j in range(moving.J):
-            away = [np.hypot(5.5 - p[0], 2.5 - p[1]) for p in (a, b)]
-            until = max(a[2] + away[0], b[2] + away[1])
-            if outside(moving.tracks, j, tuple(a[:2]), tuple(b[:2]), goal, a[2], until):
-                quick += 1
-                closed = moving.turns(np.array([a, b, [*goal, b[2] + away[1]], [*goal, until]]))
-                base = moving.turns(np.array([a, [*goal, a[2] + away[0]], [*goal, until]]))
-                assert round((closed - base)[len(moving.markers) + j]) == 0
-                assert whole_turns(moving.tracks, j, goal, 1.0, tuple(a), tuple(b), False) == 0
-    assert quick > 100
-
-
-def test_crossings_of_waiting_are_those_of_steps_that_stay():
-    """From the beginning of a track through many laps, until any moment of them."""
-    goal, rng = np.array([5.5, 2.5]), np.random.default_rng(3)
-    lap = np.array([[0.0, 4.0, 2.0], [1.0, 6.0, 3.4], [2.0, 6.5, 1.0], [3.0, 3.5, 1.5], [4.0, 5.0, 3.5]])
-    for period in (0.0, 4.0):
-        tracks = MarkerTrajectories.of([lap], [period], goal)
-        for t in [*rng.uniform(-1.0, 30.0, 50), 0.0, 1.0, 4.0, 8.0, 8.5]:
-            (fx, fy), (lx, ly) = (goal - place_at(tracks, 0, s) for s in (-1.0, t))
-            steps = crossings_of_step(tracks, 0, (*goal, -1.0), (*goal, max(t, -1.0)), (fx, fy), (lx, ly))
-            assert crossings_of_waiting(tracks, 0, *goal, t, lx, ly) == steps, t
-        assert steps != 0
-
-
 def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
     space = FreeSpace.of(SCENES["oblique"]())
     homology, start = STEERING.homology(space), np.array([1.0, 2.5, 0.0])
@@ -118,14 +84,6 @@ def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it(
     assert base[1:] == pytest.approx(1.0 + homology.turns(legs)[1:])
     assert base[:1] == pytest.approx(space.homology.static.signature(start, (0,)))
     assert homology.signature(start, (1, 0, -2, 0)) == pytest.approx(base + np.array([1, 0, -2, 0]))
-
-
-def test_keys_of_classes_are_sums_over_all_markers():
-    homology: Homology = STEERING.homology(FreeSpace.of(SCENES["oblique"]()))
-    one, two = (1, 0, -1, 2), (0, 3, 1, -1)
-    assert homology.key(one) != homology.key(two)
-    with np.errstate(over="ignore"):
-        assert np.int64(homology.key(one)) + np.int64(homology.key(two)) == homology.key((1, 3, 0, 1))
 
 
 def test_where_nothing_moves_classes_are_those_of_the_standing_world():

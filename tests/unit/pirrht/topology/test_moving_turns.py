@@ -65,14 +65,6 @@ def test_turns_are_the_sum_of_small_angles_seen_from_the_moving_marker(seed, rep
     assert homology(late).turns(path)[0] == pytest.approx(fine(path, late, point), abs=0.01)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_a_path_may_be_cut_anywhere(seed):
-    mover, path = wanderer(seed), path_of(seed)
-    t = np.sort(np.concatenate([path[:, 2], np.random.default_rng(seed).uniform(path[0, 2], path[-1, 2], 30)]))
-    cut = np.column_stack([*(np.interp(t, path[:, 2], path[:, k]) for k in (0, 1)), t])
-    assert homology(mover).turns(cut) == pytest.approx(homology(mover).turns(path), abs=1e-9)
-
-
 @pytest.mark.parametrize("seed", range(8))
 def test_paths_with_equal_ends_differ_by_whole_turns_whenever_they_arrive(seed):
     """Closed by waiting at the goal until both are there."""
@@ -85,13 +77,6 @@ def test_paths_with_equal_ends_differ_by_whole_turns_whenever_they_arrive(seed):
     difference = whole[0] - whole[1]
     assert difference == pytest.approx(np.rint(difference), abs=1e-9)
     assert np.array_equal(np.subtract(ways.winding(early), ways.winding(late)), np.rint(difference))
-
-
-def test_the_base_has_the_class_zero_and_who_waits_on_stays_in_his_class():
-    ways = homology(*SCENES["pincer"]().movers)
-    base = np.array([[1.0, 2.5, 0.0], [*GOAL, 4.5]])
-    assert ways.winding(base) == (0, 0)
-    assert ways.winding(np.vstack([base, [*GOAL, 9.0]])) == (0, 0)
 
 
 def test_before_and_behind_a_crossing_body_are_two_classes():
@@ -110,9 +95,3 @@ def test_solids_of_a_body_that_touch_are_one_obstacle_and_others_are_two():
     assert markers_of(one, FOOT) == pytest.approx(np.array([[0.0, 0.0]]), abs=1e-3)
     assert len(markers_of(two, FOOT)) == 2
     assert homology(one, two).names == ("one", "two", "two")
-
-
-def test_without_bodies_that_move_there_is_nothing_to_wind_around():
-    ways = homology()
-    assert ways.J == 0
-    assert ways.winding(path_of(0)) == ()

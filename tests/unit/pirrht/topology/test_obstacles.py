@@ -59,10 +59,6 @@ def members(result):
     return [component.members for component in result]
 
 
-def test_an_empty_scene_has_no_components():
-    assert found() == ()
-
-
 def test_touching_boxes_are_one_component():
     (one,) = found(box(0, 1, 0, 1, "left"), box(1, 2, 0, 2, "right"))
     assert one.members == (0, 1)
@@ -79,21 +75,10 @@ def test_a_gap_counts_when_the_robot_fits_through(gap, count):
     assert len(found(box(-1, 0, -1, 0), box(corner[0], 2, corner[1], 2))) == count
 
 
-def test_overlapping_rectangles_alone_do_not_join():
-    diagonal = Rotation.from_euler("z", 45, degrees=True)
-    walls = [solid(Kind.BOX, [2, 0.05, 0.3], [0, y], diagonal) for y in (0, 1.0)]
-    assert len(found(*walls)) == 2
-
-
 def test_a_u_is_one_component_and_what_stands_inside_is_another():
     result = found(box(-2, -1.8, -2, 2), box(-2, 2, -2, -1.8), disc(0, 0), box(1.8, 2, -2, 2))
     assert members(result) == [(0, 1, 3), (2,)]
     assert result[1].marker == pytest.approx([0, 0])
-
-
-def test_components_are_ordered_by_their_first_member():
-    row = [disc(3, 0), disc(-3, 0), disc(0, 0), disc(-3.2, 0), disc(3.2, 0)]
-    assert members(found(*row)) == [(0, 4), (1, 3), (2,)]
 
 
 @pytest.mark.parametrize("radius", [0.3, 0.5])
@@ -110,38 +95,6 @@ def test_a_component_joins_the_border_where_the_robots_centre_cannot_pass(gap, j
     (one,) = found(*discs)
     assert one.joins_border == joins
     assert (one.marker is None) == joins
-
-
-def test_a_wall_across_the_workspace_joins_the_border_and_a_corner_does_not_count_twice():
-    result = found(box(-9, 9, -0.1, 0.1), disc(4.9, 4.9), disc(0, 2))
-    assert [component.joins_border for component in result] == [True, True, False]
-
-
-def test_solids_that_the_robot_cannot_reach_are_left_out():
-    high = solid(Kind.SPHERE, [0.1, 0, 0], [0, 0], height=HEIGHT + 0.31)
-    outside, astride_a_corner = disc(5.3, 0), disc(5.2, 5.2)
-    assert members(found(high, outside, astride_a_corner, disc(2, 2))) == [(3,)]
-    assert members(found(disc(5.1, 5.1), disc(5.27, 0))) == [(0,), (1,)]
-
-
-def test_the_marker_of_a_leaning_pole_is_where_it_crosses_the_robots_height():
-    lean = Rotation.from_euler("y", 60, degrees=True)
-    pole = solid(Kind.CAPSULE, [0.05, 1.5, 0], [0, 0], lean, height=HEIGHT + 0.6)
-    (one,) = found(pole)
-    crossing = -0.6 * np.tan(np.pi / 3)
-    assert one.marker == pytest.approx([crossing, 0], abs=0.05 / np.cos(np.pi / 3))
-
-
-@pytest.mark.parametrize("kind", list(Kind), ids=lambda kind: kind.value)
-def test_markers_lie_in_their_inflated_solids(kind):
-    rng = np.random.default_rng(1)
-    for seed in range(20):
-        turn = Rotation.random(random_state=seed)
-        obstacle = solid(kind, rng.uniform(0.1, 1.0, 3), rng.uniform(-1, 1, 2), turn, height=rng.uniform(-0.5, 0.7))
-        scene = scene_of(obstacle)
-        collision = Collision(scene.world, scene.footprint)
-        for component in components(collision):
-            assert collision.distance(component.marker[None])[0] <= RADIUS
 
 
 def gap_in_mujoco(one, other):
@@ -182,27 +135,3 @@ def test_upright_solids_are_joined_exactly_if_the_robot_is_wider_than_their_gap(
         tried += 1
         for robot, count in ((0.5 * gap * 1.001, 1), (0.5 * gap * 0.999, 2)):
             assert len(found(*pair, half=(9, 9), radius=robot)) == count, pair
-
-
-def test_hundreds_of_touching_cylinders_are_few_components():
-    rng = np.random.default_rng(4)
-    cells = np.argwhere(rng.random((30, 80)) < 0.16)[:365]
-    discs = [disc(*(cell * 0.15 + 0.075 - np.array([2.25, 6.0]))) for cell in cells]
-    result = found(*discs, half=(2.25, 6.0), radius=0.12)
-    assert members(result) == by_centres(discs, 2 * (0.075 + 0.12))
-    assert 1 < len(result) < 50
-
-
-def by_centres(discs, reach):
-    """Components of equal discs, from the distances of their centres alone."""
-    centres = np.array([d.position[:2] for d in discs])
-    near = np.hypot(*(centres[:, None] - centres).T) <= reach
-    left, result = set(range(len(discs))), []
-    while left:
-        group, new = set(), {min(left)}
-        while new:
-            group |= new
-            new = set(np.flatnonzero(near[sorted(new)].any(axis=0)).tolist()) - group
-        left -= group
-        result.append(tuple(sorted(group)))
-    return result

@@ -224,7 +224,7 @@ def test_the_tree_grows_in_the_time_that_is_left_unless_the_plant_is_late(slit, 
     policy = FakePolicy(slit, clock)
     policy.tree = Growing(clock)
     planner = Planner(policy, clock, PERIOD, grow)
-    planner.extend(SharedPlan(planner.first(slit.start), slit.start), clock.now() - late, clock.now() + 0.02)
+    planner.extend(SharedPlan(planner.first(slit.start)), clock.now() - late, clock.now() + 0.02)
     assert policy.tree.size == 10 + expected
     assert clock.now() <= 100.0 + 0.02
 

@@ -13,36 +13,17 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, Meshes, MeshKey, Parts, as_box
-
-SQUARE = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
-
-
-def prism(outline: np.ndarray, hole: np.ndarray | None = None, height: float = 2.0) -> trimesh.Trimesh:
-    """An upright prism, with another prism cut out whose outline has as many corners."""
-    n = len(outline)
-    rings = [outline] if hole is None else [outline, hole]
-    corners = np.concatenate([np.column_stack([r, np.full(n, z)]) for z in (0.0, height) for r in rings])
-    k, faces = n * len(rings), []
-    for i in range(n):
-        j = (i + 1) % n
-        faces += [(i, j, k + j), (i, k + j, k + i)]
-        if hole is not None:
-            faces += [(n + j, n + i, k + n + i), (n + j, k + n + i, k + n + j)]
-            faces += [(j, i, n + i), (j, n + i, n + j), (k + i, k + j, k + n + j), (k + i, k + n + j, k + n + i)]
-        elif 0 < i < n - 1:
-            faces += [(0, j, i), (k, k + i, k + j)]
-    return trimesh.Trimesh(corners, faces, process=False)
+from sim.importing.meshes import CONCAVE, MeshKey, Parts, split
+from sim.importing.solids import as_box
 
 
-def hexagon(radius: float) -> np.ndarray:
-    turns = np.arange(6) * np.pi / 3
-    return radius * np.column_stack([np.cos(turns), np.sin(turns)])
+def ring() -> trimesh.Trimesh:
+    return trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
 
 
 def parts(mesh: trimesh.Trimesh, path: Path, **more) -> Parts:
     mesh.export(path)
-    return Meshes().parts(MeshKey(path, **more))
+    return split(MeshKey(path, **more))
 
 
 def volume(found: Parts) -> float:
@@ -51,19 +32,19 @@ def volume(found: Parts) -> float:
 
 @pytest.mark.parametrize("suffix", ["stl", "obj"])
 def test_a_ring_of_walls_leaves_its_inside_free(tmp_path, suffix):
-    ring = prism(hexagon(3.0), hexagon(2.8))
-    found = parts(ring, tmp_path / f"ring.{suffix}")
+    mesh = ring()
+    found = parts(mesh, tmp_path / f"ring.{suffix}")
     assert len(found.vertices) == 6
-    assert volume(found) == pytest.approx(ring.volume, rel=1e-5)
+    assert volume(found) == pytest.approx(mesh.volume, rel=1e-5)
     assert found.rough == 0
 
 
 def test_normals_that_point_inward_and_mirroring_scales_change_nothing(tmp_path):
-    ring = prism(hexagon(3.0), hexagon(2.8))
+    mesh = ring()
     for scale in ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
-        ring.invert()
-        found = parts(ring, tmp_path / "ring.stl", scale=scale)
-        assert volume(found) == pytest.approx(abs(ring.volume), rel=1e-5)
+        mesh.invert()
+        found = parts(mesh, tmp_path / "ring.stl", scale=scale)
+        assert volume(found) == pytest.approx(abs(mesh.volume), rel=1e-5)
 
 
 def test_what_does_not_hang_together_is_separate(tmp_path):
@@ -74,7 +55,7 @@ def test_what_does_not_hang_together_is_separate(tmp_path):
 
 
 def test_walls_without_thickness_become_plates_around_free_space(tmp_path):
-    shell = prism(SQUARE)
+    shell = trimesh.creation.box((6, 4, 2))
     shell.update_faces(np.abs(shell.face_normals[:, 2]) < 0.5)  # neither floor nor ceiling
     found = parts(shell, tmp_path / "shell.stl")
     assert len(found.vertices) == 4
@@ -96,7 +77,7 @@ def test_round_shapes_are_within_the_tolerance(tmp_path):
 
 
 def test_a_hull_is_what_is_asked_for(tmp_path):
-    assert len(parts(prism(hexagon(3.0), hexagon(2.8)), tmp_path / "ring.stl", hull=True).vertices) == 1
+    assert len(parts(ring(), tmp_path / "ring.stl", hull=True).vertices) == 1
 
 
 def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
@@ -130,24 +111,25 @@ def test_a_frustum_is_no_box():
     assert as_box(local[:7]) is None
 
 
-BAD = {
-    "a.stl": (b"", "a.stl"),
-    "b.stl": (b"solid x\nfacet", "b.stl"),
-    "c.obj": (b"f 1 2 3", "c.obj"),
-    "d.obj": (b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
-    "e.obj": (b"v 1e300 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
-    "f.glb": (b"glTF", ".dae, .stl, .obj"),
-    "g.dae": (b"<COLLADA/>", "no triangles"),
-    "h.dae": (b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA/>', "DOCTYPE"),
-}
+BAD = [
+    ("a.stl", b"", "a.stl"),
+    ("b.stl", b"solid x\nfacet", "b.stl"),
+    ("c.obj", b"f 1 2 3", "c.obj"),
+    ("c.obj", b"mtllib /dev/zero\nv 0 0 0\n", "mesh"),
+    ("d.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
+    ("e.obj", b"v 1e300 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3", "farther out"),
+    ("f.glb", b"glTF", ".dae, .obj, .stl"),
+    ("g.dae", b"<COLLADA/>", "no triangles"),
+    ("h.dae", b'<!DOCTYPE a [<!ENTITY b "c">]><COLLADA/>', "DOCTYPE"),
+]
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name):
-    data, words = BAD[name]
+@pytest.mark.parametrize(("name", "data", "words"), BAD)
+def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(SceneError) as caught:
-        Meshes().parts(MeshKey(tmp_path / name))
-    assert words in str(caught.value)
-    assert name in str(caught.value)
-    assert "\n" not in str(caught.value)
+        split(MeshKey(tmp_path / name))
+    message = str(caught.value)
+    assert words in message
+    assert name in message
+    assert "\n" not in message

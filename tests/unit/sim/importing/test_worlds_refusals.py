@@ -2,100 +2,76 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, sdf
+from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, model, sdf
 
 from pirrht.errors import SceneError
-from sim.importing.scene_file import Imported, import_world
-
-
-@pytest.fixture
-def run(tmp_path: Path):
-    def run(text: str | bytes, **task) -> Imported:
-        source = tmp_path / "maze.world"
-        source.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return import_world(source, tmp_path / "maze.xml", **(TASK | task))
-
-    return run
-
+from sim.importing.scene_file import import_world
 
 GEOMETRY = "<geometry>{}</geometry>"
 MESH = "<mesh><uri>model://sofa/meshes/sofa.dae</uri></mesh>"
 CHAIN = "".join(f'<frame name="f{k}"><pose relative_to="f{k + 1}"/></frame>' for k in range(2000))
-BAD_WORLDS = {
-    "mesh": (sdf(model(link(collision(GEOMETRY.format(MESH))))), "sofa.dae"),
-    "height map": (sdf(model(link(collision(GEOMETRY.format("<heightmap/>"))))), "<heightmap>"),
-    "two shapes": (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"c"'),
-    "no shape": (sdf(model(link(collision("")))), '"c"'),
-    "include": (sdf("<include><uri>model://sofa</uri></include>"), "model://sofa"),
-    "include of nothing": (sdf("<include/>"), "<uri>"),
-    "download": (sdf("<include><uri>https://example.org/sofa</uri></include>"), "no model on this machine"),
-    "other scheme": (sdf("<include><uri>ftp://example.org/models/sofa</uri></include>"), "no model on this machine"),
-    "escape": (sdf("<include><uri>model://../../../../../../etc</uri></include>"), "leads out"),
-    "absolute": (sdf("<include><uri>file:///etc/passwd</uri></include>"), "leads out"),
-    "itself": (sdf("<include><uri>maze.world</uri></include>"), "0 elements <model>"),
-    "unexpanded": (sdf("<if><include><uri>maze.world</uri></include></if>"), "<model>"),
-    "in another element": (sdf("<if>" + ball("") + "</if>"), "<if>"),
-    "nested include": (sdf(model("<include><uri>model://desk</uri></include>")), "model://desk"),
-    "xinclude": (sdf('<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="a.sdf"/>'), "include"),
-    "population": (sdf('<population name="cans"/>'), '"cans"'),
-    "wall plane": (
-        sdf(model("<pose>0 0 0 1.57 0 0</pose>" + link(collision(PLANE)), name="wall")),
-        '"wall::l"',
-    ),
-    "raised plane": (
-        sdf(model("<pose>0 0 1 0 0 0</pose>" + link(collision(PLANE)), name="deck")),
-        '"deck::l"',
-    ),
-    "no radius": (sdf(ball("").replace("<radius>0.4</radius>", "")), "<radius>"),
-    "negative radius": (sdf(ball("").replace("0.4", "-0.4")), "'-0.4'"),
-    "infinite radius": (sdf(ball("").replace("0.4", "inf")), "'inf'"),
-    "huge radius": (sdf(ball("").replace("0.4", "1e308")), "from 1e-06 to 1e+06"),
-    "tiny radius": (sdf(ball("").replace("0.4", "1e-320")), "'1e-320'"),
-    "huge pose": (sdf(ball("<pose>1e308 0 0 0 0 0</pose>")), "none beyond 1e+06"),
-    "huge angles": (sdf(ball("<pose>4 2 0 1e308 0 0</pose>")), "none beyond 1e+06"),
-    "no turn": (sdf(ball('<pose rotation_format="quat_xyzw">4 2 0 1e-320 0 0 0</pose>')), "1e-320"),
-    "Python's number": (sdf(ball("<pose>4_0 2 0 0 0 0</pose>")), "4_0"),
-    "negative box": (
-        sdf(model(link(collision("<geometry><box><size>1 -1 1</size></box></geometry>")))),
-        "'1 -1 1'",
-    ),
-    "never closed": ("<sdf><world>" + "<a>" * 10_000, "not XML"),
-    "word as radius": (sdf(ball("").replace("0.4", "wide")), "'wide'"),
-    "short pose": (sdf(ball("<pose>1 2 3</pose>")), "1 2 3"),
-    "pose of nan": (sdf(ball("<pose>1 2 3 0 nan 0</pose>")), "nan"),
-    "unknown frame": (sdf(ball('<pose relative_to="moon">0 0 0 0 0 0</pose>')), '"moon"'),
-    "its own frame": (sdf(ball('<pose relative_to="m">0 0 0 0 0 0</pose>')), '"m"'),
-    "old frame": (sdf(ball('<pose frame="a">0 0 0 0 0 0</pose>')), 'frame="a"'),
-    "long chain": (sdf(CHAIN + '<frame name="f2000"/>' + ball('<pose relative_to="f0"/>')), "chain"),
-    "placement": (sdf('<model name="m" placement_frame="l"><static>1</static></model>'), '"l"'),
-    "twins": (sdf(ball("<pose>2 2 0 0 0 0</pose>") + ball("<pose>4 2 0 0 0 0</pose>")), 'model "m"'),
-    "scaled": (sdf('<state><model name="m"><scale>2 1 1</scale></model></state>' + ball("")), "'2 1 1'"),
-    "inserted": (sdf("<state><insertions><model/></insertions></state>"), "<insertions>"),
-    "deep": (sdf("<model name='m'>" * 40 + "</model>" * 40), "nested"),
-    "in the way": (sdf(ball("")), 'geom "m"'),
-    "not closed": ("<sdf><world>", "not XML"),
-    "nothing": (b"", "not XML"),
-    "bytes": (bytes(range(256)), "not XML"),
-    "no world": ("<sdf></sdf>", "<world>"),
-    "two worlds": ("<sdf><world/><world/></sdf>", "<world>"),
-    "urdf": ("<robot/>", "<robot>"),
-    "unknown encoding": ('<?xml version="1.0" encoding="klingon"?><sdf/>', "not XML"),
-    "document type": ('<!DOCTYPE sdf SYSTEM "file:///etc/passwd"><sdf/>', "DOCTYPE"),
-    "bomb": ('<!DOCTYPE b [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><sdf>&b;</sdf>', "DOCTYPE"),
-    "too large": (b"<sdf>" + b" " * (33 * 2**20) + b"</sdf>", "MiB"),
-}
+BAD_WORLDS = [
+    (sdf(model(link(collision(GEOMETRY.format(MESH))))), "sofa.dae"),
+    (sdf(model(link(collision(GEOMETRY.format("<heightmap/>"))))), "<heightmap>"),
+    (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"c"'),
+    (sdf(model(link(collision("")))), '"c"'),
+    (sdf("<include><uri>model://sofa</uri></include>"), "model://sofa"),
+    (sdf("<include/>"), "<uri>"),
+    (sdf("<include><uri>https://example.org/sofa</uri></include>"), "no model on this machine"),
+    (sdf("<include><uri>ftp://example.org/models/sofa</uri></include>"), "no model on this machine"),
+    (sdf("<include><uri>model://../../../../../../etc</uri></include>"), "leads out"),
+    (sdf("<include><uri>file:///etc/passwd</uri></include>"), "leads out"),
+    (sdf("<include><uri>maze.world</uri></include>"), "0 elements <model>"),
+    (sdf("<if><include><uri>maze.world</uri></include></if>"), "<model>"),
+    (sdf("<if>" + ball("") + "</if>"), "<if>"),
+    (sdf(model("<include><uri>model://desk</uri></include>")), "model://desk"),
+    (sdf('<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="a.sdf"/>'), "include"),
+    (sdf('<population name="cans"/>'), '"cans"'),
+    (sdf(model("<pose>0 0 0 1.57 0 0</pose>" + link(collision(PLANE)), name="wall")), '"wall::l"'),
+    (sdf(model("<pose>0 0 1 0 0 0</pose>" + link(collision(PLANE)), name="deck")), '"deck::l"'),
+    (sdf(ball("").replace("<radius>0.4</radius>", "")), "<radius>"),
+    (sdf(ball("").replace("0.4", "-0.4")), "'-0.4'"),
+    (sdf(ball("").replace("0.4", "1e308")), "from 1e-06 to 1e+06"),
+    (sdf(ball("").replace("0.4", "1e-320")), "'1e-320'"),
+    (sdf(ball("<pose>1e308 0 0 0 0 0</pose>")), "none beyond 1e+06"),
+    (sdf(ball("<pose>4 2 0 1e308 0 0</pose>")), "none beyond 1e+06"),
+    (sdf(ball('<pose rotation_format="quat_xyzw">4 2 0 1e-320 0 0 0</pose>')), "1e-320"),
+    (sdf(ball("<pose>4_0 2 0 0 0 0</pose>")), "4_0"),
+    (sdf(model(link(collision("<geometry><box><size>1 -1 1</size></box></geometry>")))), "'1 -1 1'"),
+    ("<sdf><world>" + "<a>" * 10_000, "not XML"),
+    (sdf(ball("").replace("0.4", "wide")), "'wide'"),
+    (sdf(ball("<pose>1 2 3</pose>")), "1 2 3"),
+    (sdf(ball("<pose>1 2 3 0 nan 0</pose>")), "nan"),
+    (sdf(ball('<pose relative_to="moon">0 0 0 0 0 0</pose>')), '"moon"'),
+    (sdf(ball('<pose relative_to="m">0 0 0 0 0 0</pose>')), '"m"'),
+    (sdf(ball('<pose frame="a">0 0 0 0 0 0</pose>')), 'frame="a"'),
+    (sdf(CHAIN + '<frame name="f2000"/>' + ball('<pose relative_to="f0"/>')), "chain"),
+    (sdf('<model name="m" placement_frame="l"><static>1</static></model>'), '"l"'),
+    (sdf(ball("<pose>2 2 0 0 0 0</pose>") + ball("<pose>4 2 0 0 0 0</pose>")), 'model "m"'),
+    (sdf('<state><model name="m"><scale>2 1 1</scale></model></state>' + ball("")), "'2 1 1'"),
+    (sdf("<state><insertions><model/></insertions></state>"), "<insertions>"),
+    (sdf("<model name='m'>" * 40 + "</model>" * 40), "nested"),
+    (sdf(ball("")), 'geom "m"'),
+    ("<sdf><world>", "not XML"),
+    (b"", "not XML"),
+    (bytes(range(256)), "not XML"),
+    ("<sdf></sdf>", "<world>"),
+    ("<sdf><world/><world/></sdf>", "<world>"),
+    ("<robot/>", "<robot>"),
+    ('<?xml version="1.0" encoding="klingon"?><sdf/>', "not XML"),
+    ('<!DOCTYPE sdf SYSTEM "file:///etc/passwd"><sdf/>', "DOCTYPE"),
+    ('<!DOCTYPE b [<!ENTITY a "aa"><!ENTITY b "&a;&a;">]><sdf>&b;</sdf>', "DOCTYPE"),
+    (b"<sdf>" + b" " * (33 * 2**20) + b"</sdf>", "MiB"),
+]
 
 
-@pytest.mark.parametrize("case", BAD_WORLDS)
-def test_a_bad_world_is_refused_in_one_line_and_nothing_is_written(run, case, tmp_path):
-    text, element = BAD_WORLDS[case]
+@pytest.mark.parametrize(("text", "element"), BAD_WORLDS)
+def test_a_bad_world_is_refused_in_one_line_and_nothing_is_written(text, element, tmp_path):
     (tmp_path / "maze.xml").write_text("what was here before")
     with pytest.raises(SceneError) as caught:
-        run(text)
+        imported(tmp_path, text)
     message = str(caught.value)
     assert "\n" not in message
     assert "maze.world" in message
@@ -123,10 +99,10 @@ BAD_TASKS = [
 
 
 @pytest.mark.parametrize(("task", "word"), BAD_TASKS)
-def test_a_bad_task_is_refused_with_the_option_to_add(run, task, word, tmp_path):
+def test_a_bad_task_is_refused_with_the_option_to_add(task, word, tmp_path):
     ground = model(link(collision(PLANE.format(size="100 100"))), name="ground")
     with pytest.raises(SceneError) as caught:
-        run(sdf(ground + ball("<pose>4 2 0 0 0 0</pose>")), **task)
+        imported(tmp_path, sdf(ground + ball("<pose>4 2 0 0 0 0</pose>")), **task)
     assert word in str(caught.value)
     assert "maze.world" in str(caught.value)
     assert not list(tmp_path.glob("*.xml"))

@@ -5,7 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from plants import QUIET, scene_file
+from mjcf_samples import robot_mjcf
+from plants import QUIET, WALL, scene_file
 
 from pirrht.errors import SceneError
 from pirrht.geometry.collision import Collision
@@ -15,8 +16,6 @@ from pirrht.systems.single_integrator import SingleIntegrator
 from sim.drive.executor import Executor
 from sim.mjcf import Loaded, load, robot_names
 from sim.scenario import prepare
-
-WALL = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.65 0 0.3"/>'  # face at 0.6
 
 
 def solids(loaded: Loaded) -> list[tuple]:
@@ -40,21 +39,7 @@ def test_plans_take_the_robot_to_be_larger_and_what_it_weighs_and_collides_with_
 
 def test_a_robot_whose_footprint_has_its_mass_keeps_it(tmp_path):
     file = tmp_path / "ball.xml"
-    file.write_text("""
-        <mujoco model="ball">
-          <custom>
-            <text name="pirrht_dynamics" data="single_integrator"/>
-            <numeric name="pirrht_command" size="4" data="1 0 0 1"/>
-          </custom>
-          <worldbody>
-            <body name="robot">
-              <joint name="x" type="slide" axis="1 0 0"/>
-              <joint name="y" type="slide" axis="0 1 0"/>
-              <geom name="footprint" type="sphere" pos="0 0 0.1" size="0.1" mass="3"/>
-            </body>
-          </worldbody>
-          <actuator><velocity joint="x" kv="1500"/><velocity joint="y" kv="1500"/></actuator>
-        </mujoco>""")
+    file.write_text(robot_mjcf(geom='<geom name="footprint" pos="0 0 0.1" size="0.1" mass="3"/>'))
     found = [load(scene_file(tmp_path), robot=file, margin=margin).model for margin in (0.0, 0.05)]
     for model in found:
         assert mujoco.mj_getTotalmass(model) == pytest.approx(3.0)

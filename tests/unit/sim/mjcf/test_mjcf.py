@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 import pytest
 from mjcf_samples import FLOOR, GOAL, SITES, SPACE, START, mjcf, refusal
 
-from pirrht.geometry.scene import Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Scene
 from sim.mjcf import load, robot_names, scene_names
-
-
-@pytest.fixture
-def write(tmp_path: Path):
-    def write(text: str | bytes, name: str = "scene.xml") -> Path:
-        path = tmp_path / name
-        path.write_bytes(text if isinstance(text, bytes) else text.encode())
-        return path
-
-    return write
 
 
 @pytest.mark.parametrize("scene", scene_names())
@@ -100,16 +88,6 @@ def test_nested_and_rotated_shapes_stand_where_mujoco_has_them(write):
     np.testing.assert_allclose(ours, theirs, atol=1e-5)
 
 
-def test_a_mesh_keeps_its_place_although_mujoco_recentres_it(write):
-    world = '<geom type="mesh" mesh="wedge" pos="3 4 0" euler="0 0 90"/>'
-    head = f'<asset><mesh name="wedge" vertex="{WEDGE}"/></asset>'
-    (wedge,) = load(write(mjcf(SITES + world, head=head))).scene.obstacles
-    corners = wedge.vertices @ wedge.rotation.T + wedge.position
-    written = np.array(WEDGE.split(), dtype=float).reshape(-1, 3)[:-1]  # the last lies inside the hull
-    expected = np.column_stack([3 - written[:, 1], 4 + written[:, 0], written[:, 2]])
-    np.testing.assert_allclose(sorted(corners.round(4).tolist()), sorted(expected.round(4).tolist()), atol=2e-4)
-
-
 @pytest.mark.parametrize(
     ("geom", "counts"),
     [
@@ -135,9 +113,8 @@ def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geo
 def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write):
     world = FLOOR + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
     for robot in robot_names():
-        model = load(
-            write(mjcf(SITES + world)), robot=robot, radius=0.1 if robot in ("puck", "hover", "rover") else 0.15
-        ).model
+        radius = 0.1 if robot in ("puck", "hover", "rover") else 0.15
+        model = load(write(mjcf(SITES + world)), robot=robot, radius=radius).model
         data = mujoco.MjData(model)
         mujoco.mj_resetDataKeyframe(model, data, 0)
         mujoco.mj_forward(model, data)
@@ -187,23 +164,10 @@ def test_another_robot_keeps_its_body_at_any_radius():
 def test_a_scene_names_its_robot_and_its_defaults(write):
     head = """<keyframe><key name="home"/><key name="start" time="3"/></keyframe>
               <custom><text name="pirrht_robot" data="unicycle"/><numeric name="pirrht_record_hz" data="25"/>
-              <numeric name="somebody_elses" data="1 2 3"/></custom>"""
+              <numeric name="somebody_elses" data="1 2 3"/>
+              <text name="pirrht_about" data="A room,&#10;   and a door."/></custom>"""
     loaded = load(write(mjcf(SITES, head=head)))
     assert (loaded.robot, loaded.dynamics_name) == ("unicycle", "unicycle")
-    assert loaded.scene.defaults == {"record-hz": 25.0}
+    assert (loaded.scene.defaults, loaded.about) == ({"record-hz": 25.0}, "A room, and a door.")
     np.testing.assert_allclose(loaded.model.key_qpos, [[1, 1, 0]])
     assert load(loaded.path, robot="puck").robot == "puck"
-
-
-def test_a_scene_says_what_it_is_about_or_nothing(write):
-    head = '<custom><text name="pirrht_about" data="A room,&#10;   and a door."/></custom>'
-    assert load(write(mjcf(SITES, head=head))).about == "A room, and a door."
-    assert load(write(mjcf(SITES))).about == ""
-
-
-def test_obstacles_are_plain_values_of_their_own():
-    first, second = load("slit"), load("slit")
-    first.scene.obstacles[0].position[:] = 0
-    first.model.geom_pos[:] = 0
-    upper: Obstacle = second.scene.obstacles[0]
-    np.testing.assert_allclose(upper.position, [3.4, 2.8, 0.25])

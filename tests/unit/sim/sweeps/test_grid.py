@@ -49,7 +49,7 @@ def test_any_other_text_is_a_range_or_refused_in_one_line(text):
 )
 def test_every_combination_is_one_job_in_the_order_of_the_text(methods, noises, first, count):
     words = {"methods": ", ".join(methods), "noise": ",".join(map(repr, noises)), "seeds": f"{first}:{first + count}"}
-    grid = parse(scenes=["slit", "a/b.xml"], task={"goal": [1, 2]}, given={"threads": 2, "plan_seed": 0}, **words)
+    grid = parse({"scenes": ["slit", "a/b.xml"], **words}, {"goal": [1, 2]}, {"threads": 2, "plan_seed": 0})
     jobs = grid.jobs()
     expected = [
         (scene, noise, method, seed)

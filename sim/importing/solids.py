@@ -1,0 +1,89 @@
+"""What importers read: solids in the world, the ground, and what a scene made of them says beside."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import product
+
+import numpy as np
+
+from pirrht.arrays import Array
+
+FLAT = 1e-3  # least thickness of a part of a mesh [m]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """One collision shape, fixed in the world."""
+
+    name: str  # of its model, with link and collision where the model has several
+    shape: str  # a type of MuJoCo's geoms
+    size: Array  # MuJoCo's sizes of that type [m]; zeros for a mesh
+    pose: Array  # (4, 4) in the world
+    vertices: Array | None = None  # (v, 3) of a convex mesh, in its own frame [m]
+
+    @property
+    def top(self) -> float:
+        """The highest point of a box or mesh [m]; infinite for other shapes."""
+        up = self.pose[2, :3]
+        reach = np.abs(up) @ self.size if self.shape == "box" else np.inf
+        return float(self.pose[2, 3] + (reach if self.vertices is None else (self.vertices @ up).max()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class World:
+    """What a file holds for a robot that drives on the ground."""
+
+    kind: str = "world"  # as messages call it: world, map, mesh
+    solids: tuple[Solid, ...] = ()  # in file order
+    ground: Array | None = None  # (4,) x0, x1, y0, y1 that the file bounds [m]
+    notes: tuple[str, ...] = ()  # sentences on what differs from the file
+    options: Mapping[str, str] = field(default_factory=dict)  # that a scene of it shall carry
+    custom: tuple[str, ...] = ()  # MJCF elements of its motions
+    bodies: tuple[str, ...] = ()  # MJCF elements of what moves
+    start: tuple[float, ...] | None = None  # x, y [m], heading [rad], if the file's kind has one
+    goal: tuple[float, ...] | None = None  # x, y, radius [m]
+
+
+def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
+    """Make a solid of a convex part of a mesh, which is a box if it can be."""
+    box = as_box(vertices)
+    if box is None:
+        return Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=vertices)
+    return Solid(name=name, shape="box", size=box[1], pose=pose @ box[0])
+
+
+def as_box(corners: Array) -> tuple[Array, Array] | None:
+    """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
+    edges = (corners - corners[0])[np.argsort(np.linalg.norm(corners - corners[0], axis=1))][1:]
+    if len(edges) != 7:
+        return None
+    square = [edge for edge in edges[1:-1] if abs(edge @ edges[0]) < FLAT * np.linalg.norm(edges[0])]
+    if not square:
+        return None
+    frame = np.array([edges[0], square[0], edges[-1] - edges[0] - square[0]])
+    sizes = np.linalg.norm(frame, axis=1)
+    axes = frame / sizes[:, None]
+    expected = corners[0] + np.array(list(product((0.0, 1.0), repeat=3))) @ frame
+    gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
+    if np.abs(axes @ axes.T - np.eye(3)).max() > FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > FLAT:
+        return None
+    pose = np.eye(4)
+    second = axes[1] - axes[0] * (axes[0] @ axes[1])
+    second /= np.linalg.norm(second)
+    pose[:3, :3] = np.column_stack([axes[0], second, np.cross(axes[0], second)])
+    pose[:3, 3] = corners.mean(axis=0)
+    return pose, sizes / 2
+
+
+def distinct(names: Iterable[str], taken: Collection[str]) -> Iterator[str]:
+    """Yield names, each with a number where it is taken."""
+    seen = set(taken)
+    for name in names:
+        count, own = 1, name
+        while own in seen:
+            count += 1
+            own = f"{name} {count}"
+        seen.add(own)
+        yield own

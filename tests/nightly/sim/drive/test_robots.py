@@ -1,0 +1,303 @@
+"""Hover, rover and car: a step of MuJoCo is that of their equation, and contacts and goals end a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from plants import QUIET, STEP, WALL, driven, hold, plants, scene_file, states_of
+
+from pirrht.arrays import Array
+from pirrht.errors import OptionError
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from pirrht.systems.double_integrator import DoubleIntegrator
+from pirrht.systems.rover import Rover
+from pirrht.systems.second_order_car import SecondOrderCar, cruising
+from sim.drive.executor import Executor
+from sim.drive.metrics import Length, spread
+from sim.drive.plant import Analytic
+from sim.mjcf import Loaded, load, models_folder
+from sim.mjcf.robot import control_limits
+from sim.scenario import prepare
+
+
+def problem_of(robot: str):
+    def problem(loaded: Loaded, b: float) -> Problem:
+        made = {
+            "hover": (DoubleIntegrator(b=b), {"R": 2.0 * np.eye(2), "q": 1.0}),
+            "rover": (Rover(b=b), {"R": np.diag([2.0, 0.5])}),
+            "car": (SecondOrderCar(b=b), {"R": np.eye(2), "q": cruising, "q_min": 1.0}),
+        }
+        return Problem(dynamics=made[robot][0], scene=loaded.scene, **made[robot][1])
+
+    return problem
+
+
+def pair(folder: Path, robot: str, b: float, *, steps: int = 10, **scene: str) -> tuple[Executor, Analytic]:
+    return plants(scene_file(folder, **scene), robot, problem_of(robot), b, steps)
+
+
+START = {"hover": [1.0, -2.0, 0.7, -0.4], "rover": [1.0, -2.0, 0.7], "car": [1.0, -2.0, 0.7, 1.4]}
+WANDER = {  # a control that depends on the state and time
+    "hover": lambda x, s: np.array([np.cos(3.0 * x[0]) - 0.4 * x[2] + s, np.sin(2.0 * x[1]) + x[3] - s]),
+    "rover": lambda x, s: np.array([1.0 + np.cos(3.0 * x[0]) + s, 2.0 * np.sin(2.0 * x[1] + x[2])]),
+    "car": lambda x, s: np.array([np.cos(3.0 * x[0]) - 0.4 * x[3] + s, np.sin(2.0 * x[1]) + x[2] - s]),
+}
+
+
+def check_hover(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+    """The semi-implicit Euler step."""
+    np.testing.assert_allclose(after[:, 2:], before[:, 2:] + u * h + b * dw, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(after[:, :2], before[:, :2] + after[:, 2:] * h, rtol=0, atol=1e-9)
+
+
+def check_rover(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+    """The Euler-Maruyama step."""
+    way, turn = (u * h + dw * (b, 2.0 * b)).T
+    moved = np.column_stack([way * np.cos(before[:, 2]), way * np.sin(before[:, 2]), turn])
+    np.testing.assert_allclose(after - before, moved, rtol=0, atol=1e-8)
+
+
+def check_car(before: Array, after: Array, u: Array, dw: Array, h: float, b: float) -> None:
+    """The step along the heading half way: the heading exactly, speed and place but for terms that shrink faster."""
+    turn, gain = (u * h + b * dw).T
+    most, more = np.abs(turn).max(), np.abs(gain).max()
+    np.testing.assert_allclose(after[:, 2], before[:, 2] + turn, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(after[:, 3], before[:, 3] + gain, rtol=0, atol=most**2 * more + 3.0 * most**4 + 1e-9)
+    half = before[:, 2] + 0.5 * turn
+    way = (before[:, 3] + gain)[:, None] * np.column_stack([np.cos(half), np.sin(half)]) * h
+    assert np.abs(after[:, :2] - before[:, :2] - way).max() < h * (most**2 + most * more) + 1e-9
+
+
+@pytest.mark.parametrize("b", [QUIET, 0.3])
+@pytest.mark.parametrize("timestep", [0.001, STEP, 0.01])
+@pytest.mark.parametrize(("robot", "check"), [("hover", check_hover), ("rover", check_rover), ("car", check_car)])
+def test_a_step_of_mujoco_is_that_of_the_equation(tmp_path, robot, check, timestep, b):
+    option = f'<option timestep="{timestep}" integrator="implicitfast" density="1000" gravity="0 0 -9.81"/>'
+    plant, _ = pair(tmp_path, robot, b, option=option)
+    plant.reset(np.array(START[robot]))
+    advances = driven(plant, WANDER[robot], 7, 20)
+    states = np.vstack([START[robot], states_of(advances)])
+    u, dw = (np.concatenate([getattr(a, name) for a in advances]) for name in ("controls", "noise"))
+    check(states[:-1], states[1:], u, dw, timestep, b)
+    assert np.ptp(states[:, 2]) > 0.05
+
+
+@pytest.mark.parametrize("robot", START)
+def test_a_reset_forgets_the_run(tmp_path, robot):
+    start = np.array([1.0, 2.0, 9.5 if robot != "hover" else 0.5, -0.25][: len(START[robot])])
+    for plant in pair(tmp_path, robot, 0.2):
+        np.testing.assert_array_equal(plant.state, np.zeros(len(start)))
+        runs = []
+        for _ in range(2):
+            plant.reset(start)
+            np.testing.assert_allclose(plant.state, start, rtol=0, atol=1e-15)
+            runs.append(driven(plant, WANDER[robot], 1, 1)[0].states)
+        np.testing.assert_array_equal(runs[0], runs[1])
+
+
+@pytest.mark.parametrize(
+    ("robot", "start", "end"),
+    [
+        ("hover", [3.0, 4.0, -1.0, 2.0], [2.0, 6.0, -1.0, 2.0]),  # it glides on
+        ("rover", [3.0, 4.0, 1.0], [3.0, 4.0, 1.0]),  # it waits
+        ("car", [0.0, 0.0, np.pi / 2.0, -1.0], [0.0, -1.0, np.pi / 2.0, -1.0]),  # it reverses
+    ],
+)
+def test_without_control_a_robot_goes_on_for_a_second(tmp_path, robot, start, end):
+    for plant in pair(tmp_path, robot, QUIET):
+        plant.reset(np.array(start))
+        np.testing.assert_allclose(driven(plant, hold(0.0, 0.0), 0, 50)[-1].states[-1], end, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("robot", "start", "control", "bumper"),
+    [("hover", [0.0, 0.0, v, 0.0], (0.0, 0.0), 0.09) for v in (0.5, 2.0, 90.0)]
+    + [("rover", [0.0, 0.0, 0.0], (v, 0.0), 0.09) for v in (0.5, 2.0, 90.0)]  # noise would leap over the wall
+    + [("car", [0.0, 0.0, 0.0, 0.5], (0.0, 0.0), 0.11)],
+)
+def test_contact_is_a_collision(tmp_path, robot, start, control, bumper):
+    plant, _ = pair(tmp_path, robot, QUIET, steps=650, world=WALL)
+    plant.reset(np.array(start))
+    end = plant.advance(hold(*control), np.random.default_rng(0))
+    assert end.outcome is Outcome.COLLISION
+    before = end.states[-2, 0] if len(end.states) > 1 else 0.0
+    assert before + bumper <= 0.6 + 1e-9 < end.states[-1, 0] + bumper + 2e-9
+
+
+# -- hover -------------------------------------------------------------------------------------------------------
+
+
+def test_mujoco_and_the_hovers_equation_differ_by_a_step_of_the_velocity_gained(tmp_path):
+    """Same noise, same forces: equal velocities; where the equation takes v of a step's start, MuJoCo has its end's."""
+    ends, start = [], np.array([0.0, 0.0, 1.0, -0.5])
+    for plant in pair(tmp_path, "hover", 0.3):
+        plant.reset(start)
+        ends.append(states_of(driven(plant, lambda x, s: np.array([np.cos(s), 2.0]), 3, 30)))
+    mujoco, sde = ends
+    np.testing.assert_allclose(mujoco[:, 2:], sde[:, 2:], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(mujoco[:, :2] - sde[:, :2], STEP * (sde[:, 2:] - start[2:]), rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["mujoco", "sde"])
+def test_a_hovers_velocity_and_place_spread_as_integrated_white_noise_does(tmp_path, which):
+    """Within 3 standard errors of a Gaussian sample covariance, plus the 2 / steps that discrete time costs."""
+    steps, count, b = 100, 800, 0.3
+    plant = pair(tmp_path, "hover", b, steps=steps)[which]
+    states = np.vstack([plant.state, *(a.states[-1] for a in driven(plant, hold(0.0, 0.0), 11, count))])
+    t = steps * STEP
+    p = np.diff(states[:, :2], axis=0) - states[:-1, 2:] * t  # what the velocity of the start does not explain
+    moves = np.hstack([p, np.diff(states[:, 2:], axis=0)])
+    law = b * b * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
+    expected = np.kron(law, np.eye(2))  # x, y, vx, vy
+    error = np.sqrt((np.outer(np.diag(expected), np.diag(expected)) + expected**2) / count)
+    assert np.all(np.abs(moves.T @ moves / count - expected) < 3.0 * error + 2.0 / steps * expected)
+    assert np.all(np.abs(moves.mean(axis=0)) < 3.0 * np.sqrt(np.diag(expected) / count))
+
+
+def test_a_hover_brakes_in_time_and_enters_the_goal_at_any_velocity(tmp_path):
+    plant, _ = pair(tmp_path, "hover", QUIET, steps=1000, world=WALL)
+    plant.reset(np.array([0.0, 0.0, 0.9, 0.0]))
+    end = plant.advance(hold(-0.9, 0.0), np.random.default_rng(0))  # 0.45 m to a stop
+    assert end.outcome is None
+    assert end.states[:, 0].max() == pytest.approx(0.45, abs=2e-3)
+    plant, _ = pair(tmp_path, "hover", QUIET, steps=500, goal="1 0 0")
+    plant.reset(np.array([0.0, 0.0, 2.0, 0.0]))
+    end = plant.advance(hold(1.0, 0.0), np.random.default_rng(0))
+    assert end.outcome is Outcome.GOAL
+    assert 2.0 * end.time + 0.5 * end.time**2 == pytest.approx(0.9, abs=3.0 * STEP)
+
+
+# -- rover -------------------------------------------------------------------------------------------------------
+
+
+def test_mujoco_and_the_rovers_equation_stay_together_under_the_same_noise(tmp_path):
+    """A step goes along its start's heading in MuJoCo and along its middle's in the equation; over 2 s it is 1 cm."""
+    ends = []
+    for plant in pair(tmp_path, "rover", 0.1):
+        plant.reset(np.array([0.0, 0.0, 0.4]))
+        ends.append(states_of(driven(plant, hold(1.0, 0.5), 3, 100)))
+    mujoco, sde = ends
+    np.testing.assert_allclose(mujoco[:, 2], sde[:, 2], rtol=0, atol=1e-8)
+    assert np.hypot(*(mujoco - sde)[:, :2].T).max() < 0.01
+    assert np.hypot(*sde[-1, :2]) > 1.0
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["mujoco", "sde"])
+def test_one_step_of_a_rover_drifts_and_spreads_as_the_equation_says(tmp_path, which):
+    """Mean G u h and covariance G s s' G' h of 3000 steps from one state, within 3.5 standard errors."""
+    plant, x, u, b, count = (
+        pair(tmp_path, "rover", 0.1, steps=1)[which],
+        np.array([1.0, 2.0, 0.6]),
+        (0.8, -0.5),
+        0.1,
+        3000,
+    )
+    rng, moves = np.random.default_rng(5), []
+    for _ in range(count):
+        plant.reset(x)
+        moves.append(plant.advance(hold(*u), rng).states[0] - x)
+    G = np.array([[np.cos(0.6), 0.0], [np.sin(0.6), 0.0], [0.0, 1.0]])
+    law = G @ np.diag([b**2, 4.0 * b**2]) @ G.T * STEP
+    assert np.all(np.abs(np.mean(moves, axis=0) - G @ u * STEP) < 3.5 * np.sqrt(np.diag(law) / count))
+    off = np.sqrt((np.outer(np.diag(law), np.diag(law)) + law**2) / count)
+    assert np.all(np.abs(np.cov(np.array(moves).T) - law) < 3.5 * off)
+
+
+def test_a_rovers_path_is_as_long_as_its_mean_whatever_the_noise_along_it(tmp_path):
+    problem = problem_of("rover")(load(scene_file(tmp_path), robot="rover"), 0.1)
+    rng, totals, rough = np.random.default_rng(1), [], []
+    assert spread(problem, np.zeros(3)) == pytest.approx(0.0, abs=1e-18)
+    for _ in range(40):
+        x = np.zeros((3001, 3))
+        x[1:, 0] = np.cumsum(STEP + 0.1 * np.sqrt(STEP) * rng.standard_normal(3000))
+        length = Length(problem, x[0])
+        length.add(x[1:], STEP, float(np.abs(np.diff(x[:, 0])).sum()))
+        totals.append(length.total / x[-1, 0])
+        rough.append(length.noisy / x[-1, 0])
+    assert np.mean(totals) == pytest.approx(1.0, rel=0.01)
+    assert np.mean(rough) > 1.5
+
+
+@pytest.mark.parametrize(
+    ("scene", "robot", "values"),
+    [
+        ("slit", "rover", (0.1, 0.05, 300, 2000)), ("clutter", "rover", (0.03, 0.05, 300, 2000)),
+        ("slit", "car", (0.1, 0.1, 300, 1000)), ("clutter", "car", (0.1, 0.1, 300, 1000)),
+    ],
+)  # fmt: skip
+def test_scenes_for_others_leave_a_robot_its_own_settings_and_give_a_rover_their_noise(scene, robot, values):
+    scenario = prepare(scene, robot=robot)
+    s = scenario.settings
+    assert (s.noise, s.period, s.samples, s.vertices) == values
+    if robot == "rover":
+        b, dynamics = values[0], scenario.problem.dynamics
+        np.testing.assert_allclose(dynamics.input_noise, np.diag([b, 2.0 * b]))
+        assert scenario.problem.temperature == pytest.approx(2.0 * b**2)
+        assert np.all(np.isinf(control_limits(scenario.loaded.model, scenario.loaded.command, dynamics)))
+
+
+# -- car ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_cars_drift_and_covariance_are_those_of_the_equation_up_to_the_step(tmp_path):
+    """Heading, speed and both displacements after 0.2 s at 1 m/s, within 3 errors and the share of a step; seed 11.
+
+    The mean speed tells a robot that white noise on its heading brakes: that would lose b^2 t / 2 = 0.009, 2.6 errors.
+    """
+    steps, count, b = 100, 1500, 0.3
+    plant = pair(tmp_path, "car", b, steps=steps)[0]
+    rng, ends = np.random.default_rng(11), []
+    for _ in range(count):
+        plant.reset(np.array([0.0, 0.0, 0.0, 1.0]))
+        ends.append(plant.advance(hold(0.0, 0.0), rng).states[-1])
+    t, moves = steps * STEP, np.array(ends)
+    law = b * b * np.array([[t**3 / 3.0, t**2 / 2.0], [t**2 / 2.0, t]])
+    for pair_of in ([1, 2], [0, 3]):  # sideways by the heading, ahead by the speed
+        error = np.sqrt((np.outer(np.diag(law), np.diag(law)) + law**2) / count)
+        off = np.abs(np.cov(moves[:, pair_of].T) - law)
+        assert np.all(off < 3.0 * error + (2.0 / steps + b * b * t) * law)
+    error = np.sqrt(b * b * t / count)
+    assert abs(moves[:, 2].mean()) < 3.0 * error
+    assert abs(moves[:, 3].mean() - 1.0) < 3.0 * error
+    ahead = t - b * b * t**2 / 4.0  # the mean of v cos theta
+    assert abs(moves[:, 0].mean() - ahead) < 3.0 * np.sqrt(law[0, 0] / count) + b * b * t * STEP
+
+
+def test_neither_turns_nor_noise_on_the_heading_slow_a_car_down(tmp_path):
+    """After 4 s of 3 rad/s and noise of 0.5: a share of 3e-4 at most, where projection alone would brake by 0.4."""
+    plant, _ = pair(tmp_path, "car", QUIET, steps=2000)
+    plant.reset(np.array([0.0, 0.0, 0.0, 1.0]))
+    turns = 3.0 + 0.5 * np.random.default_rng(3).standard_normal(2000) / np.sqrt(STEP)
+    end = plant.advance(lambda x, s: np.array([turns[round(s / STEP)], 0.0]), np.random.default_rng(0)).states[-1]
+    assert end[3] == pytest.approx(1.0, abs=3e-4)
+    assert end[2] == pytest.approx(STEP * turns.sum(), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("0 0.5 0", "0 0 0"), ('mass="1"', 'mass="2"'), ('<joint name="x" ', '<joint name="x" damping="1" '),
+        ('<motor name="ahead" site="axis" gear="1', '<motor name="ahead" site="axis" gear="2'),
+    ],
+    ids=["cornering costs speed", "heavier", "damped", "geared"],
+)  # fmt: skip
+def test_a_car_whose_speed_does_not_follow_is_refused_in_one_line(tmp_path, old, new):
+    text = (models_folder() / "robots" / "car.xml").read_text()
+    assert text.count(old) == 1
+    (tmp_path / "machine.xml").write_text(text.replace(old, new))
+    with pytest.raises(OptionError) as caught:
+        prepare("slit", robot=tmp_path / "machine.xml")
+    said = str(caught.value)
+    assert "instead of" in said
+    assert "let half of the sideways acceleration keep its speed in turns" in said
+    assert "\n" not in said
+
+
+def test_speed_is_no_state_of_a_robot_with_commanded_velocities():
+    with pytest.raises(OptionError, match="no actuator is a motor, and the speed is a state of car"):
+        prepare("slit", robot="unicycle", system="second_order_car")
+    given = {"plant": "sde"}
+    assert len(prepare("slit", robot="unicycle", system="second_order_car", given=given).plant().state) == 4
