@@ -128,7 +128,7 @@ class ToFile:
     def open(self, stream: Stream) -> None:
         """Begin a draft next to the file."""
         if not takes_as_it_comes(self._path):
-            self._draft = Draft.next_to(self._path)
+            self._draft = Draft(self._path)
             os.close(self._draft.handle)
         file = self._path if self._draft is None else self._draft.file
         stream.native.save(file, default_blueprint=self._blueprint)
