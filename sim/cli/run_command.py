@@ -23,19 +23,25 @@ from sim.drive.truth import ExactReference
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
-from sim.scenario import Scenario
 from sim.text import say, width
 
+NO_DISPLAY = (
+    "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done and "
+    "--serve to watch in a browser"
+)
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
+    from sim.recording.options import Look
+
     check_outputs(arguments, "json", "record", "video", "png")
-    _sinks(arguments)
-    scenario = scenario_of(arguments)
-    _look(arguments, scenario)
-    settings, film, truth = scenario.settings, None, None
+    sinks, scenario = _sinks(arguments), scenario_of(arguments)
+    samples, lift = arguments.record_samples, arguments.record_lift
+    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
+    look.check(scenario.space)
+    settings, film, truth, recorder = scenario.settings, None, None, None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
@@ -54,7 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     rehearse(scenario, driving=True)
     notice().finish()
     bar = progress_bar("run", settings.max_time, "s")
-    recorder = _recorder(arguments, scenario, driver, truth)
+    if sinks:
+        from sim.recording.recorder import Recorder
+
+        shown, about = (scenario.loaded, driver.tree, driver.path_integral), settings_json(scenario)
+        recorder = Recorder(*shown, sinks, look, settings=about, grid=truth)
+        if recorder.server is not None:
+            print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
             known = None if exact is None else exact.add(frame.plan)
@@ -101,46 +113,29 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     return sinks
 
 
-def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    """Check and return the contents of a recording, before the plan."""
-    from sim.recording.options import Look
-
-    samples, lift = arguments.record_samples, arguments.record_lift
-    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
-    look.check(scenario.space)
-    return look
-
-
-def _recorder(arguments: argparse.Namespace, scenario: Scenario, driver: Any, truth: Any) -> Any:
-    if not (sinks := _sinks(arguments)):
-        return None
-    from sim.recording.recorder import Recorder
-
-    look, settings = _look(arguments, scenario), settings_json(scenario)
-    recorder = Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, look, settings=settings, grid=truth)
-    if recorder.server is not None:
-        print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-    return recorder
-
-
 def play(arguments: argparse.Namespace) -> int:
     """Run until the window is closed or, without one, the run has ended; exit status 0 goal, 1 another end."""
     from sim.play import events, window
     from sim.play.drive import Play, first
+    from sim.recording import viewer
 
     check_outputs(arguments, "json")
     script = events.read(arguments.script) if arguments.script is not None else ()
     if not arguments.headless:
-        _check_display()
+        try:
+            viewer.check_display()
+        except OptionError:
+            raise OptionError(NO_DISPLAY) from None
     _sinks(arguments)
     scenario = scenario_of(arguments, loose=True)
     settings = scenario.settings
-    if settings.method == "optimal":
-        raise OptionError("--method optimal would be solved for again whenever something moves; choose another")
-    if settings.plant != "mujoco":
-        raise OptionError("--plant sde has nothing that could be pushed or moved; leave it out")
-    if settings.budget is not None or settings.target_error is not None:
-        raise OptionError("--target-error does not go with runs in real time; leave it out")
+    for wrong, message in (
+        (settings.method == "optimal", "--method optimal would be solved for again whenever something moves"),
+        (settings.plant != "mujoco", "--plant sde has nothing that could be pushed or moved"),
+        (settings.target_error is not None, "--target-error does not go with runs in real time"),
+    ):
+        if wrong:
+            raise OptionError(f"{message}; leave it out")
     if not arguments.headless:
         scenario = scenario.with_settings(real_time=True)
     with progress("plan", settings.vertices, " vertices") as grown:
@@ -169,18 +164,6 @@ def play(arguments: argparse.Namespace) -> int:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
         write_json(arguments.json, {**run_json(scenario, [], result.json()), "events": done})
     return 0 if last.outcome is Outcome.GOAL else 1
-
-
-def _check_display() -> None:
-    from sim.recording import viewer
-
-    try:
-        viewer.check_display()
-    except OptionError:
-        raise OptionError(
-            "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done "
-            "and --serve to watch in a browser"
-        ) from None
 
 
 def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
