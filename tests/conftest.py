@@ -8,7 +8,7 @@ import pytest
 from hypothesis import settings
 
 from pirrht.planner.tree import HomologyTree
-from sim.cli import shared
+from sim.cli import plan_command
 from sim.scenario import Scenario, prepare
 
 settings.register_profile("suite", deadline=None, derandomize=True, database=None)  # the same examples every time
@@ -39,7 +39,7 @@ def _interruptions_reach_children() -> None:
 @pytest.fixture(scope="session", autouse=True)
 def _compiling_is_known() -> None:
     """Tests that count lines find the same, whether kernels have been compiled or not."""
-    shared.notice().reported = True
+    plan_command.notice().reported = True
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from pirrht.errors import OptionError, printable
 from sim import options
 from sim.cli import parser, plan_command, run_command, tables
-from sim.cli.shared import check_outputs, notice
+from sim.cli.plan_command import check_outputs, notice
 from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse

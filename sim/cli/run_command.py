@@ -16,7 +16,7 @@ from pirrht.errors import NoReference, OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from sim.cli import tables
-from sim.cli.shared import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
+from sim.cli.plan_command import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
 from sim.drive.truth import ExactReference

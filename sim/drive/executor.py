@@ -106,7 +106,7 @@ class Executor(Plant):
             return False
         turned = self._problem.scene.robot_radius * float(np.abs(x[2:3] - before[2:3]).sum())
         own = hypot(x[0] - before[0], x[1] - before[1]) + turned
-        return self._sweep.meets(self._joints, self.data.qpos, begin, now, own, crowd.travel)
+        return self._sweep.meets(self._joints, self.data.qpos, (begin, now), own, crowd.travel)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

@@ -58,14 +58,15 @@ class Sweep:
         self._round = model.geom_rbound[self._pairs].sum(axis=1)  # of the balls around both geoms of a pair [m]
 
     def meets(
-        self, before: Array, after: Array, begin: float, end: float, own: float, way: Callable[[float, float], float]
+        self, before: Array, after: Array, times: tuple[float, float], own: float, way: Callable[[float, float], float]
     ) -> bool:
-        """Whether they touch between joint positions, 2 x (nq,), from `begin` to `end` [s].
+        """Whether they touch between joint positions, 2 x (nq,), at two times [s].
 
         Args:
             own: how far any point of the robot moves at most [m].
             way: tells the same of bodies between two times [s].
         """
+        begin, end = times
         far = own + way(begin, end) + SHORTEST
 
         def time(share: float) -> float:

@@ -7,7 +7,7 @@ from base64 import b64encode
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
@@ -27,6 +27,16 @@ class Picture:
     png: str
 
 
+class Curve(NamedTuple):
+    """A figure of points that is drawn against the noise level."""
+
+    what: str
+    label: str  # of its axis
+    of: Callable[[Point], Interval]
+    scale: float = 1.0
+    log: bool = False
+
+
 def pictures(report: Report, watch: Watch = unwatched) -> list[Picture]:
     """Success, cost, classes and step times.
 
@@ -44,28 +54,21 @@ def pictures(report: Report, watch: Watch = unwatched) -> list[Picture]:
     scenes = [ALL] if len(report.scenes) > MOST + 1 else [scene for scene in report.scenes if scene != ALL]
     percent, cost, step = "runs that reach the goal [%]", "cost of runs that reach the goal", "median step [ms]"
     wanted: list[Callable[[], Picture | None]] = [
-        lambda: _levels(plt, report, scenes, "success", percent, lambda p: p.success, 100.0),
-        lambda: _levels(plt, report, scenes, "cost", cost, lambda p: p.cost),
-        lambda: _levels(plt, report, scenes, "cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal),
+        lambda: _levels(plt, report, scenes, Curve("success", percent, lambda p: p.success, 100.0)),
+        lambda: _levels(plt, report, scenes, Curve("cost", cost, lambda p: p.cost)),
+        lambda: _levels(
+            plt, report, scenes, Curve("cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal)
+        ),
         lambda: _shares(plt, report, scenes),
-        lambda: _levels(plt, report, scenes, "step times", step, lambda p: p.step_ms, log=True),
+        lambda: _levels(plt, report, scenes, Curve("step times", step, lambda p: p.step_ms, log=True)),
     ]
     drawn = [draw() for draw in watch("pictures", wanted)]
     return [picture for picture in drawn if picture is not None]
 
 
-def _levels(
-    plt: Any,
-    report: Report,
-    scenes: Sequence[str],
-    what: str,
-    label: str,
-    of: Callable[[Point], Interval],
-    scale: float = 1.0,
-    *,
-    log: bool = False,
-) -> Picture | None:
+def _levels(plt: Any, report: Report, scenes: Sequence[str], curve: Curve) -> Picture | None:
     """A figure against the noise level, a line per method and a panel per scene; None without a value."""
+    what, label, of, scale, log = curve
     if not any(isfinite(of(p).value) for p in report.points if p.scene in scenes):
         return None
     figure, panels = _panels(plt, len(scenes))

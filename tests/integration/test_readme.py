@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 import shutil
@@ -11,7 +10,6 @@ import sys
 from pathlib import Path
 
 import benchmark
-import documents
 import numpy as np
 import pytest
 import trimesh
@@ -122,17 +120,6 @@ def test_a_scene_of_ones_own_has_a_class_on_each_side_of_an_obstacle(folder, cap
 
 
 NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
-
-
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda path: path.stem)
-def test_a_notebook_is_of_the_form_that_jupyter_reads(notebook):
-    known = json.loads(notebook.read_text())
-    assert known["nbformat"] == 4
-    assert len({cell["id"] for cell in known["cells"]}) == len(known["cells"])
-    for cell in known["cells"]:
-        assert cell["cell_type"] in ("code", "markdown")
-        assert ("outputs" in cell) == (cell["cell_type"] == "code")
-    assert not [target for target in documents.links(notebook) if not (notebook.parent / target).exists()]
 
 
 # -- words, links, pictures --------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import pytest
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.cli import main, plan_command, shared
+from sim.cli import main, plan_command
 from sim.cli.parser import parser
 from sim.drive.metrics import EpisodeMetrics, Frame, Period, ending
 from sim.drive.plant import Advance
@@ -126,7 +126,7 @@ def test_a_run_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
 
 
 def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
-    wall, notice, real = SimpleNamespace(now=0.0), shared.notice(), plan_command.planned
+    wall, notice, real = SimpleNamespace(now=0.0), plan_command.notice(), plan_command.planned
     kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
 
     def planned(scenario: Scenario) -> Any:
@@ -135,7 +135,7 @@ def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, 
         notice.on_end(SimpleNamespace(data={"dispatcher": kernel}))
         return real(scenario)
 
-    monkeypatch.setattr(shared, "time", SimpleNamespace(perf_counter=lambda: wall.now))
+    monkeypatch.setattr(plan_command, "time", SimpleNamespace(perf_counter=lambda: wall.now))
     monkeypatch.setattr(plan_command, "planned", planned)
     assert plan_command.plan(parser().parse_args(["plan", "slit", "--vertices", "60"])) == 0
     assert wall.now == 90.0

@@ -19,7 +19,7 @@ from pirrht.control.baselines import Mppi
 from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim.cli import docs, main, parser, run_command
-from sim.options import DAILY, GIB, OPTIONS, check, check_size, options_of
+from sim.options import DAILY, GIB, OPTIONS, check_size, options_of
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, Option, Settings, refuse_unused
 from sim.systems import named, names
@@ -182,12 +182,6 @@ def test_what_identifies_a_dataset_is_what_results_depend_on():
     grid = {"scenes", "methods", "noise", "seeds"}  # each run's own, reported next to the settings
     assert free - grid == {"threads", "jobs", "scheduler", "json", "output", "again"}
     assert {field.name for field in fields(Settings)} | set(BY_SCENE) == IDENTIFYING | {"threads"}
-
-
-def test_checks_do_not_need_a_scene():
-    with pytest.raises(OptionError, match="--repeat is 0"):
-        check("estimate", {"repeat": 0})
-    check("estimate", {"repeat": None, "at": [1.0, 2.0]})
 
 
 # -- numbers of a scene -----------------------------------------------------------------------------------------------

@@ -5,11 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
-from sim.cli import shared
-from sim.cli.shared import report_prediction
+from sim.cli import plan_command
+from sim.cli.plan_command import report_prediction
 from sim.cli.tables import class_table, doubts, odds
 from sim.result import classes_json, estimate_json, run_json, settings_json
 from sim.scenario import prepare
@@ -75,17 +74,6 @@ def test_doubts_that_standard_errors_hide_are_reported(estimates, cost, line):
     assert line in "".join(lines)
 
 
-def test_an_estimate_reports_the_tail_of_all_its_samples():
-    """Of `slit` at b = 0.2 weights are light (2000 samples a class, seed 0)."""
-    scenario = prepare("slit", given={"noise": 0.2, "vertices": 500, "samples": 2000})
-    controller = scenario.driver(scenario.grown_tree())
-    controller.begin(scenario.start)
-    found = controller.plan(scenario.start).estimate
-    assert np.isfinite(found.tail)
-    assert found.tail < 0.6
-    assert not found.heavy_tailed
-
-
 @pytest.mark.parametrize(("robot", "unit"), [("puck", "m/sqrt(s)"), ("hover", "m/s/sqrt(s)")])
 def test_noise_is_reported_in_its_unit_and_lambda_is_r_b_b(robot, unit):
     """R = 2 for both."""
@@ -103,8 +91,8 @@ def test_true_motions_that_plans_do_not_know_are_reported(capsys, scene, predict
 
 @pytest.mark.parametrize(("kept", "often"), [(True, "once"), (False, "every time")])
 def test_the_first_kernel_that_is_compiled_is_reported_in_one_line(kept, often, monkeypatch, capsys):
-    monkeypatch.setattr(shared.cache, "kept", lambda: kept)
-    notice, kernel = shared.Notice(), SimpleNamespace(__module__="pirrht.planner.expand")
+    monkeypatch.setattr(plan_command.cache, "kept", lambda: kept)
+    notice, kernel = plan_command.Notice(), SimpleNamespace(__module__="pirrht.planner.expand")
     for _ in range(3):
         notice.on_start(SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=kernel)}))
         notice.on_end(None)
