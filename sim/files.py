@@ -11,7 +11,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -22,20 +21,14 @@ from pirrht.errors import OptionError, SceneError, printable
 SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
     """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
 
-    handle: int  # open for writing
-    file: Path
-    target: Path
-
-    @classmethod
-    def next_to(cls, path: Path) -> Draft:
-        """Make an empty draft for a path."""
-        target = target_of(path)
-        handle, name = tempfile.mkstemp(prefix=f".{target.name[:SHOWN]}.", suffix=".part", dir=target.parent)
-        return cls(handle=handle, file=Path(name), target=target)
+    def __init__(self, path: Path) -> None:
+        self.target = target_of(path)
+        prefix = f".{self.target.name[:SHOWN]}."
+        self.handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=self.target.parent)  # open for writing
+        self.file = Path(name)
 
     def publish(self) -> None:
         """Take the target's place, with its permissions or, if there is none, those of any new file."""
@@ -69,7 +62,7 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
                 with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
                     shutil.copyfileobj(stream, target)
             return
-        draft = Draft.next_to(path)
+        draft = Draft(path)
         try:
             with os.fdopen(draft.handle, "wb") as stream:
                 yield stream
@@ -106,12 +99,11 @@ _pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what
 
 def has_reader(path: Path) -> bool:
     """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits."""
-    if _output(os.stat(path)) is None and path not in _pipes:
-        try:
+    with suppress(OSError):
+        if _output(os.stat(path)) is None and path not in _pipes:
             _pipes[path] = _open_pipe(path)
-        except OSError:
-            return False
-    return True
+        return True
+    return False
 
 
 def _open_pipe(path: Path) -> int:
@@ -173,16 +165,19 @@ def check_writable(path: Path, option: str) -> None:
             path is a folder, a disk, or a pipe that nobody reads.
     """
     found = checked_name(path, option)
-    name, folder, straight = f"{option} {path_text(path)}", target_of(path).parent, takes_as_it_comes(path)
-    mode = 0 if found is None else found.st_mode
-    if stat.S_ISDIR(mode) or stat.S_ISBLK(mode):
-        raise OptionError(f"{name} is a {'folder' if stat.S_ISDIR(mode) else 'disk'}; give the path of a file")
-    if stat.S_ISFIFO(mode) and not has_reader(path):
-        raise OptionError(f"{name} is a pipe that nobody reads; start its reader first, or give the path of a file")
-    if not straight and not folder.is_dir():
-        raise OptionError(f"{name}: the folder {path_text(folder)} does not exist; create it first")
-    if (not straight and not os.access(folder, os.W_OK)) or (found is not None and not os.access(path, os.W_OK)):
-        raise OptionError(f"{name} may not be written; choose another place or fix the permissions")
+    folder, straight = target_of(path).parent, takes_as_it_comes(path)
+    mode, there = (0, []) if found is None else (found.st_mode, [path])
+    for wrong, what in (
+        (stat.S_ISDIR(mode), " is a folder; give the path of a file"),
+        (stat.S_ISBLK(mode), " is a disk; give the path of a file"),
+        (stat.S_ISFIFO(mode) and not has_reader(path),
+         " is a pipe that nobody reads; start its reader first, or give the path of a file"),
+        (not straight and not folder.is_dir(), f": the folder {path_text(folder)} does not exist; create it first"),
+        (not all(os.access(one, os.W_OK) for one in (there if straight else [folder, *there])),
+         " may not be written; choose another place or fix the permissions"),
+    ):  # fmt: skip
+        if wrong:
+            raise OptionError(f"{option} {path_text(path)}{what}")
 
 
 def checked_name(path: Path, option: str) -> os.stat_result | None:

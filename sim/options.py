@@ -116,14 +116,9 @@ def options_of(command: str) -> list[Option]:
 
 
 def check(command: str, given: Mapping[str, Any]) -> None:
-    """Refuse values that options of a command do not admit; None was not given.
-
-    Raises:
-        OptionError: names the option and what it may be.
-    """
+    """Refuse values (not None) that options of a command do not admit; OptionError names what they may be."""
     for option in options_of(command):
-        value = given.get(option.dest)
-        if value is not None:
+        if (value := given.get(option.dest)) is not None:
             option.check(value)
 
 
@@ -148,14 +143,7 @@ def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]
 
 
 def check_size(task: Any, memory: float | None = None) -> None:
-    """Refuse plans of a scenario that are too large.
-
-    Args:
-        memory: of the machine [bytes]; None: as the system has it.
-
-    Raises:
-        OptionError: names the size, the limit, and which option to change.
-    """
+    """Refuse plans of a scenario that never end or fit into no memory [bytes]; OptionError names the option."""
     s, d, scene, classes = task.settings, task.problem.dynamics, task.loaded.scene, task.classes_at_start()
     if s.method == "optimal":
         return

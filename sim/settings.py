@@ -60,14 +60,7 @@ class Option:
         return str(self.metavar) if self.positional else f"--{self.name}"
 
     def check(self, value: Any, label: str = "") -> Any:
-        """The value in its own type.
-
-        Args:
-            label: its name in messages; without one, as it is typed.
-
-        Raises:
-            OptionError: it can be none of this option; names what can.
-        """
+        """The value in its own type; OptionError where the option, in messages `label`, cannot have it."""
         label = label or self.flag
         if self.choices and value not in self.choices:
             raise OptionError(f"{label} is {value!r}; it must be one of {', '.join(self.choices)}")
@@ -85,12 +78,11 @@ class Option:
         if known and (not whole or value == int(value)):
             return int(value) if whole else value
         shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
+        wanted = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
+        if low > 0:
+            wanted = f"a positive number, from {low:g} to {high:g}"
         if whole:
             wanted = f"a whole number of at least {low} and at most {high}"
-        elif low > 0:
-            wanted = f"a positive number, from {low:g} to {high:g}"
-        else:
-            wanted = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
         raise OptionError(f"{label} is {shown}; it must be {wanted}")
 
 
@@ -108,26 +100,16 @@ def options_of_record(record: type, role: str, group: str) -> tuple[Option, ...]
     """The options that the fields of a record state."""
     found = []
     for one in fields(record):
-        kind = _KINDS.get(str(one.type).split(" ")[0], str)
-        more = {"group": group, "kind": kind, **one.metadata}
-        name = one.name.replace("_", "-")
-        number = kind in (int, float) and "count" not in more
-        found.append(
-            Option(
-                name=f"no-{name}" if one.default is True else name, attribute=one.name, role=role,
-                numeric=number and (role == "scene" or one.default is not None), **more,
-            )
-        )  # fmt: skip
+        kind, name = _KINDS.get(str(one.type).split(" ")[0], str), one.name.replace("_", "-")
+        numeric = kind in (int, float) and "count" not in one.metadata and (role == "scene" or one.default is not None)
+        more = {"name": f"no-{name}" if one.default is True else name, "group": group, "kind": kind, **one.metadata}
+        found.append(Option(attribute=one.name, role=role, numeric=numeric, **more))
     return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SceneOptions:
-    """Choices of scene, robot and task; None where the scene decides.
-
-    Raises:
-        OptionError: a value is out of its bounds.
-    """
+    """Choices of scene, robot and task; None where the scene decides. OptionError: a value is out of its bounds."""
 
     # fmt: off
     robot: Any = stated(  # noqa: RUF009
@@ -242,8 +224,7 @@ class Settings:
 def _check(record: Settings | SceneOptions, options: Mapping[str, Option]) -> None:
     """Refuse values of a record that its options do not admit."""
     for name, option in options.items():
-        value = getattr(record, name)
-        if value is not None:
+        if (value := getattr(record, name)) is not None:
             option.check(value)
 
 
@@ -270,11 +251,7 @@ PRESETS: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {  # name -> 
 
 
 def refuse_unused(given: Mapping[str, Any], methods: Sequence[str]) -> None:
-    """Refuse what was given (not None) and that none of the methods uses.
-
-    Raises:
-        OptionError: names the option and the method that it belongs to.
-    """
+    """Refuse settings that were given (not None) and that none of the methods uses; OptionError names the method."""
     for name in [name for name in BY_SETTING if given.get(name) is not None]:
         flag = BY_SETTING[name].flag
         if name in ONLY and ONLY[name] not in methods:

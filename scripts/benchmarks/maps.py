@@ -13,7 +13,7 @@ from benchmarks.plots import COLORS
 from PIL import Image
 from scipy import ndimage
 
-from sim.figures.draw import pyplot
+from sim.figures import pyplot
 from sim.importing.ros_map import DEFAULTS
 from sim.importing.scene_file import import_world
 from sim.scenario import prepare

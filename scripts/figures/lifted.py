@@ -69,7 +69,7 @@ def _panel(axes: Any, shown: Lifted, obstacle: int, colors: ClassColors) -> None
     _floor(axes, Poly3DCollection, shown, low, obstacle)
     x, y = shown.scenario.space.homology.markers[obstacle]
     axes.plot([x, x], [y, y], [low, high], color=style.INK, lw=0.7, ls=(0, (4, 3)), zorder=2)
-    ends, _ = strokes.tree_edges(shown.tree, obstacle, EDGES)
+    ends = strokes.tree_edges(shown.tree, obstacle, EDGES)
     far = np.argsort(-ends[:, :, 1].mean(axis=1), kind="stable")  # what is near is drawn last
     axes.add_collection3d(Line3DCollection(ends[far], colors=TREE, lw=0.25, alpha=0.55, zorder=3))
     for reference in reversed(shown.references):

@@ -97,19 +97,12 @@ def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
             ground.dots(axes, line, style.rgb(colors[name]), width=1.1)
         else:
             axes.plot(*line.T, color=style.LONGER, lw=0.7, zorder=4)
-    axes.plot(*_chosen(one, frame).T, color=style.INK, lw=0.9, ls=DASHES, zorder=7)
+    if (estimate := frame.plan.estimate) is not None:
+        for name, line in strokes.mean_paths(one.path_integral, estimate, frame.plan.classes).items():
+            if name == frame.plan.favourite:
+                axes.plot(*line.T, color=style.INK, lw=0.9, ls=DASHES, zorder=7)
     axes.plot(*one.driven(step).T, color=style.INK, lw=0.8, zorder=8)
     ground.robot(axes, scene, frame.plan.state)
-
-
-def _chosen(one: Drive, frame: Frame) -> Array:
-    """How the samples of the heaviest class went on average, (k, 2) [m]; in a fallback what is followed."""
-    plan = frame.plan
-    if plan.estimate is not None:
-        ways = strokes.ways(one.path_integral, plan.estimate, plan.classes)
-        if plan.favourite in ways:
-            return ways[plan.favourite]
-    return strokes.ahead(plan, one.scenario.problem)
 
 
 def _samples(axes: Any, one: Drive, frame: Frame, colors: ClassColors) -> None:

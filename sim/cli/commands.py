@@ -195,17 +195,11 @@ def import_world(arguments: argparse.Namespace) -> int:
     from sim.importing.model_paths import folders_of
 
     check_outputs(arguments, "output")
-    with tqdm(desc="import", leave=False, disable=None, dynamic_ncols=True) as bar:
-
-        def progress(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")
-        imported = scene_file.import_world(
-            arguments.world, arguments.output, **{name: getattr(arguments, name) for name in names}, progress=progress,
-            models=[*(arguments.models or ()), *folders_of(os.environ)], without=arguments.without or (),
-        )  # fmt: skip
+    names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")
+    imported = scene_file.import_world(
+        arguments.world, arguments.output, **{name: getattr(arguments, name) for name in names},
+        models=[*(arguments.models or ()), *folders_of(os.environ)], without=arguments.without or (),
+    )  # fmt: skip
     moving = f", and {counted(imported.movers, 'moving obstacle')}" if imported.movers else ""
     print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
     for note in imported.notes:

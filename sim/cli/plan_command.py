@@ -153,9 +153,9 @@ def plan(arguments: argparse.Namespace) -> int:
     check_outputs(arguments, "json", "png", "convergence", "output")
     for option in ("png", "convergence"):
         if getattr(arguments, option) is not None:
-            from sim.figures import draw
+            from sim import figures
 
-            draw.check(getattr(arguments, option), f"--{option}")
+            figures.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
     if scenario.settings.method in TREELESS:
         say(f"--method {scenario.settings.method} plans without a tree: this is the tree of pi-rrht")
@@ -180,9 +180,9 @@ def plan(arguments: argparse.Namespace) -> int:
         more = {} if lengths is None else {"convergence": convergence_json(lengths)}
         write_json(arguments.json, {**found, **more})
     if arguments.png:
-        draw.draw_plan(arguments.png, scenario, tree, references)
+        figures.draw_plan(arguments.png, scenario, tree, references)
     if lengths is not None:
-        draw.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
+        figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
     return 0
 
 

@@ -26,6 +26,10 @@ from sim.result import run_json, settings_json
 from sim.scenario import Scenario
 from sim.text import say, width
 
+NO_DISPLAY = (
+    "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done and "
+    "--serve to watch in a browser"
+)
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
 
 
@@ -127,20 +131,25 @@ def play(arguments: argparse.Namespace) -> int:
     """Run until the window is closed or, without one, the run has ended; exit status 0 goal, 1 another end."""
     from sim.play import events, window
     from sim.play.drive import Play, first
+    from sim.recording import viewer
 
     check_outputs(arguments, "json")
     script = events.read(arguments.script) if arguments.script is not None else ()
     if not arguments.headless:
-        _check_display()
+        try:
+            viewer.check_display()
+        except OptionError:
+            raise OptionError(NO_DISPLAY) from None
     _sinks(arguments)
     scenario = scenario_of(arguments, loose=True)
     settings = scenario.settings
-    if settings.method == "optimal":
-        raise OptionError("--method optimal would be solved for again whenever something moves; choose another")
-    if settings.plant != "mujoco":
-        raise OptionError("--plant sde has nothing that could be pushed or moved; leave it out")
-    if settings.budget is not None or settings.target_error is not None:
-        raise OptionError("--target-error does not go with runs in real time; leave it out")
+    for wrong, message in (
+        (settings.method == "optimal", "--method optimal would be solved for again whenever something moves"),
+        (settings.plant != "mujoco", "--plant sde has nothing that could be pushed or moved"),
+        (settings.target_error is not None, "--target-error does not go with runs in real time"),
+    ):
+        if wrong:
+            raise OptionError(f"{message}; leave it out")
     if not arguments.headless:
         scenario = scenario.with_settings(real_time=True)
     with progress("plan", settings.vertices, " vertices") as grown:
@@ -169,18 +178,6 @@ def play(arguments: argparse.Namespace) -> int:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
         write_json(arguments.json, {**run_json(scenario, [], result.json()), "events": done})
     return 0 if last.outcome is Outcome.GOAL else 1
-
-
-def _check_display() -> None:
-    from sim.recording import viewer
-
-    try:
-        viewer.check_display()
-    except OptionError:
-        raise OptionError(
-            "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done "
-            "and --serve to watch in a browser"
-        ) from None
 
 
 def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:

@@ -13,23 +13,14 @@ from pirrht.estimation.estimate import OTHER
 
 Color = tuple[int, int, int]  # red, green, blue, 0..255
 
-# Six hues that stay apart for colour-blind eyes and read on dark as on white ground.
+# Cyan, magenta, teal, orange, blue, red: they stay apart for colour-blind eyes and read on dark as on white ground.
 PALETTE: tuple[Color, ...] = (
-    (51, 187, 238),  # cyan
-    (238, 51, 119),  # magenta
-    (0, 153, 136),  # teal
-    (238, 119, 51),  # orange
-    (0, 119, 187),  # blue
-    (204, 51, 17),  # red
-)
-METHODS: tuple[Color, ...] = (  # of methods, none of which is the colour of a class
-    (68, 68, 68),  # charcoal
-    (170, 51, 119),  # plum
-    (153, 153, 51),  # olive
-    (136, 204, 170),  # mint
-    (170, 136, 85),  # sand
-    (102, 102, 204),  # slate
-)
+    (51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17),
+)  # fmt: skip
+# Charcoal, plum, olive, mint, sand, slate: of methods, none of which is the colour of a class.
+METHODS: tuple[Color, ...] = (
+    (68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204),
+)  # fmt: skip
 EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)

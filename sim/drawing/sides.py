@@ -1,8 +1,7 @@
-"""Words for paths: on which sides of which obstacles they pass, as a person would say it.
+"""Words for paths: on which sides of which obstacles they pass.
 
-A path passes a moving obstacle before or behind it, or left or right if that rests. Ids of homology classes stay what
-programs compare; words follow from them, from where the robot is, and from the other classes: a class is told by the
-fewest obstacles that set it apart.
+A path passes a moving obstacle before or behind it, or left or right if that rests. Words follow from the ids of
+homology classes, from where the robot is, and from the other classes: the fewest obstacles that set a class apart.
 """
 
 from __future__ import annotations
@@ -16,19 +15,16 @@ from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
 
-MOMENTS = 60  # of a path that are looked at
-BACK = 0.1  # over which a body's direction is taken [s]
+MOMENTS = 60  # of a path that are evaluated
+BACK = 0.1  # over which an obstacle's direction is taken [s]
 STILL = 0.05  # m/s; of what is slower there is no before and behind
-SIDES = "before", "behind", "left of", "right of"  # the last two seen along the path, of a body that hardly moves then
-FEW = 4  # bodies of which every one is told
-NAMED = 8  # bodies that all bear their names in a picture; those of more would hide it
-PASSED = 0.2  # turns about an obstacle from which a path counts as passing it
+FEW = 4  # moving obstacles of which every one is named
+NAMED = 8  # moving obstacles that all bear their names in a picture; those of more would hide it
 
 
 def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
-    """One of SIDES for each of J markers, by where the path is when nearest to it; "" for a path without times."""
-    path = reference.trajectory.path
-    knots = getattr(path, "knots", None)
+    """Return how a path passes each of J markers when nearest to it; "" for a path without times."""
+    knots = getattr(reference.trajectory.path, "knots", None)
     if knots is None or knots.shape[1] != 3:
         return ("",) * homology.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
@@ -46,30 +42,17 @@ def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
     return tuple(found)
 
 
-def called(homology: Homology) -> list[str]:
-    """Bodies by name, (J,); each part of one that paths may lead through with its number in names of classes."""
-    names, standing = homology.names, len(homology.markers)
-    return [f"{name} ({standing + j})" if names.count(name) > 1 else name for j, name in enumerate(names, 1)]
-
-
-def passed(reference: Reference, homology: Homology) -> list[tuple[str, str]]:
-    """Each body with its one of SIDES; of many those that the path turns about."""
-    rows = list(zip(called(homology), sides(reference, homology), strict=True))
-    if len(rows) > FEW:
-        turns = reference.winding[len(homology.markers) :]
-        rows = [row for row, turn in zip(rows, turns, strict=True) if turn]
-    return [row for row in rows if row[1]]
-
-
 def passing(reference: Reference, homology: Homology) -> list[str]:
-    """List `passed` in words, as "walker: behind" or "door: left of it"."""
-    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in passed(reference, homology)]
+    """List how a path passes moving obstacles, as "walker: behind" or "door: left of it"; of many those turned about.
 
-
-def by_side(rows: Sequence[tuple[str, str]]) -> list[str]:
-    """Group `passed` by side, as "behind walker, cart", for where there is little room."""
-    told = [(side, [name for name, own in rows if own == side]) for side in SIDES]
-    return [f"{side} {', '.join(names)}" for side, names in told if names]
+    A part of an obstacle that paths may lead through bears its number in names of classes.
+    """
+    names, static = homology.names, len(homology.markers)
+    named = [f"{name} ({static + j})" if names.count(name) > 1 else name for j, name in enumerate(names, 1)]
+    rows = list(zip(named, sides(reference, homology), strict=True))
+    if len(rows) > FEW:
+        rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
+    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in rows if side]
 
 
 def places_of(homology: Homology, times: Array) -> Array:
@@ -80,79 +63,43 @@ def places_of(homology: Homology, times: Array) -> Array:
 
 
 def worded(
-    windings: Mapping[str, Sequence[int]],
-    straight: Array,
-    names: Sequence[str],
-    movers: Sequence[str] = (),
-    among: Collection[str] | None = None,
-    sides: Mapping[str, Sequence[str]] | None = None,
-) -> dict[str, str]:
-    """Name each of several classes.
+    windings: Mapping[str, Sequence[int]], straight: Array, names: Sequence[str], movers: Sequence[str] = (),
+    among: Collection[str] | None = None, passed: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, str]:  # fmt: skip
+    """Name each of several classes; left and right as seen along the path.
 
     Args:
-        windings: by id, of M obstacles and then of bodies that move [turns].
+        windings: by id, of M static and then of moving obstacles [turns].
         straight: H of the straight line from where the robot is, (M,) [turns].
-        names: of the obstacles, (M,).
-        movers: of the bodies that move, in the order of the windings.
-        among: those from which each is to be told apart; None: from all.
-        sides: by id, how each body is passed, as `sides.SIDES` has it.
-
-    Left and right are those of somebody who goes along the path.
+        names: of the static obstacles, (M,).
+        movers: of the moving obstacles.
+        among: classes from which each is told apart; None: all.
+        passed: by id, how each moving obstacle is passed (`sides`).
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
-    by = sides or {}
-    return {name: _words(mine, rivals, straight, names, movers, by.get(name, ())) for name, mine in windings.items()}
+    found = {}
+    for name, mine in windings.items():
+        told, by = _telling(mine, rivals), (passed or {}).get(name, ())
+        turns = {names[k]: float(straight[k]) + mine[k] for k in told if k < len(names)}
+        parts = [f"once round {name}" for name, turn in turns.items() if abs(turn) >= 1.0]
+        left = [name for name, turn in turns.items() if -1.0 < turn < 0.0]
+        right = [name for name, turn in turns.items() if 0.0 <= turn < 1.0]
+        if len(left) == len(right) == 1 and len(names) == 2:  # of two among many it need not lead through the gap
+            parts.append(f"between {right[0]} and {left[0]}")
+        else:
+            parts += [f"{side} of {' and '.join(group)}" for side, group in (("right", right), ("left", left)) if group]
+        moving = [k - len(names) for k in told if k >= len(names)] or ([] if told else range(len(by)))
+        parts += [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]]
+        found[name] = ", ".join(parts) or "straight ahead"
+    return found
 
 
-def _words(
-    mine: Sequence[int],
-    rivals: Sequence[Sequence[int]],
-    straight: Array,
-    names: Sequence[str],
-    movers: Sequence[str],
-    passed: Sequence[str],
-) -> str:
-    others = [other for other in rivals if tuple(other) != tuple(mine)]
-    told = _telling(mine, others) if others else _passed(mine, straight)
-    standing = [k for k in told if k < len(names)]
-    turns = {k: float(straight[k]) + mine[k] for k in standing}
-    rounds = [f"once round {names[k]}" for k in standing if abs(turns[k]) >= 1.0]
-    left = [names[k] for k in standing if -1.0 < turns[k] < 0.0]
-    right = [names[k] for k in standing if 0.0 <= turns[k] < 1.0]
-    if len(left) == len(right) == 1 and len(names) == 2:  # of two among many it need not lead through the gap
-        sides = [f"between {right[0]} and {left[0]}"]
-    else:
-        sides = [f"{side} of {_listed(group)}" for side, group in (("right", right), ("left", left)) if group]
-    bodies = [_about(mine[k], movers, k - len(names), passed) for k in told if k >= len(names)]
-    if not standing and not bodies:  # a class alone is told by the bodies that it passes
-        bodies = [f"{side} {name}" for side, name in zip(passed, movers, strict=False) if side]
-    return ", ".join([*rounds, *sides, *bodies]) or "straight ahead"
-
-
-def _telling(mine: Sequence[int], others: list[Sequence[int]]) -> list[int]:
+def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
     """The fewest obstacles that tell a class from all others, found one by one, in their order."""
     told: list[int] = []
+    others = [other for other in rivals if tuple(other) != tuple(mine)]
     while others:
         apart = np.array([[a != b for a, b in zip(mine, other, strict=True)] for other in others]).sum(axis=0)
-        best = int(np.argmax(apart))
-        told.append(best)
-        others = [other for other in others if other[best] == mine[best]]
+        told.append(int(np.argmax(apart)))
+        others = [other for other in others if other[told[-1]] == mine[told[-1]]]
     return sorted(told)
-
-
-def _passed(mine: Sequence[int], straight: Array) -> list[int]:
-    """The two obstacles that the only class there is passes most clearly."""
-    turns = np.abs(straight + np.asarray(mine)[: len(straight)])
-    clear = np.argsort(-turns, kind="stable")[:2]
-    return sorted(int(k) for k in clear if turns[k] >= PASSED)
-
-
-def _about(turns: int, movers: Sequence[str], body: int, sides: Sequence[str]) -> str:
-    name = movers[body] if body < len(movers) else "a moving body"
-    if body < len(sides) and sides[body]:
-        return f"{sides[body]} {name}"
-    return f"past {name} as the straight way" if turns == 0 else f"the other way round {name}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -10,15 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
-from pirrht.planner.graph import ROOT, Graph
+from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import Color
 
@@ -26,9 +23,7 @@ Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
 DEAD = "dead"
 FINE = 0.02  # distance of points on arcs that are then thinned out [m]
-TAPE_SAMPLES = 2000  # of a round, for the line where the tape leads
-MOST, POINTS = 24, 32  # samples that a way is the mean of, the heaviest of a class, and its points
-TRIED = 5  # samples that may stand for a mean that touches something
+MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 
 
 def at_most(points: Array, count: int) -> Array:
@@ -67,10 +62,7 @@ def fine(reference: Reference) -> Array:
 
 
 def timed(reference: Reference, now: float) -> Array:
-    """The path of a reference of a plan made at a time [s] in space and time, (k, 3) [m, m, s].
-
-    One that has no times of its own goes at an even pace.
-    """
+    """The path of a reference of a plan made at a time [s], (k, 3) [m, m, s]; without times of its own at even pace."""
     knots = getattr(reference.trajectory.path, "knots", None)
     if knots is not None and knots.shape[1] == 3:
         return np.column_stack([knots[:, :2], knots[:, 2] - knots[0, 2] + now])
@@ -85,33 +77,6 @@ def even(points: Array, count: int) -> Array:
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
     at = np.linspace(0.0, along[-1], count)
     return np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
-
-
-def ahead(plan: Plan, problem: Problem) -> Array:
-    """Follow a plan's control sequence alone, (k, 2), as far as a tenth of the weight is still under way."""
-    x, still, path = plan.state, np.zeros(problem.dynamics.m), [plan.state[:2]]
-    tape, alive = _tape_of(plan)
-    for u, dt, share in zip(tape, np.diff(plan.times), alive, strict=True):
-        if share < 0.1 or problem.scene.goal.contains(x[:2]):
-            break
-        x = problem.dynamics.step(x, u, still, dt)
-        path.append(x[:2])
-    return np.array(path)
-
-
-def _tape_of(plan: Plan) -> tuple[Array, Array]:
-    """A plan's tape (T, m) and the weight under way (T,), by as many samples as a picture needs.
-
-    All noise must be drawn again for it. Of several batches the smallest serves that is large enough.
-    """
-    estimate = plan.estimate
-    if estimate is None or plan.replay is None or len(estimate.parts) == 1:
-        return plan.tape, plan.alive
-    met = [part for part in estimate.parts if np.isfinite(part.log_weight.max())]
-    enough = [part for part in met if part.size >= TAPE_SAMPLES]
-    return plan.replay.tape(
-        [min(enough, key=lambda part: part.size) if enough else max(met, key=lambda part: part.size)]
-    )
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
@@ -153,7 +118,10 @@ def fans(
         everything: draw all samples instead, however many.
     """
     paths = estimate.rollouts.paths
-    members = _members(paths.outcome, paths.key, names)
+    alive = paths.outcome == Outcome.GOAL
+    groups = {name: alive & (paths.key == k) for k, name in names.items()}
+    groups |= {OTHER: alive & ~np.isin(paths.key, list(names)), DEAD: ~alive}
+    members = {name: np.flatnonzero(mask) for name, mask in groups.items() if mask.any()}
     length = 2 + int(paths.steps.max(initial=0)) // 2
     share = max(4, points // (length * max(1, len(members))))
     chosen = {name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()}
@@ -167,14 +135,6 @@ def fans(
         strips[..., 2] += 0.02 * opacity[order, None].astype(np.float32)
         drawn[name] = Fan(strips=strips, moments=moments, opacity=opacity[order])
     return drawn
-
-
-def _members(outcome: NDArray[np.int8], key: Indices, names: Mapping[int, str]) -> dict[str, Indices]:
-    alive = outcome == Outcome.GOAL
-    members = {name: np.flatnonzero(alive & (key == k)) for k, name in names.items()}
-    members[OTHER] = np.flatnonzero(alive & ~np.isin(key, list(names)))
-    members[DEAD] = np.flatnonzero(~alive)
-    return {name: group for name, group in members.items() if len(group)}
 
 
 def _pick(group: Indices, weight: Array, count: int) -> Indices:
@@ -195,7 +155,7 @@ def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, le
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
 
-def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> tuple[Array, Array]:
+def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> Array:
     """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
 
     Args:
@@ -203,7 +163,7 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) 
         since: only those of vertices from this number on.
 
     Returns:
-        (k, 2, 3) ends [m, m, turns] with k at most `most`, and (k,) height of the middle [turns].
+        ends (k, 2, 3) [m, m, turns] with k at most `most`.
     """
     graph, size = tree.graph, tree.size
     width = graph.parent.shape[1]
@@ -217,10 +177,14 @@ def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) 
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
     ends[:, 0, :2], ends[:, 1, :2] = tree.states[vertex, :2], tree.states[head, :2]
-    turns = _node_turns_around(graph, vertex, slot, obstacle).astype(float)
+    used = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
+    turns = np.sum(graph.turn[vertex, slot] * (used & (graph.marker[vertex, slot] == obstacle)), axis=1, dtype=float)
+    added = np.zeros(len(graph.tail))  # by prepending each edge [turns]
+    around = np.flatnonzero(graph.edge_marker[: int(graph.size[4])] == obstacle)
+    added[np.searchsorted(graph.edge_first[: graph.size[1] + 1], around, side="right") - 1] = graph.edge_turn[around]
     ends[:, 0, 2] = 1.0 + graph.straight[vertex, obstacle] + turns
-    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - _edge_turns_around(graph, obstacle)[edge]
-    return ends, ends[:, :, 2].mean(axis=1)
+    ends[:, 1, 2] = 1.0 + graph.straight[head, obstacle] + turns - added[edge]
+    return ends
 
 
 def remaining(homology: Homology, reference: Reference, line: Array, obstacle: int) -> Array:
@@ -232,88 +196,33 @@ def remaining(homology: Homology, reference: Reference, line: Array, obstacle: i
     return left
 
 
-def heights(values: Array, low: float, high: float) -> NDArray[np.uint8]:
-    """Colours (k, 3) for heights (k,), from dim blue to pale sand."""
-    anchors = np.array([(44, 62, 110), (92, 105, 138), (150, 150, 140), (226, 208, 150)], dtype=float)
-    place = np.clip((values - low) / max(high - low, 1e-9), 0.0, 1.0) * (len(anchors) - 1)
-    grid = np.arange(len(anchors))
-    mixed = np.stack([np.interp(place, grid, anchors[:, c]) for c in range(3)], axis=1)
-    colors: NDArray[np.uint8] = np.rint(mixed).astype(np.uint8)
-    return colors
-
-
 def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
     """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
     rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
     return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)
 
 
-def ways(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
-    """Per class the mean of its samples that arrived, by weight, at equal shares of their time, (POINTS, 2) [m].
+def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
+    """Per class the weighted mean of its heaviest samples at equal shares of their time, (POINTS, 2) [m].
 
-    Where that mean touches something or passes it on another side than its samples do, it is the sample nearest to it.
+    If it touches something, the sample nearest to it.
 
     Args:
-        names: classes to look at, by additive key.
+        names: of the classes, by additive key.
     """
-    paths = estimate.rollouts.paths
-    arrived = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0)
-    groups = {key: _heaviest(np.flatnonzero(arrived & (paths.key == key)), estimate.weight) for key in names}
-    groups = {key: group for key, group in groups.items() if len(group)}
-    if not groups:
-        return {}
-    lines = _lines(path_integral, estimate, np.concatenate([*groups.values()]))
-    found, first = {}, 0
-    for key, group in groups.items():
-        mine = lines[first : first + len(group)]
-        first += len(group)
-        mean = np.average(mine, axis=0, weights=estimate.weight[group])
-        order = np.argsort(np.abs(mine - mean).max(axis=(1, 2)), kind="stable")
-        candidates = [mean, *mine[order[:TRIED]]]
-        fit = (line for line in candidates if _belongs(path_integral.space, line, key))
-        found[names[key]] = next(fit, mine[order[0]])
+    paths, found = estimate.rollouts.paths, {}
+    arrived, share = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0), np.linspace(0.0, 1.0, POINTS)
+    for key, name in names.items():
+        group = np.flatnonzero(arrived & (paths.key == key))
+        group = group[np.argsort(-estimate.weight[group], kind="stable")[:MOST]]
+        if len(group):
+            states, steps = path_integral.replay.trace(estimate.rollouts, group)
+            times = estimate.rollouts.tables.times
+            lines = np.array([
+                [np.interp(share * times[k], times[: k + 1], line[: k + 1, i]) for i in (0, 1)]
+                for line, k in zip(states, steps, strict=True)
+            ]).transpose(0, 2, 1)  # fmt: skip
+            mean = np.average(lines, axis=0, weights=estimate.weight[group])
+            free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()
+            found[name] = mean if free else lines[int(np.argmin(np.abs(lines - mean).max(axis=(1, 2))))]
     return found
-
-
-def _heaviest(group: Indices, weight: Array) -> Indices:
-    return group[np.argsort(-weight[group], kind="stable")[:MOST]]
-
-
-def _lines(path_integral: PathIntegral, estimate: Estimate, chosen: Indices) -> Array:
-    """Paths of chosen samples (c,) at equal shares of their time, (c, POINTS, 2) [m]."""
-    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.tables.times
-    share = np.linspace(0.0, 1.0, POINTS)
-    return np.stack(
-        [
-            np.column_stack([np.interp(share * times[k], times[: k + 1], line[: k + 1, i]) for i in (0, 1)])
-            for line, k in zip(states, steps, strict=True)
-        ]
-    )
-
-
-def _belongs(space: FreeSpace, line: Array, key: int) -> bool:
-    """Return whether a line (k, 2) [m] is free and of the class with that key, as far as that is about what stands."""
-    if not space.collision.segments_free(line[:-1], line[1:]).all():
-        return False
-    homology = space.homology
-    return bool(space.scene.movers) or homology.key(homology.winding(line)) == key
-
-
-def _edge_turns_around(graph: Graph, obstacle: int) -> NDArray[np.int64]:
-    """Whole turns (E,) [turns] that prepending each edge adds around one obstacle (an index); 0 in spare room."""
-    used = int(graph.size[4])
-    found = np.flatnonzero(graph.edge_marker[:used] == obstacle)
-    turns = np.zeros(len(graph.tail), dtype=np.int64)
-    turns[np.searchsorted(graph.edge_first[: graph.size[1] + 1], found, side="right") - 1] = graph.edge_turn[found]
-    return turns
-
-
-def _node_turns_around(
-    graph: Graph, vertex: NDArray[np.int64], slot: NDArray[np.int64], obstacle: int
-) -> NDArray[np.int64]:
-    """The integers (k,) [turns] that the classes of nodes, vertex (k,) and slot (k,), have around one obstacle."""
-    known = np.arange(graph.marker.shape[2]) < graph.pairs[vertex, slot][:, None]
-    match = known & (graph.marker[vertex, slot] == obstacle)
-    turns: NDArray[np.int64] = np.sum(graph.turn[vertex, slot] * match, axis=1, dtype=np.int64)
-    return turns

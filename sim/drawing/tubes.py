@@ -1,31 +1,28 @@
-"""Bodies that move as shapes in space and time: their outlines at some moments, and the tubes that they sweep."""
+"""Moving obstacles in space and time: their outlines at some moments, and the tubes that they sweep."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 
 from pirrht.arrays import Array, IntArray
-from pirrht.geometry.obstacle import Motion, Mover, Obstacle
-from pirrht.moving.collision import radius_of
+from pirrht.geometry.obstacle import Mover
 from sim.drawing.strokes import at_most
 from sim.plotting.ground import fading, outline
 
-CORNERS = 32  # of what is round: its outline then lies within half a percent of the radius
-ROUGH = 20  # corners of what is round, of an outline
-MOST = 640  # corners of all outlines of a picture
-FEWEST = 8  # of them that one outline has
-OFF = 0.002  # that a tube may be off a corner of a body that turns [m]
+CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
+MOST, FEWEST = 640, 8  # corners of all outlines of a picture at most, and of one outline at least
+TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
+JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tube:
-    """Tube that one solid of a moving obstacle sweeps while it goes on without a jump."""
+    """Tube that one solid of a moving obstacle sweeps while it moves without a jump."""
 
-    times: Array  # (k,) at which the body is where its outline is [s]; in between corners go straight
+    times: Array  # (k,) at which the obstacle is where its outline is [s]; in between corners go straight
     rings: Array  # (k, c, 2) corners of the outline at each, counterclockwise [m]
 
     @property
@@ -54,10 +51,7 @@ class Outline:
 
 
 def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
-    """Bodies that move as they are now [s], and where they are taken to be soon, the weaker the later.
-
-    Of many bodies there are fewer moments and fewer corners.
-    """
+    """Outline moving obstacles as they are now [s] and as predicted soon, the weaker the later; many coarsely."""
     told = [(mover, [(0.0, 1.0), *fading(mover, now)]) for mover in movers]
     count = sum(len(mover.solids) * len(moments) for mover, moments in told)
     if count * FEWEST > MOST:
@@ -65,17 +59,20 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     corners = int(np.clip(MOST // max(1, count), FEWEST, ROUGH))
     found = []
     for mover, moments in told:
-        times = now + np.array([after for after, _ in moments])
-        for rings in outlines(mover, times, corners):
+        for rings in outlines(mover, now + np.array([after for after, _ in moments]), corners):
             closed = np.concatenate([rings, rings[:, :1]], axis=1)
-            pairs = zip(moments, closed, strict=True)
-            found += [Outline(after=after, strength=strength, ring=ring) for (after, strength), ring in pairs]
+            found += [Outline(after=a, strength=s, ring=ring) for (a, s), ring in zip(moments, closed, strict=True)]
     return found
 
 
 def outlines(mover: Mover, times: Array, corners: int = CORNERS) -> list[Array]:
-    """Outlines of each of a body's solids seen from above at times (k,) [s], (k, c, 2) [m]."""
-    return _turned(mover, mover.motion.pose(times), corners)
+    """Outlines of each of an obstacle's solids seen from above at times (k,) [s], (k, c, 2) [m]."""
+    poses = mover.motion.pose(times)
+    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+    turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
+    rings = [outline(solid) for solid in mover.solids]
+    flat = [at_most(np.vstack([ring, ring[:1]]), corners + 1)[:-1] for ring in rings]
+    return [np.einsum("kij,cj->kci", turns, ring) + poses[:, None, :2] for ring in flat]
 
 
 def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> list[Tube]:
@@ -84,48 +81,21 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
     Args:
         corners: of what is round, at most.
     """
-    turn = np.sqrt(8.0 * OFF / max(radius_of(mover), 1e-9))
+    rows, shift = mover.motion.rows, mover.motion.offset
+    period = float(rows[-1, 0]) if mover.motion.repeat else np.inf
+    cuts = [begin, end]
+    if mover.motion.repeat:
+        laps = np.arange(np.floor((begin + shift) / period) + 1, np.ceil((end + shift) / period)) * period - shift
+        cuts = [begin, *laps[(laps > begin) & (laps < end)], end]
     found = []
-    for times, poses in _laps(mover.motion, begin, end):
-        times, poses = _finer(times, poses, turn)
-        found += [Tube(times=times, rings=rings) for rings in _turned(mover, poses, corners)]
+    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        lap = np.floor((0.5 * (low + high) + shift) / period) * period if mover.motion.repeat else 0.0
+        knots = rows[:, 0] + lap - shift
+        times = np.concatenate([[low], knots[(knots > low) & (knots < high)], [high]])
+        yaw = np.interp(times - lap + shift, rows[:, 0], rows[:, 3])
+        parts = np.maximum(1, np.ceil(np.abs(np.diff(yaw)) / TURN)).astype(int)
+        at = np.concatenate([[0.0], *(k + np.arange(1, n + 1) / n for k, n in enumerate(parts))])
+        times = np.interp(at, np.arange(len(times)), times)
+        seen = np.minimum(times, max(low, high - JUMP))  # at the end of a lap it is where the next one begins
+        found += [Tube(times=times, rings=rings) for rings in outlines(mover, seen, corners)]
     return found
-
-
-def _turned(mover: Mover, poses: Array, corners: int) -> list[Array]:
-    """Outlines of a body's solids at poses (k, 3), (k, c, 2)."""
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
-    return [np.einsum("kij,cj->kci", turns, _flat(solid, corners)) + poses[:, None, :2] for solid in mover.solids]
-
-
-@lru_cache(maxsize=1024)  # the same solids are drawn again and again
-def _flat(solid: Obstacle, corners: int) -> Array:
-    """Corners of a solid's outline in the frame of its body, at most so many, (c, 2) [m]."""
-    ring = outline(solid)
-    return at_most(np.vstack([ring, ring[:1]]), corners + 1)[:-1]
-
-
-def _laps(motion: Motion, begin: float, end: float) -> list[tuple[Array, Array]]:
-    """Times and poses between which a motion is linear, lap by lap of one that starts over."""
-    rows, shift = motion.rows, motion.offset
-    period = float(rows[-1, 0]) if motion.repeat else np.inf
-    first = max(0, int((begin + shift) // period)) if motion.repeat else 0
-    last = max(first, int(np.ceil((end + shift) / period)) - 1) if motion.repeat else first
-    found = []
-    for lap in range(first, last + 1):
-        off = (lap * period if lap else 0.0) - shift  # of the rows' clock
-        low, high = begin if lap == first else off, end if lap == last else off + period
-        inner = rows[:, 0] + off
-        times = np.concatenate([[low], inner[(inner > low) & (inner < high)], [high]])
-        poses = np.column_stack([np.interp(times - off, rows[:, 0], rows[:, k]) for k in (1, 2, 3)])
-        found.append((times, poses))
-    return found
-
-
-def _finer(times: Array, poses: Array, turn: float) -> tuple[Array, Array]:
-    """Add rows, so that from one to the next an obstacle turns by no more than an angle [rad]."""
-    parts = np.maximum(1, np.ceil(np.abs(np.diff(poses[:, 2])) / turn)).astype(int)
-    at = np.concatenate([[0.0], *(k + np.arange(1, n + 1) / n for k, n in enumerate(parts))])
-    every = np.arange(len(times))
-    return np.interp(at, every, times), np.column_stack([np.interp(at, every, poses[:, k]) for k in range(3)])

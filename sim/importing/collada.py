@@ -23,14 +23,7 @@ Faces = NDArray[np.int64]
 
 
 def read_collada(path: Path, name: str = "") -> Array:
-    """Read the corners of all triangles, (t, 3, 3) [m].
-
-    Args:
-        name: of the node or geometry to read; all if empty.
-
-    Raises:
-        SceneError: malformed, too large, or without triangles under that name.
-    """
+    """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
     try:
         root = parse(path, "a COLLADA file")
         for element in root.iter():

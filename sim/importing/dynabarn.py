@@ -41,11 +41,7 @@ SPARE = 2e-4  # of the deviation is kept for what happens between those moments 
 
 
 def read(source: Path, number: str | None = None) -> World:
-    """The cylinders of one world of a file, of its only one if none is named, and the arena.
-
-    Raises:
-        SceneError: unreadable, no such world, or one with a part that is missing or none; names it.
-    """
+    """The cylinders of one world of a file, of its only one if none is named, and the arena."""
     worlds = _worlds(source)
     if number is None and len(worlds) == 1:
         number = next(iter(worlds))
@@ -97,35 +93,28 @@ def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:
     """Name, radius [m] and keys (k, 3) t [s], x, y [m]."""
     if not isinstance(obstacle, dict):
         raise SceneError(f"{where} is no object; write {FORM}")
-    name = " ".join(str(obstacle.get("name", "")).split())
-    missing = [key for key in ("name", "radius", "keys") if key not in obstacle or (key == "name" and not name)]
-    if missing:
-        raise SceneError(f'{where} has no "{missing[0]}"; write {FORM}')
-    where, keys = f'{where} ("{name[:40]}")', obstacle["keys"]
-    radius = _number(obstacle["radius"])
-    if not FINEST <= radius <= FARTHEST:
-        raise SceneError(f"{where}: its radius is {obstacle['radius']!r}; write metres, {FINEST:g} to {FARTHEST:g}")
-    if not isinstance(keys, list) or len(keys) < 2:
-        raise SceneError(f"{where}: its keys are not two or more; write [[0, x, y], [t, x, y], ...]")
+    name, radius = " ".join(str(obstacle.get("name", "")).split()), _number(obstacle.get("radius"))
+    where, keys = f'{where} ("{name[:40]}")', obstacle.get("keys")
+    if not name or not FINEST <= radius <= FARTHEST or not isinstance(keys, list) or len(keys) < 2:
+        raise SceneError(
+            f'{where} needs a "name", a "radius" of {FINEST:g} to {FARTHEST:g} m and two or more "keys"; write {FORM}'
+        )
     rows = np.full((len(keys), 3), np.nan)
     for k, key in enumerate(keys):
         if isinstance(key, list) and len(key) == 3:
             rows[k] = [_number(value) for value in key]
         if not np.all(np.abs(rows[k]) <= FARTHEST):
             raise SceneError(f"{where}: key {k + 1} is not three finite numbers up to {FARTHEST:g}; write [t, x, y]")
-        if k == 0 and rows[0, 0] != 0.0:
-            raise SceneError(f"{where}: its first key is at {rows[0, 0]:g} s; it must be at 0")
-        if k > 0 and rows[k, 0] <= rows[k - 1, 0]:
-            times = f"{rows[k, 0]:g} s after one at {rows[k - 1, 0]:g} s"
-            raise SceneError(f"{where}: key {k + 1} is at {times}; times must increase")
+        if rows[k, 0] <= rows[k - 1, 0] if k else rows[k, 0] != 0.0:
+            after = f" after one at {rows[k - 1, 0]:g} s" if k else ""
+            raise SceneError(f"{where}: key {k + 1} is at {rows[k, 0]:g} s{after}; times begin at 0 and increase")
     return name, radius, rows
 
 
 def _number(value: Any) -> float:
-    """A number of JSON; NaN for anything else."""
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return float("nan")
-    return float(value) if abs(value) <= FARTHEST else float("inf")
+    """A number of JSON; NaN for anything else, or beyond `FARTHEST`."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= FARTHEST
+    return float(value) if number else float("nan")
 
 
 def _elements(name: str, radius: float, keys: Array) -> tuple[str, str]:

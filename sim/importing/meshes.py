@@ -53,12 +53,7 @@ class Parts:
 
 
 def read_mesh(source: Path) -> World:
-    """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex.
-
-    Raises:
-        SceneError: the file holds no mesh, or one that is too large.
-        OptionError: CoACD is needed and not installed.
-    """
+    """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
     parts = split(MeshKey(source))
     corners = _by_coacd(source) if parts.rough else parts.vertices
     flat = np.vstack(corners)[:, :2]

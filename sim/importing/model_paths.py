@@ -33,11 +33,7 @@ class ModelPaths:
     folders: tuple[Path, ...] = ()  # searched before those around the file and the world
 
     def find(self, uri: str, file: Path) -> Iterator[Path]:
-        """Yield what exists at an address written in a file, the likeliest first.
-
-        Raises:
-            SceneError: the address has a scheme that names no file, or leads out of the searched folders.
-        """
+        """Yield what exists at an address written in a file, the likeliest first."""
         roots = self._roots(file)
         paths = [(root, _normal(root / name)) for name in self._names(uri, file) for root in roots]
         inside = [path for root, path in paths if path.is_relative_to(root)]

@@ -74,12 +74,7 @@ class Map:
 
 
 def read_map(path: Path) -> Map:
-    """The map that a YAML file of map_server describes.
-
-    Raises:
-        SceneError: names the file, the key and what would do.
-        OptionError: PyYAML or Pillow is missing.
-    """
+    """The map that a YAML file of map_server describes."""
     known, notes = _Keys(path), list[str]()
     resolution = known.of("resolution", _number, "a number")
     occupied_above, free_below = (known.of(key, _number, "a number") for key in ("occupied_thresh", "free_thresh"))
@@ -163,17 +158,16 @@ class _Keys:
 
 
 def _number(value: Any) -> float:
-    number = float(value)
-    if not np.isfinite(number) or isinstance(value, bool):
+    if not np.isfinite(float(value)) or isinstance(value, bool):
         raise ValueError
-    return number
+    return float(value)
 
 
 def _origin(value: Any) -> Array:
     """x, y, yaw (3,); the yaw may be nan."""
+    origin = np.append(np.array([float(v) for v in value]), 0.0)[:3]
     if not isinstance(value, list) or len(value) not in (2, 3):
         raise ValueError
-    origin = np.append(np.array([float(v) for v in value]), 0.0)[:3]
     if not np.all(np.abs(origin[:2]) <= FARTHEST) or abs(origin[2]) > FARTHEST:
         raise ValueError
     return origin
@@ -199,10 +193,9 @@ def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]
         from PIL import Image
     except ImportError:
         raise OptionError(_EXTRA) from None
-    why = why_unreadable(file)
-    if why is not None:
-        raise SceneError(f"{file}: cannot be read (it {why}); give a picture")
     try:
+        if (why := why_unreadable(file)) is not None:
+            raise OSError(f"it {why}")
         with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
             picture = Image.open(file)
         with picture as image:

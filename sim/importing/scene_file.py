@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -62,7 +62,6 @@ def import_world(
     decompose: bool = False,
     models: Sequence[Path] = (),
     without: Sequence[str] = (),
-    progress: Callable[[int, int], object] | None = None,
 ) -> Imported:
     """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
@@ -79,7 +78,6 @@ def import_world(
         decompose: it is a mesh, of which convex parts are made.
         models: folders where models and meshes of an SDF world are searched for, before those around the file.
         without: names of models of an SDF world to leave out, like the robot.
-        progress: called with how many of how many shapes of a world are done, now and then.
 
     Raises:
         SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
@@ -119,7 +117,7 @@ def import_world(
     elif content_of(source, what).lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
     else:
-        world = read_sdf(source, progress, folders=models, without=without)
+        world = read_sdf(source, folders=models, without=without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     geoms, notes = len(world.solids) + len(world.bodies), world.notes
     if mapped or decompose:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -43,26 +43,16 @@ _NOTES = {
 }
 
 
-def read_sdf(
-    path: Path,
-    progress: Callable[[int, int], object] | None = None,
-    *,
-    folders: Sequence[Path] = (),
-    without: Sequence[str] = (),
-) -> World:
+def read_sdf(path: Path, *, folders: Sequence[Path] = (), without: Sequence[str] = ()) -> World:
     """Read the obstacles of the one world, or of the models without a world, in an SDF file.
 
     Args:
-        progress: called with how many of how many collision shapes are done, now and then.
         folders: where included models and meshes are searched for, before the folders around the file.
         without: names of models to leave out.
-
-    Raises:
-        SceneError: unreadable, malformed, with a document type, or with a part that cannot be taken over.
     """
     try:
         world = read_world(ModelPaths(path, tuple(folders)))
-        return _Reader(Scope.of_world(world, path), frozenset(without)).world(progress)
+        return _Reader(Scope.of_world(world, path), frozenset(without)).world()
     except RecursionError:
         raise SceneError(f"{path}: poses refer to each other in too long a chain; shorten it") from None
 
@@ -72,9 +62,8 @@ class _Reader:
         self.scope, self.without, self.split = scope, without, cache(split)
         self.noted: dict[str, dict[str, float]] = defaultdict(dict)  # names by note
 
-    def world(self, progress: Callable[[int, int], object] | None) -> World:
+    def world(self) -> World:
         """Take over all models."""
-        done, total = 0, sum(1 for _ in self.scope.element.iter("collision"))
         solids: list[Solid] = []
         grounds: list[Array] = []
         for model in self._models(self.scope):
@@ -89,9 +78,6 @@ class _Reader:
                 elif geometry.tag != "empty":
                     name = model.label if len(shapes) == 1 else f"{link.label}::{collision.get('name')}"
                     solids += self._solids(" ".join(name.split()), link, collision, geometry)
-            done += len(found)
-            if progress is not None:
-                progress(done, total)
         unknown = self.without.difference(self.noted["left"])
         if unknown:
             names = _listed([part.get("name", "") for part in self.scope.element.findall("model")])

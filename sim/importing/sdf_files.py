@@ -23,11 +23,7 @@ BUILT_IN = ("ground_plane", "sun")  # Gazebo's own models, which need no file: a
 
 
 def parse(path: Path, what: str) -> ET.Element:
-    """Read the root element of an XML file of bearable size, without document types.
-
-    Raises:
-        SceneError: names the path and what is required.
-    """
+    """Read the root element of an XML file of bearable size, without document types."""
     data = content_of(path, what)
     try:
         root: ET.Element = fromstring(data, forbid_dtd=True)
@@ -44,14 +40,7 @@ def parse(path: Path, what: str) -> ET.Element:
 
 
 def read_world(paths: ModelPaths) -> ET.Element:
-    """Read the world element of a file, with everything that it includes.
-
-    A file of models without a world counts as a world that holds them.
-
-    Raises:
-        SceneError: unreadable, malformed, no world or several, or an include that is missing, includes itself or
-            leads out of the searched folders.
-    """
+    """Read the world element of a file, or its models as a world, with everything that it includes."""
     path = paths.source
     root = parse(path, "an SDF world file")
     known = root.tag in ("sdf", "gazebo")

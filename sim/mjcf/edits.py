@@ -49,13 +49,7 @@ def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
 def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
     """Weld bodies where the first keyframe, else the default pose, has them; drop what would act on them or measure.
 
-    Args:
-        spec: changed in place.
-        moving: mocap bodies that have motions and keep them.
-        path: the scene's file, for messages.
-
-    Returns:
-        A line on what was done; empty where nothing moves.
+    Bodies that are `moving` keep their motions. Returns a line on what was done; empty where nothing moves.
     """
     model = compile_spec(spec, path)
     data, where = mujoco.MjData(model), "the default pose"

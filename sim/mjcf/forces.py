@@ -19,11 +19,7 @@ BARE = "leave out damping, friction, gravity and narrow ctrlranges"
 
 
 def check_actuators(model: mujoco.MjModel, system: System) -> None:
-    """Refuse velocity servos where velocity is state, and motors where the state is but a place.
-
-    Raises:
-        SceneError: names actuator and what to write.
-    """
+    """Refuse velocity servos where velocity is state, and motors where the state is but a place."""
     if wrong := _wrong_actuator(model, system.states, system.name):
         raise SceneError(wrong)
 
@@ -36,15 +32,13 @@ def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -
         and model.actuator_dyntype[i] == mujoco.mjtDyn.mjDYN_NONE
         for i in range(model.nu)
     ]
-    if set(states) & set(SPEED):
-        if any(motors):
-            return ""
+    forced = set(states) & {*VELOCITIES, *SPEED}
+    if "speed" in states and not any(motors):
         return (
             f"no actuator is a motor, and the speed is a state of {system}, which forces change; write one that drives "
             'the body ahead, <motor name="..." site="..." gear="1 0 0 0 0 0"/>'
         )
-    forced = bool(set(states) & set(VELOCITIES))
-    if all(motors) if forced else not (motors and all(motors)) or set(states) - set(POSE):
+    if "speed" in states or (all(motors) if forced else not all(motors) or not motors or set(states) - set(POSE)):
         return ""
     name = model.actuator(motors.index(not forced)).name
     short = name.rpartition("/")[2]
@@ -66,9 +60,6 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     Args:
         system: what errors call the dynamics.
         command: (nu, k) M of ctrl = M @ twist.
-
-    Raises:
-        OptionError: names states, actuators or accelerations, and how to fix them.
     """
     able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
     has = POSE if rolls(model) else (*POSE[: model.nq], *able)

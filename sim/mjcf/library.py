@@ -43,11 +43,7 @@ def robot_names() -> tuple[str, ...]:
 
 
 def find(kind: str, which: str | Path) -> Path:
-    """The file of a built-in scene or robot, or the path itself; `kind` is "scene" or "robot".
-
-    Raises:
-        SceneError: no such name and no such file.
-    """
+    """The file of a built-in scene or robot, or the path itself; `kind` is "scene" or "robot"."""
     names = _names(kind + "s")
     if isinstance(which, str) and which in names:
         return models_folder() / (kind + "s") / f"{which}.xml"
@@ -60,11 +56,7 @@ def find(kind: str, which: str | Path) -> Path:
 
 
 def parse(path: Path) -> mujoco.MjSpec:
-    """The spec of an MJCF file.
-
-    Raises:
-        SceneError: it is no file, not named .xml, unreadable, no MJCF, or asks for more than `sim.mjcf.limits` allows.
-    """
+    """The spec of an MJCF file that keeps to `sim.mjcf.limits`."""
     why = why_unreadable(path)
     if why is not None:
         raise SceneError(f"{path}: this {why}; give the path of an MJCF file that may be read")

@@ -16,7 +16,7 @@ from itertools import product
 from math import prod
 from pathlib import Path
 
-from pirrht.errors import SceneError
+from pirrht.errors import SceneError, printable
 from sim.files import MISSING, read_bounded, why_unreadable
 
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
@@ -35,11 +35,7 @@ _READ = "read"
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
-    """Read a regular file of bearable size.
-
-    Raises:
-        SceneError: names the path and what is wanted.
-    """
+    """Read a regular file of bearable size; the SceneError of any other names the path and what is wanted."""
     why = why_unreadable(path)
     if why is not None:
         raise SceneError(f"{path}: cannot be read (it {why}); give {what}")
@@ -50,9 +46,6 @@ def check(path: Path) -> None:
     """Refuse an MJCF file that is too large, copies too much, or names what is no regular file of bounded size.
 
     Names are searched wherever MuJoCo might; what does not exist is left to it.
-
-    Raises:
-        SceneError: names the file, what it names and why not.
     """
     waiting, seen, names = [path], {path}, dict[str, Path]()
     bases, folders = {path.parent}, {""}
@@ -64,7 +57,7 @@ def check(path: Path) -> None:
             text = unescape(b"".join(value).decode(errors="surrogateescape"))
             if key == b"count":
                 if prod(max(1, int(word)) for word in text.split() if word.isdecimal()) > MOST_COPIES:
-                    raise SceneError(f'{file}: count="{text[:40]}" makes too much; write {MOST_COPIES} at most')
+                    raise SceneError(f'{file}: count="{printable(text[:40])}" is too much; write {MOST_COPIES} at most')
             elif key.startswith(b"file"):
                 names.setdefault(text, file)
             else:
@@ -72,12 +65,9 @@ def check(path: Path) -> None:
         if len(names) * len(bases) * len(folders) > MOST_PLACES:
             raise SceneError(f"{file}: it names too many files and folders; write fewer")
         if not waiting:
-            found = {
-                base / folder / part
-                for name, base, folder in product(names, bases, folders)
-                for part in (name, Path(name).name)
-                if _check_named(base / folder / part, name, names[name])
-            }
+            places = product(names, bases, folders)
+            maybe = ((base / folder / part, name) for name, base, folder in places for part in (name, Path(name).name))
+            found = {one.parent.resolve() / one.name for one, name in maybe if _check_named(one, name, names[name])}
             waiting = [one for one in found - seen if one.stat().st_size <= LARGEST_TEXT]
             seen |= found
 
@@ -85,19 +75,15 @@ def check(path: Path) -> None:
 def _check_named(found: Path, name: str, by: Path) -> bool:
     """Whether there is such a file; what is there and would never end, or is too large, is refused."""
     why = why_unreadable(found)
-    if why not in (None, MISSING) and name and not found.is_dir():
-        raise SceneError(f'{by}: it names the file "{name[:40]}", which {why}; name a regular file')
+    if why not in (None, MISSING) and name and not os.path.isdir(found):
+        raise SceneError(f'{by}: it names the file "{printable(name[:40])}", which {why}; name a regular file')
     if why is None and found.stat().st_size > LARGEST_FILE:
         raise SceneError(f"{found}: larger than {LARGEST_FILE >> 20} MiB; make it smaller")
     return why is None
 
 
 def trial(path: Path, read: Callable[[], object]) -> None:
-    """Read a file in a child process of bounded memory and time, where the system has such.
-
-    Raises:
-        SceneError: reading it failed, in the child's words, or went beyond the limits.
-    """
+    """Read a file in a child process of bounded memory and time, on Linux; a failure there is a SceneError here."""
     if sys.platform != "linux":
         return
     source, sink = os.pipe()

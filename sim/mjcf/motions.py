@@ -25,11 +25,7 @@ MOVES = 'it moves: move site "start", choose another --start, or write another f
 
 
 def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
-    """The motions of a scene by the names of their bodies, in the order of the file.
-
-    Raises:
-        SceneError: there is no such body, it is no mocap body, or its rows are none; names element and remedy.
-    """
+    """The motions of a scene by the names of their bodies, in the order of the file."""
     rows = {n.name: np.array(list(n.data)) for n in spec.numerics if n.name.startswith(MOTION)}
     texts = {t.name: str(t.data) for t in spec.texts if t.name.startswith(MOTION)}
     for name, text in texts.items():
@@ -93,17 +89,7 @@ def moved_geoms(model: mujoco.MjModel, motions: Mapping[str, Motion]) -> Mask:
 def read_movers(
     model: mujoco.MjModel, data: mujoco.MjData, motions: Mapping[str, Motion], solids: Mapping[int, Obstacle]
 ) -> tuple[Mover, ...]:
-    """What moves, in the order of the motions.
-
-    Args:
-        model: the robot joined to its scene.
-        data: its data after kinematics, as the file places everything.
-        motions: by name of the body.
-        solids: whatever the robot can collide with where the file places it, by number of the geom.
-
-    Raises:
-        SceneError: a body stands elsewhere than its motion begins, or nothing of it can touch the robot.
-    """
+    """What moves, in the order of the motions by body, given whatever the robot can collide with by geom."""
     roots = model.body_rootid[model.geom_bodyid]
     movers = []
     for name, motion in motions.items():
@@ -143,11 +129,7 @@ def shortfall(scene: Scene) -> float:
 
 
 def check_start(scene: Scene) -> None:
-    """Refuse bodies that are where the robot starts, or sweep across it where their motions start over.
-
-    Raises:
-        SceneError: names the body and what to write.
-    """
+    """Refuse bodies that are where the robot starts, or sweep across it where their motions start over."""
     if not scene.movers:
         return
     from pirrht.moving.collision import Body, MovingObstacles, jumps  # FCL is slow to import, and few scenes move

@@ -27,13 +27,10 @@ _TOUCH = 1e-9  # what only touches the robot's height range, like a slab it stan
 def read_obstacles(
     model: mujoco.MjModel, data: mujoco.MjData, robot: Mask, span: tuple[float, float], faults: Faults
 ) -> tuple[Mask, tuple[Obstacle, ...]]:
-    """The static geoms that would collide with the robot and reach into its height range.
+    """The static geoms that would collide with the robot and reach into its height range `span` [m].
 
     Args:
-        model: the robot joined to its scene.
-        data: its data after kinematics.
         robot: mask of the robot's geoms, (ngeom,).
-        span: the robot's height range [m].
         faults: takes moving bodies, flexes, planes that are no floor, height fields, and meshes without volume.
 
     Returns:
@@ -59,14 +56,7 @@ def read_obstacles(
 
 
 def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> tuple[Array, Array]:
-    """Least and greatest corner (2,) [m]: as given, else of the site `workspace`, else of the first horizontal plane.
-
-    Args:
-        given: x0, x1, y0, y1 [m], or None.
-
-    Raises:
-        SceneError: there is none, it is askew or no box, or what is given is empty; names the remedy.
-    """
+    """Least and greatest corner (2,) [m]: as given, else of the site `workspace`, else of the first floor plane."""
     if given is not None:
         bounds = np.array(given, dtype=float)
         if bounds.shape != (4,) or not np.all(np.abs(bounds) <= FARTHEST) or not np.all(bounds[::2] < bounds[1::2]):

@@ -57,9 +57,6 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
 
     Args:
         margin: by which the footprint is larger than that, and than what collides [m].
-
-    Raises:
-        SceneError: the file breaks a convention, or the radius is too small for what the robot collides with.
     """
     path = find("robot", which)
     spec = parse(path)
@@ -94,7 +91,7 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
 
 
 def meant_system(which: str) -> str:
-    """The system that a robot's file names; SceneError if it names none."""
+    """The system that a robot's file names."""
     path = find("robot", which)
     with prefixed(f"{path}: "):
         return _named_system(parse(path)).name

@@ -5,9 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
+from pirrht.planner.tree import HomologyTree
 
+SPACING = 0.15  # of points on edges that turn [m]
 # Six hues that stay apart for colour-blind eyes; a class has that of its rank, cheapest first.
 PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
 TREE, SAMPLE = "#55aacc", "#70747a"
@@ -34,6 +38,19 @@ def many(axes: Any, lines: Sequence[Array], colors: Any, *, width: float, opacit
     from matplotlib.collections import LineCollection
 
     axes.add_collection(LineCollection(list(lines), colors=colors, lw=width, alpha=opacity, zorder=zorder))
+
+
+def tree_lines(tree: HomologyTree) -> list[Array]:
+    """Return the edge that each vertex' cheapest node takes, as polylines (k, 2) [m]."""
+    graph, size = tree.graph, tree.size
+    tails = np.flatnonzero(graph.nodes[:size] > 0)
+    costs = np.where(np.arange(graph.cost.shape[1]) < graph.nodes[tails, None], graph.cost[tails], np.inf)
+    edges = graph.parent[tails, np.argmin(costs, axis=1)]
+    tails, heads = tails[edges >= 0], graph.head[edges[edges >= 0]]
+    if not len(tails):
+        return []
+    points: list[Array] = tree.steering.connect(tree.states[tails], tree.states[heads]).points(SPACING)
+    return points
 
 
 def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str) -> None:

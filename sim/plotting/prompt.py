@@ -14,7 +14,6 @@ from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from sim.plotting import ground, lines
 
-SPACING = 0.15  # of points on edges that turn [m]
 ARROW = 0.5  # time that the arrow of a control spans [s]
 FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
 
@@ -25,26 +24,11 @@ def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
     axes = lines.axes_for(axes, "tree.plot")
     scene = drawn.space.scene
     ground.draw(axes, scene)
-    lines.many(axes, _edges(drawn), lines.TREE, width=0.4, opacity=0.6, zorder=2)
+    lines.many(axes, lines.tree_lines(drawn), lines.TREE, width=0.4, opacity=0.6, zorder=2)
     labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
     lines.classes(axes, [one.trajectory.points for one in references], labels, "class: cost")
     axes.set_title(f"{scene.name}: {drawn.size} vertices", fontsize=10)
     return axes
-
-
-def _edges(drawn: HomologyTree) -> list[Array]:
-    """Return the edge that each vertex' cheapest node takes, as polylines (k, 2) [m]."""
-    graph, tails, heads = drawn.graph, [], []
-    for v in range(drawn.size):
-        count = int(graph.nodes[v])
-        e = int(graph.parent[v, int(np.argmin(graph.cost[v, :count]))]) if count else -1
-        if e >= 0:
-            tails.append(v)
-            heads.append(int(graph.head[e]))
-    if not tails:
-        return []
-    points: list[Array] = drawn.steering.connect(drawn.states[tails], drawn.states[heads]).points(SPACING)
-    return points
 
 
 def plan(drawn: Plan, samples: int, axes: Any) -> Any:

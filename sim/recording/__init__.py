@@ -1,1 +1,6 @@
-"""Drives in Rerun: what is written, how it is laid out and streamed, and how it is read back."""
+"""Recordings of runs in Rerun: written to a file, shown by viewers, read back as tables."""
+
+import os
+
+# Rerun would report on the terminal what a run reports in one line of its own; read once, when Rerun is imported.
+os.environ.setdefault("RUST_LOG", "off")

@@ -1,8 +1,8 @@
-"""Eyes of the views: one follows the robot, one is far above, others see space-time and trees; and labels there."""
+"""Eyes of the views: one follows the robot, one is far above the map."""
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, hypot, radians, sin, tan
+from math import atan2, cos, exp, hypot, sin
 
 import numpy as np
 import rerun as rr
@@ -10,31 +10,23 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
-from sim.drawing import strokes
-from sim.drawing.labels import Eye, Labels, Lines
-from sim.drawing.strokes import lift
-from sim.plotting.ground import outline
-from sim.recording.subject import Subject
 
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
 HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
 SETTLE = 1.2  # after which it has turned by most of a bend [s]
-PACE = 0.35  # time over which it looks where the robot is going [s]
+DELAY = 0.35  # with which it follows the robot [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
-WIDTH, UPPER, WHOLE = 1280.0, 362.0, 597.0  # of a window, and heights of the upper views of Drive and other tabs [px]
 COLUMNS = (4.0, 6.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
-MAP = np.array([WIDTH * COLUMNS[1] / sum(COLUMNS), UPPER])  # size of the map [px]
+MAP = np.array([1280.0 * COLUMNS[1] / sum(COLUMNS), 362.0])  # size of the map in a window of 1280 x 720 [px]
 NARROW = 1.4  # width over height of the narrowest map that is not cut
 WIDE = 0.9  # opening of the eye that follows, upwards [rad]
-OPENING = radians(55.0)  # of Rerun's eyes, upwards
-BRANCHES, ALONG = 4000, np.linspace(0.0, 1.0, 6)[:, None, None]
 
 
 def above(scene: Scene) -> list[rr.AsComponents]:
     """An eye over the middle of the workspace, north being up."""
     center, extent = 0.5 * (scene.lower + scene.upper), seen(scene)
     height = HEIGHT * float(extent.max())
-    down = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+    down = np.diag([1.0, -1.0, -1.0])
     size = extent * 100.0
     return [
         rr.Transform3D(translation=(*center, height), mat3x3=down),
@@ -86,7 +78,7 @@ class Following:
             turn = (atan2(off[1], off[0]) - self._course + np.pi) % (2.0 * np.pi) - np.pi
             eager = min(1.0, distance / (0.25 * self.back))
             self._course += eager * (1.0 - exp(-dt / SETTLE)) * float(turn)
-        self._place = self._place + (1.0 - exp(-dt / PACE)) * off
+        self._place = self._place + (1.0 - exp(-dt / DELAY)) * off
 
 
 def _looking(course: float, down: float) -> Array:
@@ -96,58 +88,3 @@ def _looking(course: float, down: float) -> Array:
     matrix = np.column_stack([right, np.cross(ahead, right), ahead])
     quaternion: Array = Rotation.from_matrix(matrix).as_quat()
     return quaternion
-
-
-def from_above(scene: Scene) -> Eye:
-    """Return the eye over the map."""
-    height = HEIGHT * float(seen(scene).max())
-    size, pixels = (float(MAP[0]), float(MAP[1])), pixels_per_metre(scene)
-    x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
-    return Eye(position=(x, y, height), target=(x, y, 0.0), up=(0.0, 1.0, 0.0), size=size, focal=pixels * height)
-
-
-def on_tree(scene: Scene, turn: float, trees: int) -> Eye:
-    """Return the eye to the south of a lifted tree, high enough to see what is below it; one of several trees."""
-    extent = scene.upper - scene.lower
-    distance = 1.25 * max(float(extent.max()), 1.2 * turn)
-    x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
-    z = 0.75 * turn
-    return _slanted((x + 0.45 * distance, y - distance, z + 0.55 * distance), (x, y, z), WIDTH / trees)
-
-
-def in_time(scene: Scene) -> Eye:
-    """Return the eye on space and time."""
-    height = hypot(*(scene.goal.center - scene.start[:2]))  # of the straight way at the best speed
-    far = 1.25 * max(float((scene.upper - scene.lower).max()), height)
-    x, y = (float(v) for v in 0.5 * (scene.lower + scene.upper))
-    return _slanted((x + 0.5 * far, y - far, 0.85 * far), (x, y, 0.35 * height), WIDTH)
-
-
-def _slanted(position: tuple[float, float, float], target: tuple[float, float, float], width: float) -> Eye:
-    focal = 0.5 * WHOLE / tan(0.5 * OPENING)
-    return Eye(position=position, target=target, up=(0.0, 0.0, 1.0), size=(width, WHOLE), focal=focal)
-
-
-def map_labels(scene: Scene) -> Labels:
-    """Return labels of the map, off what is in the scene."""
-    labels = Labels(from_above(scene))
-    for solid in scene.obstacles:
-        labels.fill(lift(outline(solid), 0.0))
-    return labels
-
-
-def tree_labels(subject: Subject, obstacle: int, levels: Lines) -> Labels:
-    """Return labels of a lifted tree, off its branches, its levels (k, 3, 3) [m], and the scene below it."""
-    assert subject.tree is not None
-    scene, turn = subject.space.scene, subject.turn
-    labels = Labels(on_tree(scene, turn, len(subject.lifted)))
-    (x0, y0), (x1, y1) = scene.lower, scene.upper
-    labels.fill(np.array([(x0, y0, 0.0), (x1, y0, 0.0), (x1, y1, 0.0), (x0, y1, 0.0)]))
-    ends, _ = strokes.tree_edges(subject.tree, obstacle, BRANCHES)
-    if len(ends):
-        raised = lift(ends, turn * ends[..., 2])
-        between = (1.0 - ALONG) * raised[None, :, 0] + ALONG * raised[None, :, 1]
-        labels.dot(between.reshape(-1, 3))
-    for corner in levels[:, 2]:
-        labels.cover("H = 0.5", corner)
-    return labels

@@ -1,7 +1,7 @@
 """Columns of every control step: one table from which recordings are written, exported and explained.
 
-A row of it is a column of the table that `pirrht export` makes: what a step has to say there, and the component at
-`/steps` of a recording that holds it. To keep one more number of every step is to add one row here.
+A row is a column of the table that `pirrht export` makes: its value of a step, and the component at `/steps` of a
+recording that holds it. To keep one more number of every step is to add one row here.
 """
 
 from __future__ import annotations
@@ -54,46 +54,46 @@ def _end(r: Row) -> Iterable[float]:
 
 
 CONTROL = "m/s, m/s^2 or 1"
+WHERE = (  # entries of the state, at the start of a step and at its end
+    ("x", "m", "position {}", 0),
+    ("y", "m", "position {}", 1),
+    ("heading", "rad", "heading of a car {}", 2),
+    ("vx", "m/s", "velocity along x of a mass {}", 2),
+    ("vy", "m/s", "velocity along y of a mass {}", 3),
+    ("speed", "m/s", "speed of a car ahead {}, where that is state", 3),
+    ("state_K", "", "entry K of the state {}, from 1, where it has no name here", 3),
+)
+HEADING = {"at its start": "at its start, counter-clockwise from x"}
+
+
+def _where(when: str, stem: str, values: Values, component: str) -> list[Column]:
+    texts = [text.format(HEADING.get(when, when) if name == "heading" else when) for name, _, text, _ in WHERE]
+    return [
+        Column(stem + name, unit, text, values, component, at)
+        for (name, unit, _, at), text in zip(WHERE, texts, strict=True)
+    ]
+
+
 COLUMNS = (
     Column("step", "1", "number of the control step, from 0", kind=int),
     Column("time", "s", "simulated time at its start"),
     Column("duration", "s", "simulated time it took", lambda r: [r.duration]),
-    Column("x", "m", "position at its start", lambda r: r.state, "state", 0),
-    Column("y", "m", "position at its start", lambda r: r.state, "state", 1),
-    Column("heading", "rad", "heading of a car at its start, counter-clockwise from x", lambda r: r.state, "state", 2),
-    Column("vx", "m/s", "velocity along x of a mass at its start", lambda r: r.state, "state", 2),
-    Column("vy", "m/s", "velocity along y of a mass at its start", lambda r: r.state, "state", 3),
-    Column("speed", "m/s", "speed of a car ahead at its start, where that is state", lambda r: r.state, "state", 3),
+    *_where("at its start", "", lambda r: r.state, "state"),
     Column(
-        "state_K",
-        "",
-        "entry K of the state at its start, from 1, where it has no name here",
-        lambda r: r.state,
-        "state",
-        3,
-    ),
-    Column(
-        "control_K",
-        CONTROL,
+        "control_K", CONTROL,
         "u at its start: velocity of a point, steering of a car, acceleration of a mass, speed and turn rate "
         "of a rover",
         lambda r: r.control,
     ),
     Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda r: r.noise.sum(axis=0)),
-    Column("end_x", "m", "position at its end", _end, "end", 0),
-    Column("end_y", "m", "position at its end", _end, "end", 1),
-    Column("end_heading", "rad", "heading of a car at its end", _end, "end", 2),
-    Column("end_vx", "m/s", "velocity along x of a mass at its end", _end, "end", 2),
-    Column("end_vy", "m/s", "velocity along y of a mass at its end", _end, "end", 3),
-    Column("end_speed", "m/s", "speed of a car ahead at its end, where that is state", _end, "end", 3),
-    Column("end_state_K", "", "entry K of the state at its end, from 1, where it has no name here", _end, "end", 3),
+    *_where("at its end", "end_", _end, "end"),
     Column(
-        "cost", "cost", "integral of q + u'Ru/2 from the start of the drive to the end of the step", lambda r: [r.cost]
+        "cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step", lambda r: [r.cost]
     ),
     Column(
         "length", "m", "driven up to the end of the step, without the path's noise (path_length)", lambda r: [r.length]
     ),
-    Column("clearance", "m", "room around the footprint at the start of the step", lambda r: [r.clearance]),
+    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda r: [r.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
     Column(
@@ -103,37 +103,25 @@ COLUMNS = (
         "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples", lambda r: [r.doubtful], kind=int
     ),
     Column(
-        "exact_value",
-        "cost",
-        "v, solved for on a grid (`run --truth`)",
-        lambda r: [] if r.truth is None else [r.truth.value],
-        optional=True,
+        "exact_value", "cost", "v, solved for on a grid (`run --truth`)",
+        lambda r: [] if r.truth is None else [r.truth.value], optional=True,
     ),
     Column(
-        "exact_control_K",
-        CONTROL,
-        "the optimal control u* (`run --truth`)",
-        lambda r: [] if r.truth is None else r.truth.control,
-        optional=True,
+        "exact_control_K", CONTROL, "the optimal control u* (`run --truth`)",
+        lambda r: [] if r.truth is None else r.truth.control, optional=True,
     ),
     Column(
-        "weight:ID",
-        "1",
-        "share of psi of a homology class; NaN if no sample survived",
-        lambda r: r.weights.values(),
+        "weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", lambda r: r.weights.values(),
         "weights",
     ),
     Column("ess:ID", "1", "effective sample size of a homology class", lambda r: r.sizes.values()),
     Column("vertices", "1", "of the tree that the plan was made with", lambda r: [r.vertices], kind=int),
     Column("plan_ms", "ms", "wall time of the plan"),
     Column(
-        "outcome",
-        "",
-        "goal, collision or timeout in the last row, empty before",
-        lambda r: [] if r.outcome is None else [r.outcome.name.lower()],
-        kind=str,
+        "outcome", "", "goal, collision or timeout in the last row, empty before",
+        lambda r: [] if r.outcome is None else [r.outcome.name.lower()], kind=str,
     ),
-)
+)  # fmt: skip
 CLASSES = Column("classes", "", "ids of the classes that weights and sizes belong to", lambda r: r.weights, kind=str)
 
 

@@ -128,11 +128,7 @@ def _stream(file: Path) -> list[Any]:
 
 
 def check_format(file: Path) -> None:
-    """Refuse an ending that names no format.
-
-    Raises:
-        OptionError: with the endings that are known.
-    """
+    """Refuse an ending that names no format, by an OptionError with those that do."""
     if file.suffix not in FORMATS:
         raise OptionError(f"--output {path_text(file)}: the ending must be one of {', '.join(FORMATS)}")
 
@@ -152,7 +148,12 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
         OptionError: the file cannot be written.
     """
     ids = {title(name): name for name in recording.classes}
-    about = {name: _about(name, ids) for name in columns}
+    about = {}
+    for name in columns:
+        column = described(name)
+        about[name] = {"unit": column.unit, "text": column.text}
+        if column.by_class:
+            about[name]["class"] = ids[name.partition(":")[2]]
     with replaced(file, "--output") as stream:
         if file.suffix == ".npz":
             notes = json.dumps({"settings": recording.settings, "columns": about})
@@ -160,13 +161,6 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
             np.savez_compressed(stream, **arrays)
         else:
             _write_parquet(stream, columns, about, recording.settings)
-
-
-def _about(name: str, ids: dict[str, str]) -> dict[str, str]:
-    """Unit and meaning of a column, and the class that it belongs to."""
-    column = described(name)
-    known = {"unit": column.unit, "text": column.text}
-    return {**known, "class": ids[name.partition(":")[2]]} if column.by_class else known
 
 
 def _write_parquet(stream: Any, columns: Table, about: dict[str, dict[str, str]], settings: dict[str, Any]) -> None:
@@ -182,60 +176,35 @@ def _write_parquet(stream: Any, columns: Table, about: dict[str, dict[str, str]]
 
 
 def _expanded(column: Column, recording: Recording) -> Table:
-    """A column, or those that it stands for."""
-    if column.values is None:
-        return {column.name: _index(column.name, recording)}
-    if column.by_class:
-        return _by_class(column, recording)
-    rows = _cells(column, recording)
+    """A column, or those that it stands for; one that no step has only where runs may not do without it."""
+    steps, many = recording.steps, column.name.removesuffix("K")
+    if column.values is None:  # no component
+        known = {"step": [s for s, _, _ in steps], "time": [t for _, t, _ in steps]}
+        return {column.name: np.array(known.get(column.name, [recording.plan_ms.get(s, nan) for s, _, _ in steps]))}
+    cells: list[Cells] = [row for _, _, row in steps]
+    rows = [row.get(column.component) or [] for row in cells]
+    if column.by_class:  # a class without samples has 0
+        ids = [row.get(CLASSES.component) or [] for row in cells]
+        named = [dict(zip(own, values, strict=True)) for own, values in zip(ids, rows, strict=True)]
+        stem = column.name.removesuffix("ID")
+        return {f"{stem}{title(c)}": np.array([r.get(c, 0.0) if r else nan for r in named]) for c in recording.classes}
+    if column.component == "end":  # a step ends where the next one begins
+        last = cells[-1].get("end") or [nan] * len(cells[-1].get("state") or [])
+        rows = [*(row.get("state") or [] for row in cells[1:]), last]
     width = max(map(len, rows)) - column.at
-    if not column.many:
-        return {column.name: _filled(column, rows, column.at)} if width > 0 or _always(column) else {}
-    first = column.at + 1
-    stem = column.name.removesuffix("K")
-    return {f"{stem}{first + k}": _filled(column, rows, column.at + k) for k in range(width)}
+    if column.many:
+        return {f"{many}{column.at + 1 + k}": _filled(column, rows, column.at + k) for k in range(width)}
+    always = (column.at == 0 or column.component in ("state", "end")) and not column.optional
+    return {column.name: _filled(column, rows, column.at)} if width > 0 or always else {}
 
 
 def _states(recording: Recording) -> list[str]:
-    """Names of the states; recordings of points and cars do not tell them."""
+    """Names of the states; recordings of points and cars do not have them."""
     known = recording.settings.get("states")
     width = max(len(row.get("state") or []) for _, _, row in recording.steps)
     return known.split() if known else [*POSE, *(f"state_{k + 1}" for k in range(3, width))][:width]
 
 
-def _index(name: str, recording: Recording) -> Array:
-    """Return step, time or planning time, which are no components."""
-    if name == "step":
-        return np.array([step for step, _, _ in recording.steps])
-    if name == "time":
-        return np.array([time for _, time, _ in recording.steps])
-    return np.array([recording.plan_ms.get(step, nan) for step, _, _ in recording.steps])
-
-
-def _cells(column: Column, recording: Recording) -> list[list[Any]]:
-    """Return each step's values of a column's component."""
-    cells: list[Cells] = [row for _, _, row in recording.steps]
-    unknown = [nan] * len(cells[-1].get("state") or [])
-    if column.component != "end":
-        return [row.get(column.component) or [] for row in cells]
-    return [*(row.get("state") or [] for row in cells[1:]), cells[-1].get("end") or unknown]
-
-
-def _always(column: Column) -> bool:
-    """Return whether the column is there even if no step has a value."""
-    return (column.at == 0 or column.component in ("state", "end")) and not column.optional
-
-
 def _filled(column: Column, rows: list[list[Any]], at: int) -> Array:
     missing = {float: nan, int: 0, str: ""}[column.kind]
     return np.array([row[at] if len(row) > at else missing for row in rows], dtype=column.kind)
-
-
-def _by_class(column: Column, recording: Recording) -> Table:
-    """A column for each class that was ever known; a class without samples has 0."""
-    named = [
-        dict(zip(row.get(CLASSES.component) or [], row.get(column.component) or [], strict=True))
-        for _, _, row in recording.steps
-    ]
-    stem = column.name.removesuffix("ID")
-    return {f"{stem}{title(c)}": np.array([r.get(c, 0.0) if r else nan for r in named]) for c in recording.classes}

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
+from math import hypot
 from typing import Any
 
 import rerun.blueprint as rrb
 
-from pirrht.geometry.scene import Scene
-from sim.drawing.labels import Eye
-from sim.recording import camera, spacetime
+from sim.recording import spacetime
 from sim.recording.camera import ABOVE, COLUMNS, FOLLOWING
 from sim.recording.static import MARK, MOVERS, label_path
 from sim.recording.subject import Subject
 
-BACKGROUND = (20, 22, 26)
+BACKGROUND = [20, 22, 26]
 
 
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
-    """Tabs Drive, Why, About, where bodies move Space-time, and if a tree is lifted, Tree.
+    """Tabs Drive, Why, About, where obstacles move Space-time, and if a tree is lifted, Tree.
 
     Args:
         live: have the time cursor follow the data; else it waits at the first plan, which shows the choice.
     """
-    scene = subject.space.scene
-    tabs = [_drive(scene), _why(truth=subject.look.truth)]
+    tabs = [_drive(subject), _why(truth=subject.look.truth)]
     if subject.moves:
         tabs.append(_space_time(subject))
     if subject.lifted:
-        eye = camera.on_tree(scene, subject.turn, len(subject.lifted))
-        tabs.append(rrb.Horizontal(*(_tree(path, title, eye) for _, path, title in subject.lifted), name="Tree"))
+        tabs.append(rrb.Horizontal(*(_tree(subject, path, title) for _, path, title in subject.lifted), name="Tree"))
     tabs.append(rrb.Horizontal(rrb.TextDocumentView(origin="/about", name="What you see"), name="About"))
     return rrb.Blueprint(
         rrb.Tabs(*tabs, active_tab=0),
@@ -40,28 +37,29 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     )
 
 
-def _drive(scene: Scene) -> rrb.Container:
-    """With the robot, from above with a key, and below them what the plan rests on and what happened."""
-    moving = [label_path(mover.name) for mover in scene.movers]  # on the map they are among /world/names
+def _drive(subject: Subject) -> rrb.Container:
+    """With the robot, from above with a key, and below them the reasons of the plan and what happened."""
+    moving = [label_path(mover.name) for mover in subject.space.scene.movers]  # on the map they are in /world/names
     names = ["/world/scene/names", "/world/names", *moving, MARK]
-    close = _space("With the robot", rrb.EyeControls3D(tracking_entity=FOLLOWING), [*names, ABOVE])
-    chart = _space("From above", rrb.EyeControls3D(tracking_entity=ABOVE), [FOLLOWING, *moving])
+    path = {"world/path": _so_far()}
+    close, chart = (
+        _space(name, "/world", ["$origin/**", *(f"- {each}" for each in without)],
+               rrb.EyeControls3D(tracking_entity=eye), path)
+        for name, eye, without in (
+            ("With the robot", FOLLOWING, [*names, ABOVE]), ("From above", ABOVE, [FOLLOWING, *moving])
+        )
+    )  # fmt: skip
     key = rrb.TextDocumentView(origin="/key", name="Key")
     upper = rrb.Horizontal(close, chart, key, column_shares=list(COLUMNS))
     words = rrb.Horizontal(_page(), _log(), column_shares=[5, 3])
     return rrb.Vertical(upper, words, row_shares=[5, 3], name="Drive")
 
 
-def _space(name: str, eye: rrb.EyeControls3D, without: list[str]) -> rrb.View:
+def _space(name: str, origin: str, contents: list[str], eye: Any, overrides: dict[str, Any]) -> rrb.View:
     return rrb.Spatial3DView(
-        origin="/world",
-        contents=["$origin/**", *(f"- {path}" for path in without)],
-        name=name,
-        background=list(BACKGROUND),
-        line_grid=False,
-        eye_controls=eye,
-        overrides={"world/path": _so_far()},
-    )
+        origin=origin, contents=contents, name=name, background=BACKGROUND, line_grid=False, eye_controls=eye,
+        overrides=overrides,
+    )  # fmt: skip
 
 
 def _page() -> rrb.View:
@@ -82,16 +80,14 @@ def _why(*, truth: bool) -> rrb.Container:
         _series("/why/ess", "Effective sample size", None),
         row_shares=[3, 2, 2, 2],
     )
-    if truth:
-        deed = [
-            _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
-            _series("/why/optimum/value", "Value beside the exact one, which is 0 here [cost]", "RightBottom"),
-        ]
-    else:
-        deed = [_series("/why/control", "Control", "LeftTop")]
+    control = [_series("/why/control", "Control", "LeftTop")]
+    optimum = [
+        _series("/why/optimum/control", "Distance from the optimal control", "RightTop"),
+        _series("/why/optimum/value", "Value less the exact one [cost]", "RightBottom"),
+    ]
     robot = rrb.Vertical(
-        _series("/why/clearance", "Room around the robot [m]", None),
-        *deed,
+        _series("/why/clearance", "Clearance [m]", None),
+        *(optimum if truth else control),
         _series("/why/cost", "Running cost [cost]", "RightBottom"),
     )
     words = rrb.Vertical(_page(), _log(), row_shares=[3, 2])
@@ -105,44 +101,38 @@ def _series(origin: str, name: str, corner: str | None, range: tuple[float, floa
     return rrb.TimeSeriesView(origin=origin, name=name, axis_y=axis, plot_legend=legend)
 
 
-def _tree(path: str, title: str, eye: Eye) -> rrb.View:
-    return rrb.Spatial3DView(
-        origin="/",
-        contents=[f"{path}/**", "/world/scene/**", "- /world/scene/names"],
-        name=title,
-        background=list(BACKGROUND),
-        line_grid=False,
-        eye_controls=_controls(eye),
-        overrides={f"{path}/growth": _so_far()},
-    )
+def _tree(subject: Subject, path: str, title: str) -> rrb.View:
+    """A lifted tree from the south, high enough to see what is below it."""
+    scene, turn = subject.space.scene, subject.turn
+    far = 1.25 * max(float((scene.upper - scene.lower).max()), 1.2 * turn)
+    (x, y), z = 0.5 * (scene.lower + scene.upper), 0.75 * turn
+    eye = _eye((x + 0.45 * far, y - far, z + 0.55 * far), (x, y, z))
+    contents = [f"{path}/**", "/world/scene/**", "- /world/scene/names"]
+    return _space(title, "/", contents, eye, {f"{path}/growth": _so_far()})
 
 
 def _space_time(subject: Subject) -> rrb.Container:
     """The map as floor, time upward."""
     scene = subject.space.scene
-    view = rrb.Spatial3DView(
-        origin="/",
-        contents=[f"{spacetime.FOLDER}/**", "/world/scene/**", "- /world/scene/names", f"- {MOVERS}/**"],
-        name="Time upward: classes around the paths of moving obstacles",
-        background=list(BACKGROUND),
-        line_grid=False,
-        eye_controls=_controls(camera.in_time(scene)),
-        overrides={path: _so_far() for path in spacetime.growing(scene)},
+    high = hypot(*(scene.goal.center - scene.start[:2]))  # of the straight path at the best speed
+    far = 1.25 * max(float((scene.upper - scene.lower).max()), high)
+    x, y = 0.5 * (scene.lower + scene.upper)
+    eye = _eye((x + 0.5 * far, y - far, 0.85 * far), (x, y, 0.35 * high))
+    contents = [f"{spacetime.FOLDER}/**", "/world/scene/**", "- /world/scene/names", f"- {MOVERS}/**"]
+    title = "Time upward: classes around the paths of moving obstacles"
+    return rrb.Horizontal(
+        _space(title, "/", contents, eye, {path: _so_far() for path in spacetime.growing(scene)}), name="Space-time"
     )
-    return rrb.Horizontal(view, name="Space-time")
+
+
+def _eye(position: tuple[float, ...], target: tuple[float, ...]) -> rrb.EyeControls3D:
+    return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
 
 
 def _so_far() -> rrb.VisibleTimeRanges:
     """Everything from the start to the time shown."""
-    begin = rrb.TimeRangeBoundary.infinite()
     now: dict[str, dict[str, Any]] = {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
+    begin, until = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative
     return rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(line, start=begin, end=rrb.TimeRangeBoundary.cursor_relative(**cursor))
-            for line, cursor in now.items()
-        ]
+        [rrb.VisibleTimeRange(line, start=begin, end=until(**cursor)) for line, cursor in now.items()]
     )
-
-
-def _controls(eye: Eye) -> rrb.EyeControls3D:
-    return rrb.EyeControls3D(position=eye.position, look_target=eye.target, eye_up=eye.up)

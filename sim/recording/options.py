@@ -37,11 +37,7 @@ class Look:
             raise OptionError(f"--record-samples is {self.samples!r}; it must be one of {', '.join(SAMPLES)}")
 
     def check(self, space: FreeSpace) -> None:
-        """Make sure that the obstacles to lift by are there.
-
-        Raises:
-            OptionError: with the numbers that there are.
-        """
+        """Make sure that the obstacles to lift by are there; the OptionError has the numbers that there are."""
         M = len(space.obstacles)
         if not all(1 <= k <= M for k in self.lift or ()):
             numbers = ",".join(map(str, self.lift or ()))
@@ -51,9 +47,9 @@ class Look:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sinks:
-    """A file, which misses nothing, and viewers, which never hold the drive up."""
+    """A file, which misses nothing, and viewers, which never hold the run up."""
 
-    file: Path | None = None  # an .rrd; an existing one is replaced once rows of the drive are on disk
+    file: Path | None = None  # an .rrd; an existing one is replaced once rows of the run are on disk
     connect: str | None = None  # URL of a running viewer
     view: bool = False  # start a viewer
     serve: bool = False  # serve browsers of this machine
@@ -79,15 +75,11 @@ class Sinks:
 
 
 def _check_file(file: Path) -> None:
+    name = f"--record {path_text(file)}"
     if takes_as_it_comes(file) and not os.path.samefile(file, os.devnull):
-        kind = os.stat(file).st_mode
-        what = "a pipe" if stat.S_ISFIFO(kind) else "a device" if stat.S_ISCHR(kind) else "taken"
-        raise OptionError(
-            f"--record {path_text(file)} is {what}; give the path of a file, or let a viewer follow with --connect or "
-            "--serve"
-        )
+        what = "a pipe" if stat.S_ISFIFO(os.stat(file).st_mode) else "no file to write a recording to"
+        remedy = "give the path of a file, or let a viewer follow with --connect or --serve"
+        raise OptionError(f"{name} is {what}; {remedy}")
     check_writable(file, "--record")
     if file.suffix not in ("", ".rrd"):
-        raise OptionError(
-            f"--record {path_text(file)}: viewers know recordings by their ending; call it {file.stem}.rrd"
-        )
+        raise OptionError(f"{name}: viewers know recordings by their ending; call it {file.stem}.rrd")

@@ -1,9 +1,8 @@
 """Recording a run in Rerun: to a file, which misses nothing, and to viewers, which never hold it up.
 
 Each target has a queue, and a thread that empties it into a stream of its own; the control thread only puts rows into
-queues. A file takes all of them, and a full queue makes the sender wait. While a run goes against the clock rows for a
-file are kept for later: threads of a process share one interpreter, and pictures take more of it than plans among many
-bodies leave.
+queues. A full queue of a file makes the control thread wait. While a run goes against the clock rows for a file are
+kept for later: threads share one interpreter, and pictures take more of it than plans among many obstacles leave.
 """
 
 from __future__ import annotations
@@ -15,6 +14,9 @@ from collections.abc import Mapping
 from contextlib import nullcontext, suppress
 from types import TracebackType
 
+import rerun as rr
+
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
@@ -25,11 +27,11 @@ from sim.drive.episode import Frame
 from sim.drive.truth import Truth
 from sim.mjcf import Loaded
 from sim.recording import truth_view, viewer
+from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
-from sim.recording.outlet import Outlet, ToFile, ToViewer
 from sim.recording.static import TREE_EDGES
-from sim.recording.step_row import Edges, Row
-from sim.recording.stream import Stream, forget_lost_viewers
+from sim.recording.step_row import Row
+from sim.recording.stream import Stream, Target, ToFile, ToViewer
 from sim.recording.subject import Subject
 from sim.recording.writer import Writer
 from sim.systems import POSE
@@ -37,40 +39,39 @@ from sim.systems import POSE
 __all__ = ["Look", "Recorder", "Sinks"]
 
 ROOM = 256  # rows a queue holds
-KEPT = 256 * 2**20  # what rows that are kept for later may hold on to [bytes]
+KEPT = 256 * 2**20  # size of rows that are kept for later at most [bytes]
 NAP = 0.02  # pause of a thread that has nothing to do [s]
-GRACE = 2.0  # what a viewer gets to take the last rows [s]
+GRACE = 2.0  # for a viewer to take the last rows [s]
 DEFAULT = Look()
 
 
 class Sink:
-    """Takes rows in and writes them to an outlet, which is opened when the first one comes."""
+    """Takes rows in and writes them to a target, which is opened when the first one comes."""
 
-    def __init__(self, subject: Subject, outlet: Outlet) -> None:
+    def __init__(self, subject: Subject, target: Target) -> None:
         self.dropped = 0
-        self._outlet = outlet
-        self._stream = Stream(subject.application, subject.id, orderly=outlet.lossless)
+        self._target = target
+        self._stream = Stream(subject.application, subject.id, orderly=target.lossless)
         self._writer = Writer(self._stream, subject)
-        self._writer.begin()  # kept in memory until the outlet is open
+        self._writer.begin()  # kept in memory until the target is open
         self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
-        self._come = self._gone = 0  # what rows hold on to that were put in, and taken out [bytes]
+        self._kept = self._taken = 0  # size of rows put in, and taken out [bytes]
         self._under_way = 0  # rows taken from the queue and not known to have arrived
-        self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
-        self._thread.start()
+        threading.Thread(target=self._work, name="recorder", daemon=True).start()
 
     def put(self, row: Row) -> None:
-        """Hand over a row; a file takes it sooner or later, a viewer only if there is room.
+        """Hand over a row; a file takes it sooner or later, a viewer only if its queue is not full.
 
         Raises:
             OptionError: the file can no longer be written.
         """
-        while self._outlet.lossless and self._full() and self._failure is None:
+        while self._target.lossless and self._full() and self._failure is None:
             time.sleep(0.001)
         self._check()
         if self._failure is None and not self._full():
-            self._come += row.size
+            self._kept += row.size
             self._rows.append(row)
         else:
             self.dropped += 1
@@ -81,8 +82,8 @@ class Sink:
         return 0 if self._done.is_set() else len(self._rows)
 
     def _later(self) -> bool:
-        """Return whether rows are kept for when the drive is over."""
-        return self._outlet.lossless and URGENT.clocked and self._come - self._gone < KEPT
+        """Return whether rows are kept until the run is over."""
+        return self._target.lossless and URGENT.clocked and self._kept - self._taken < KEPT
 
     def _full(self) -> bool:
         return len(self._rows) >= ROOM and not self._later()
@@ -94,18 +95,18 @@ class Sink:
             OptionError: the file could not be written.
         """
         self._closing.set()
-        self._done.wait(None if self._outlet.lossless else GRACE)
-        if not self._outlet.lossless:
+        self._done.wait(None if self._target.lossless else GRACE)
+        if not self._target.lossless:
             finished = self._done.is_set() and self._failure is None
             self.dropped += len(self._rows) + (0 if finished else self._under_way)
-            if not finished:
-                forget_lost_viewers()
+            if not finished:  # Rerun's last attempt to reach a viewer may take forever
+                rr.unregister_shutdown()
         self._check()
 
     def _check(self) -> None:
-        if self._failure is not None and self._outlet.lossless:
-            self._done.wait()  # until what can be mended is mended
-            raise self._outlet.failed(self._failure) from self._failure
+        if self._failure is not None and self._target.lossless:
+            self._done.wait()  # until the old file is back
+            raise self._target.failed(self._failure) from self._failure
 
     def _work(self) -> None:
         held = False
@@ -113,52 +114,43 @@ class Sink:
             self._write()
         except Exception as error:  # the control thread reports it, or goes on without the viewer
             self._failure = error
-            held = self._outlet.abandon(self._stream, error)
+            held = self._target.abandon(self._stream, error)
         self._done.set()
-        if held:
-            # Letting go of a stream waits for whoever reads it: where that is nobody, hold it until the process ends.
+        if held:  # letting go of a stream waits for whoever reads it: where that is nobody, for ever
             threading.Event().wait()
 
     def _write(self) -> None:
         opened = False
         while self._rows or not self._closing.is_set():
-            if opened and self._outlet.lossless and self._writer.secure():
-                self._deliver()
+            if opened and self._target.lossless and self._writer.secure():
+                self._target.deliver(self._stream, last=self._closing.is_set)
             if not self._rows or self._later():
                 time.sleep(NAP)
                 continue
             if not opened:
-                self._outlet.open(self._stream)
+                self._target.open(self._stream)
                 opened = True
             self._under_way += 1
             row = self._rows.popleft()
-            self._gone += row.size
-            if self._writer.add(row):
-                self._deliver()
+            self._taken += row.size
+            if self._writer.add(row):  # what cannot be delivered must not pile up: one batch at a time
+                self._target.deliver(self._stream, last=self._closing.is_set)
                 self._under_way = 0
         if opened:
             self._writer.end()
-            self._outlet.end()
-
-    def _deliver(self) -> None:
-        """See a batch off before the next one is drawn: what cannot be taken must not pile up."""
-        self._outlet.deliver(self._stream, last=self._closing.is_set)
+            self._target.end(self._stream)
 
 
 class Recorder:
-    """Takes the frames of a drive and records them.
+    """Takes the frames of a run and records them.
 
     Args:
-        loaded: the scene's model.
-        tree: grown; None if the drive does without.
-        path_integral: of the drive's controller.
-        sinks: where the recording goes.
-        look: what it shows.
-        settings: what the drive was made with; kept as properties of the recording.
+        tree: grown; None for methods without one.
+        settings: of the run; kept as properties of the recording.
         grid: the exact solution, shown on the floor.
 
     Attributes:
-        server: what serves browsers, if that was asked for.
+        server: that serves browsers, if there is one.
 
     Raises:
         OptionError: the file cannot be written, no viewer listens at the URL or none can be started, or an obstacle
@@ -166,21 +158,17 @@ class Recorder:
     """
 
     def __init__(
-        self,
-        loaded: Loaded,
-        tree: HomologyTree | None,
-        path_integral: PathIntegral,
-        sinks: Sinks,
-        look: Look = DEFAULT,
-        *,
-        settings: Mapping[str, object],
-        grid: Desirability | None = None,
-    ) -> None:
+        self, loaded: Loaded, tree: HomologyTree | None, path_integral: PathIntegral, sinks: Sinks,
+        look: Look = DEFAULT, *,
+        settings: Mapping[str, object], grid: Desirability | None = None,
+    ) -> None:  # fmt: skip
         look.check(path_integral.space)
         sinks.check()
-        states = {"states": " ".join(loaded.states)}  # after which an exported table names its columns
-        named = settings if set(loaded.states) <= set(POSE) else {**settings, **states}
-        known = {**named, "truth": True} if look.truth else named
+        known = dict(settings)
+        if not set(loaded.states) <= set(POSE):  # after which an exported table names its columns
+            known["states"] = " ".join(loaded.states)
+        if look.truth:
+            known["truth"] = True
         subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known, grid=grid)
         self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
         self._tree, self._size = tree, 0 if tree is None else tree.size
@@ -191,8 +179,9 @@ class Recorder:
         self.server = viewer.Server.start() if sinks.serve else None
         served = None if self.server is None else self.server.url
         urls = (sinks.connect, viewer.spawn() if sinks.view else None, served)
-        self._live = [Sink(subject, ToViewer(subject, url)) for url in urls if url is not None]
-        self._file = None if sinks.file is None else Sink(subject, ToFile(subject, sinks.file))
+        shown = layout(subject, live=True)
+        self._live = [Sink(subject, ToViewer(url, shown)) for url in urls if url is not None]
+        self._file = None if sinks.file is None else Sink(subject, ToFile(sinks.file, layout(subject, live=False)))
 
     def __enter__(self) -> Recorder:
         """The recorder itself."""
@@ -201,13 +190,13 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close, however the drive ended; what ended it is reported first."""
+        """Close, however the run ended; what ended it is reported first."""
         with suppress(OptionError) if error is not None else nullcontext():
             self.close()
 
     @property
     def live(self) -> bool:
-        """Return whether a viewer is shown the drive."""
+        """Return whether a viewer shows the run."""
         return bool(self._live)
 
     @property
@@ -235,7 +224,7 @@ class Recorder:
         if self._file is not None:
             self._file.put(row)
 
-    def _growth(self) -> tuple[Edges, ...]:
+    def _growth(self) -> tuple[Array, ...]:
         """Edges of the vertices that the tree has gained since the last picture, per obstacle that it is lifted by."""
         if self._tree is None or self._tree.size == self._size or not self._lifted:
             return ()

@@ -1,53 +1,47 @@
-"""The tab Space-time: the map as floor, time upward; classes are braids around the tubes that bodies sweep.
+"""The tab Space-time: the map as floor, time upward; classes are braids around the tubes of moving obstacles.
 
-/spacetime/bodies/NAME  the tube of a body, as it moves, to the latest time drawn so far; `name` below it
-/spacetime/walls, /spacetime/goal    what stands, and where it leads, as high
+/spacetime/bodies/NAME  the tube of a moving obstacle, to the latest time drawn so far; `name` below it
+/spacetime/walls, /spacetime/goal    static obstacles and the goal, as high
 /spacetime/axis         seconds
 /spacetime/now          at the height of the time, with the robot below it
 /spacetime/path         the driven path
 /spacetime/braids, /spacetime/names   the reference of every class, and its label
 /spacetime/samples      the heaviest samples of each class
-/spacetime/foreseen     outlines of bodies where the plan takes them to be
+/spacetime/foreseen     predicted outlines of moving obstacles
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
 from math import ceil
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.estimation.estimate import OTHER
 from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, MOVER, OTHER_COLOR, ClassColors, fade, mix
-from sim.drawing.labels import Labels
+from sim.drawing.colors import DRIVEN, MOVER, ClassColors, fade, mix
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
 from sim.plotting.ground import outline
-from sim.recording.camera import in_time
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
-Colors = NDArray[np.uint8]
-
 FOLDER = "/spacetime"
 NOW, PATH, WALLS, AXIS = f"{FOLDER}/now", f"{FOLDER}/path", f"{FOLDER}/walls", f"{FOLDER}/axis"
-ARRIVALS = f"{FOLDER}/goal"
-SECONDS = f"{AXIS}/names"
-ROOMY = 1.1  # times the time of the straight way, for which tubes are drawn to begin with
+ARRIVALS, SECONDS = f"{FOLDER}/goal", f"{AXIS}/names"
+ROOMY = 1.1  # times the time of the straight path, for which tubes are drawn to begin with
 KNOTS = 48  # of a braid at most
 THREADS, BEADS = 24, 12  # samples drawn at most, and points of each
-OUTLINE = 6 * ROUGH  # points of the outlines of a body at most, as it is and as it is foreseen
-CROWD = 6  # bodies, from which on tubes have fewer corners
+OUTLINE = 6 * ROUGH  # points of the outlines of an obstacle at most, now and as predicted
+CROWD = 6  # moving obstacles, from which on tubes have fewer corners
 BODY, WALL, ARRIVAL, SHEET = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16), (*CONTROL, 4)  # see-through
 TICKS = 8  # seconds that are named, at most
+
+Now = tuple[int, float]  # step and simulated time [s]
 
 
 def body_path(name: str) -> str:
@@ -62,21 +56,16 @@ def growing(scene: Scene) -> list[str]:
 
 def points(subject: Subject, references: int) -> int:
     """Points that a picture takes in space and time, of a plan with so many references, and those of outlines."""
-    if not subject.moves:
-        return 0
     return references * KNOTS + THREADS * BEADS + 2 * min(MOST, OUTLINE * len(subject.space.scene.movers))
 
 
 def stage(subject: Subject, log: Log) -> None:
     """Log what stays as it is: names, the looks of path and of now."""
-    scene, low = subject.space.scene, np.zeros(1)
+    scene = subject.space.scene
     for mover in scene.movers:
-        where = lift(mover.motion.pose(low)[:, :2], 0.05)
-        name = mover.name.replace("_", " ")
-        log(
-            f"{body_path(mover.name)}/name",
-            rr.Points3D(where, radii=0.0, labels=[name], colors=[MOVER], show_labels=all_named(subject)),
-        )
+        where, name = lift(mover.motion.pose(np.zeros(1))[:, :2], 0.05), mover.name.replace("_", " ")
+        look = {"labels": [name], "colors": [MOVER], "show_labels": all_named(subject)}
+        log(f"{body_path(mover.name)}/name", rr.Points3D(where, radii=0.0, **look))
     log(PATH, rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.02]))
     (x0, y0), (x1, y1) = scene.lower, scene.upper
     border = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
@@ -89,48 +78,43 @@ def stage(subject: Subject, log: Log) -> None:
 
 
 class SpaceTime:
-    """Draws a drive in space and time into one recording stream."""
+    """Draws a run in space and time into one recording stream."""
 
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._drawn = 0.0  # until when there are tubes [s]
         scene = subject.space.scene
-        self._labels = Labels(in_time(scene))
-        off = float(np.hypot(*(scene.goal.center - scene.start[:2])))
-        self._first = ROOMY * off / subject.rise
+        self._first = ROOMY * float(np.hypot(*(scene.goal.center - scene.start[:2]))) / subject.rise
 
     def draw(
-        self,
-        plan: Plan,
-        soon: Sequence[Outline],
-        fans: Mapping[str, Fan],
-        labels: Mapping[str, str],
-        now: tuple[int, float],
+        self, plan: Plan, soon: Sequence[Outline], fans: Mapping[str, Fan], labels: Mapping[str, str], now: Now
     ) -> None:
         """Log a plan at a step and time [s].
 
         Args:
-            soon: the bodies as they are and as they are taken to be.
+            soon: outlines of moving obstacles, now and predicted.
             fans: the samples drawn of each class.
-            labels: what classes are called, by id; those without have no label.
+            labels: of classes, by id.
         """
-        ways = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
-        self._reach(max([now[1] + self._first if not self._drawn else 0.0, *(float(way[-1, 2]) for way in ways)]), now)
-        braids = [self._raised(way) for way in ways]
-        colors = [self._colors[name] for name in plan.ids]
+        lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
+        self._reach(max([now[1] + self._first if not self._drawn else 0.0, *(float(w[-1, 2]) for w in lines)]), now)
+        braids, colors = [self._raised(line) for line in lines], [self._colors[name] for name in plan.ids]
         weights = plan.estimate.class_weights if plan.estimate else {}
         radii = np.array([0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids], np.float32)
         self._stream.log(f"{FOLDER}/braids", *now, rr.LineStrips3D(braids, colors=packed(colors), radii=radii))
-        threads = self._samples(plan, fans, now)
-        self._names(plan, braids, threads, labels, now)
+        self._samples(plan, fans, now)
+        at = dict(zip(plan.ids, (line[i] for line, i in zip(braids, strokes.apart(braids), strict=True)), strict=True))
+        pale = packed([mix(self._colors[name], (255, 255, 255), 0.4) for name in labels])
+        places = np.array([at[name] for name in labels], np.float32).reshape(-1, 3)
+        look = {"radii": 0.0, "colors": pale, "labels": list(labels.values()), "show_labels": True}
+        self._stream.log(f"{FOLDER}/names", *now, rr.Points3D(places, **look))
         rings = [self._raised(_at(one.ring, plan.time + one.after)) for one in soon]
         shades = fade(MOVER, FLOOR, np.array([one.strength for one in soon]))
         self._stream.log(f"{FOLDER}/foreseen", *now, rr.LineStrips3D(rings, colors=packed(shades), radii=0.012))
 
     def steps(self, steps: Sequence[int], times: Sequence[float], states: Array) -> None:
         """Log where the robot is at control steps, in states (k, n)."""
-        heights = self._subject.rise * np.asarray(times)
-        up = np.column_stack([np.zeros((len(heights), 2)), heights])
+        up = np.column_stack([np.zeros((len(times), 2)), self._subject.rise * np.asarray(times)])
         self._stream.columns(NOW, steps, times, rr.Transform3D.columns(translation=up))
         flat = np.column_stack([states[:, :2], np.zeros(len(states))])
         self._stream.columns(f"{NOW}/robot", steps, times, rr.Transform3D.columns(translation=flat))
@@ -140,69 +124,41 @@ class SpaceTime:
         strips = [self._raised(piece) for piece in pieces]
         self._stream.columns(PATH, steps, times, rr.LineStrips3D.columns(strips=strips))
 
-    def _names(
-        self, plan: Plan, braids: Sequence[strokes.Floats], threads: Sequence[strokes.Floats],
-        labels: Mapping[str, str], now: tuple[int, float],
-    ) -> None:  # fmt: skip
-        even = [_even(braid) for braid in braids]
-        near = {n: line[max(0, i - 2) : i + 3] for n, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
-        samples = np.vstack([np.zeros((0, 3)), *threads])
-        at = np.array(self._labels.placed(labels, near, braids, samples), np.float32).reshape(-1, 3)
-        pale = packed([mix(self._colors[name], (255, 255, 255), 0.4) for name in labels])
-        texts = list(labels.values())
-        names = rr.Points3D(at, radii=0.0, colors=pale, labels=texts, show_labels=True)
-        self._stream.log(f"{FOLDER}/names", *now, names)
-
-    def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: tuple[int, float]) -> Sequence[strokes.Floats]:
-        """Log and return the heaviest of each class that arrived."""
+    def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: Now) -> None:
+        """Log the heaviest of each class that arrived."""
         known = {name: fan for name, fan in fans.items() if name != DEAD}
         each = THREADS // max(1, len(known))
-        strips: list[strokes.Floats] = []
-        shades: list[Colors] = [np.zeros((0, 3), np.uint8)]
+        strips, shades = [], [np.zeros((0, 3), np.uint8)]
         for name, fan in known.items():
             at = np.rint(np.linspace(0, fan.strips.shape[1] - 1, min(BEADS, fan.strips.shape[1]))).astype(int)
             heavy = slice(max(0, len(fan.strips) - each), None)
             flat, moments = fan.strips[heavy][:, at, :2], fan.moments[heavy][:, at]
-            strips += [self._raised(way) for way in np.dstack([flat, moments + plan.time])]
-            color = OTHER_COLOR if name == OTHER else self._colors[name]
-            shades.append(fade(color, FLOOR, 0.15 + 0.5 * fan.opacity[heavy]))
+            strips += [self._raised(line) for line in np.dstack([flat, moments + plan.time])]
+            shades.append(fade(self._colors[name], FLOOR, 0.15 + 0.5 * fan.opacity[heavy]))
         drawn = rr.LineStrips3D(strips, colors=packed(np.vstack(shades)), radii=0.006)
         self._stream.log(f"{FOLDER}/samples", *now, drawn)
-        return strips
 
-    def _reach(self, time: float, now: tuple[int, float]) -> None:
+    def _reach(self, time: float, now: Now) -> None:
         """Let tubes, walls and axis go on to a time [s]."""
         if time <= self._drawn:
             return
         begin, self._drawn = self._drawn, float(ceil(time))
         scene = self._subject.space.scene
         corners = CORNERS if len(scene.movers) < CROWD else CORNERS // 2
-        for mover in scene.movers:
-            parts = tubes(mover, begin, self._drawn, corners)
-            swept = self._mesh(parts)
-            for part in parts:
-                self._cover(part)
-            if not begin and all_named(self._subject):
-                self._labels.cover(mover.name, lift(mover.motion.pose(np.zeros(1))[:, :2], 0.05)[0])
-            self._stream.log(body_path(mover.name), *now, rr.Mesh3D(**swept, albedo_factor=BODY))
-        if scene.obstacles:
-            standing = [self._prism(outline(solid), begin) for solid in scene.obstacles]
-            for part in standing:
-                self._cover(part)
-            self._stream.log(WALLS, *now, rr.Mesh3D(**self._mesh(standing), albedo_factor=WALL))
-        around = scene.goal.center + scene.goal.radius * _circle(CORNERS)
-        goal = self._mesh([self._prism(around, begin)])
-        self._stream.log(ARRIVALS, *now, rr.Mesh3D(**goal, albedo_factor=ARRIVAL))
-        self._axis(scene, begin, now)
-
-    def _cover(self, part: Tube) -> None:
-        """Keep labels off a tube."""
-        rings = [self._raised(_at(ring, time)) for ring, time in zip(part.rings, part.times, strict=True)]
-        for low, high in pairwise(rings):
-            self._labels.fill(np.vstack([low, high]))
-
-    def _prism(self, ring: Array, begin: float) -> Tube:
-        return Tube(times=np.array([begin, self._drawn]), rings=np.stack([ring, ring]))
+        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, corners), BODY) for m in scene.movers]
+        turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+        around = scene.goal.center + scene.goal.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        ends = np.array([begin, self._drawn])
+        for path, rings, color in ((WALLS, map(outline, scene.obstacles), WALL), (ARRIVALS, [around], ARRIVAL)):
+            meshes.append((path, [Tube(times=ends, rings=np.stack([ring, ring])) for ring in rings], color))
+        for path, parts, color in meshes:
+            if parts:
+                self._stream.log(path, *now, rr.Mesh3D(**self._mesh(parts), albedo_factor=color))
+        seconds = np.arange(begin, self._drawn + 1e-9, max(1, ceil((self._drawn - begin) / TICKS)))
+        marks = self._raised(np.column_stack([np.broadcast_to(scene.upper, (len(seconds), 2)), seconds]))
+        self._stream.log(AXIS, *now, rr.LineStrips3D(marks[None], radii=0.01, colors=[BORDER]))
+        look = {"labels": [f"{s:g} s" for s in seconds], "colors": [BORDER], "show_labels": True}
+        self._stream.log(SECONDS, *now, rr.Points3D(marks, radii=0.04, **look))
 
     def _mesh(self, parts: Sequence[Tube]) -> dict[str, Array]:
         """Corners and triangles of several tubes."""
@@ -214,34 +170,11 @@ class SpaceTime:
             count += len(times)
         return {"vertex_positions": np.vstack(corners), "triangle_indices": np.vstack(faces).astype(np.uint32)}
 
-    def _axis(self, scene: Scene, begin: float, now: tuple[int, float]) -> None:
-        """A ruler at the far corner, with its seconds."""
-        every = max(1, ceil((self._drawn - begin) / TICKS))
-        seconds = np.arange(begin, self._drawn + 1e-9, every)
-        corner = np.broadcast_to(scene.upper, (len(seconds), 2))
-        marks = self._raised(np.column_stack([corner, seconds]))
-        self._stream.log(AXIS, *now, rr.LineStrips3D(marks[None], radii=0.01, colors=[BORDER]))
-        for mark in marks:
-            self._labels.cover("10 s", mark)
-        told = rr.Points3D(marks, radii=0.04, labels=[f"{s:g} s" for s in seconds], colors=[BORDER], show_labels=True)
-        self._stream.log(SECONDS, *now, told)
-
-    def _raised(self, way: Array) -> strokes.Floats:
-        """Places and times (k, 3) [m, m, s] as they stand in the view, (k, 3) [m]."""
-        return lift(way[:, :2], np.rint(256.0 * self._subject.rise * way[:, 2]) / 256.0)
-
-
-def _circle(corners: int) -> Array:
-    turn = np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
-    return np.column_stack([np.cos(turn), np.sin(turn)])
+    def _raised(self, line: Array) -> strokes.Floats:
+        """Places and times (k, 3) [m, m, s] as they are in the view, (k, 3) [m]."""
+        return lift(line[:, :2], np.rint(256.0 * self._subject.rise * line[:, 2]) / 256.0)
 
 
 def _at(points: Array, time: float) -> Array:
     """Points (k, 2) [m] at a time [s], (k, 3)."""
     return np.column_stack([points, np.full(len(points), time)])
-
-
-def _even(line: strokes.Floats, count: int = 24) -> Array:
-    """Points of a line (k, 3) at equal shares of its height, (count, 3)."""
-    z = np.linspace(line[0, 2], line[-1, 2], count)
-    return np.column_stack([np.interp(z, line[:, 2], line[:, i]) for i in range(3)])

@@ -1,11 +1,8 @@
-"""A control step as a recording sees it, and what happens beside: classes come and go, obstacles are passed closely.
-
-A class comes when it first weighs something, and goes when it has no path any more.
-"""
+"""A control step as a recording sees it, and what happens: classes come, obstacles are passed closely."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 
@@ -19,10 +16,8 @@ from sim.drive.episode import Frame
 from sim.drive.truth import Truth
 from sim.recording.reasons import arriving
 
-Edges = tuple[Array, Array]  # ends (k, 2, 3) [m, m, turns] and heights of their middles (k,) [turns]
 CLOSE, APART = 0.5, 2.0  # a passage is close below this share of the robot's radius, and over above this multiple of it
-HEAVY = 0.01  # weight from which on a class is told of
-GONE = 0.5  # classes that are away for no longer than this are not told of [s]
+HEAVY = 0.01  # weight from which on a class is reported
 NAMED = 4  # classes named in one line at most
 
 
@@ -55,7 +50,7 @@ class Row:
     outcome: Outcome | None
     plan: Plan | None  # where a picture is due
     news: str | None
-    growth: tuple[Edges, ...] = ()  # of the tree since the last picture, per obstacle that it is lifted by
+    growth: tuple[Array, ...] = ()  # edges of the tree since the last picture, per obstacle that it is lifted by
 
     @property
     def size(self) -> int:
@@ -68,7 +63,7 @@ class Row:
 
     @classmethod
     def of(
-        cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None, growth: tuple[Edges, ...] = ()
+        cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None, growth: tuple[Array, ...] = ()
     ) -> Row:
         """The row of a frame."""
         plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
@@ -76,97 +71,55 @@ class Row:
         if estimate is not None:
             value, value_error = estimate.value, estimate.value_error
         return cls(
-            step=frame.step,
-            time=frame.time,
-            duration=advance.time,
-            state=plan.state,
-            control=plan.control.copy(),
-            states=advance.states,
-            noise=advance.noise,
-            cost=frame.cost,
-            length=frame.length,
-            clearance=frame.clearance,
-            vertices=frame.vertices,
-            ids=plan.ids,
-            weights=estimate.class_weights if estimate else {},
-            sizes=estimate.class_ess if estimate else {},
-            arriving=arriving(estimate, plan.ids) if estimate else {},
-            value=value,
-            value_error=value_error,
+            step=frame.step, time=frame.time, duration=advance.time, state=plan.state, control=plan.control.copy(),
+            states=advance.states, noise=advance.noise, cost=frame.cost, length=frame.length,
+            clearance=frame.clearance, vertices=frame.vertices, ids=plan.ids,
+            weights=estimate.class_weights if estimate else {}, sizes=estimate.class_ess if estimate else {},
+            arriving=arriving(estimate, plan.ids) if estimate else {}, value=value, value_error=value_error,
             control_error=estimate.control_error if estimate else np.full(advance.noise.shape[1], value_error),
-            doubtful=estimate is not None and estimate.doubtful,
-            truth=truth,
-            favourite=plan.favourite if estimate else None,
-            plan_seconds=frame.plan_seconds,
-            outcome=frame.outcome,
-            plan=plan if drawn else None,
-            news=news,
-            growth=growth,
-        )
+            doubtful=estimate is not None and estimate.doubtful, truth=truth,
+            favourite=plan.favourite if estimate else None, plan_seconds=frame.plan_seconds, outcome=frame.outcome,
+            plan=plan if drawn else None, news=news, growth=growth,
+        )  # fmt: skip
 
 
-class Happenings:
-    """Watches the steps of a drive.
+class EventDetector:
+    """Watches the steps of a run.
 
     Args:
         radius: of the robot [m].
-        nearest: what is nearest to the robot at a step, in words.
-        said: a class in words.
+        nearest: names what is nearest to the robot at a step.
+        said: puts a class into words; empty where there are none yet.
     """
 
     def __init__(self, radius: float, nearest: Callable[[Row], str], said: Callable[[str], str]) -> None:
         self._close, self._nearest, self._said = CLOSE * radius, nearest, said
-        self._heavy: set[str] = set()  # classes that have weighed something and are there, or were a moment ago
-        self._ever: set[str] = set()
-        self._seen: dict[str, float] = {}  # when each was seen last [s]
+        self._seen: set[str] = set()  # classes that have weighed something
         self._passage: Row | None = None  # the closest step of a passage that goes on
         self._favourite: str | None = None
-        self._begun = False
 
     def add(self, row: Row) -> list[tuple[Row, str]]:
-        """Take a step in; what is to be told, each at the step that it is about."""
-        return [*((row, text) for text in (*self._classes(row), *self._switch(row))), *self._passages(row)]
-
-    def _switch(self, row: Row) -> list[str]:
-        """In words where the drive, which tells of the switch itself, is bound for now."""
+        """Take a step in; what is to be reported, each at the step that it is about."""
+        found = []
+        new = [name for name in row.ids if row.weights.get(name, 0.0) >= HEAVY and name not in self._seen]
+        if new:
+            more = f"; and {len(new) - NAMED} more" if len(new) > NAMED else ""
+            listed = "; ".join(f"{title(n)} ({w})" if (w := self._said(n)) else title(n) for n in new[:NAMED])
+            start = "new" if self._seen else f"{len(row.ids)} classes, of weight"
+            found.append((row, f"{start}: {listed}{more}"))
+            self._seen |= set(new)
         before, self._favourite = self._favourite, row.favourite or self._favourite
-        words = self._said(self._favourite or "")
-        return [f"now {words}"] if before not in (None, self._favourite) and words else []
-
-    def _classes(self, row: Row) -> list[str]:
-        if not row.ids:
-            return []
-        here = set(row.ids)
-        self._seen |= dict.fromkeys(here, row.time)
-        heavy = [name for name in row.ids if row.weights.get(name, 0.0) >= HEAVY and name not in self._heavy]
-        lost = sorted(name for name in self._heavy - here if row.time - self._seen[name] > GONE)
-        told = (
-            ("new", [name for name in heavy if name not in self._ever]),
-            ("back", [name for name in heavy if name in self._ever]),
-            ("without a path for now", lost),
-        )
-        self._heavy = (self._heavy | set(heavy)) - set(lost)
-        self._ever |= set(heavy)
-        if not self._begun:
-            self._begun = True
-            return [f"{len(here)} classes, of weight: {self._counted(heavy)}"] if heavy else []
-        return [f"{what}: {self._counted(names)}" for what, names in told if names]
+        if before not in (None, self._favourite) and (words := self._said(self._favourite or "")):
+            found.append((row, f"now {words}"))
+        return [*found, *self._passages(row)]
 
     def _passages(self, row: Row) -> list[tuple[Row, str]]:
         if row.clearance < self._close and (self._passage is None or row.clearance < self._passage.clearance):
             self._passage = row
-        if row.outcome is Outcome.COLLISION:
-            self._passage = None
-        over = self._passage is not None and (row.clearance > APART * self._close or row.outcome is not None)
-        if not over or self._passage is None:
+        closest = self._passage
+        if closest is None or (row.clearance <= APART * self._close and row.outcome is None):
             return []
-        closest, self._passage = self._passage, None
+        self._passage = None
+        if row.outcome is Outcome.COLLISION:
+            return []
         return [(closest, f"passes {self._nearest(closest)} with {100 * max(0.0, closest.clearance):.1f} cm to spare")]
-
-    def _counted(self, names: Sequence[str]) -> str:
-        more = f"; and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        return "; ".join(self._named(name) for name in names[:NAMED]) + more
-
-    def _named(self, name: str) -> str:
-        words = self._said(name)
-        return f"{title(name)} ({words})" if words else title(name)

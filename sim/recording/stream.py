@@ -1,83 +1,87 @@
-"""A Rerun recording stream that puts the same data into the same chunks in the same order, run after run."""
+"""A Rerun recording stream that puts equal data into equal chunks in the same order, and where it goes.
+
+A file grows as a draft `.NAME.part` and takes its place as soon as it holds rows of the run: a run that is killed
+leaves them there. What was there before is `.NAME.old` until the recording is complete; if that fails, it returns.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+import tempfile
+import time
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
+from zlib import crc32
 
 import rerun as rr
 import rerun.blueprint as rrb
 
+from pirrht.errors import OptionError
 from sim.drive.clock import URGENT
+from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
+from sim.recording import viewer
+
+PATIENCE = 10.0  # after which a file that takes nothing is given up, and a viewer is queried again [s]
+ATTEMPT = 0.5  # of a flush to a file [s]
+PROBE = bytes(1 << 16)
 
 
 class Stream:
-    """One recording on its way to one file or viewer, with the timelines `step` and `sim_time`.
+    """One recording with the timelines `step` and `sim_time`.
 
-    `orderly` keeps chunks in the order in which they were logged, which files need to be compared. A viewer lays out
-    all recordings of an `application` alike.
+    Args:
+        orderly: keep chunks in the order in which they were logged, which files need to be compared.
     """
 
     def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
         self._orderly = orderly
         # Ctrl-C strikes the main thread, and half a stream cannot be let go of without a complaint of Rerun's.
-        with ThreadPoolExecutor(1) as aside:
-            self._stream = aside.submit(_native, application, recording_id).result()
-        self._stream.set_log_time_enabled(False)
-
-    def save(self, file: Path, blueprint: rrb.Blueprint) -> None:
-        """Write to a file from now on; what it held before is lost."""
-        self._stream.save(file, default_blueprint=blueprint)
-
-    def connect(self, url: str, blueprint: rrb.Blueprint) -> None:
-        """Send to a viewer from now on."""
-        self._stream.connect_grpc(url, default_blueprint=blueprint)
+        with ThreadPoolExecutor(1) as thread:
+            self.native = thread.submit(_native, application, recording_id).result()
+        self.native.set_log_time_enabled(False)
 
     def properties(self, values: dict[str, Any], *, name: str) -> None:
         """Name the recording and attach properties to it, as the group "run"."""
-        self._stream.send_recording_name(name)
+        self.native.send_recording_name(name)
         self._cut()
-        self._stream.send_property("run", rr.AnyValues(**values))
+        self.native.send_property("run", rr.AnyValues(**values))
         self._cut()
 
     def static(self, path: str, archetype: rr.AsComponents | Sequence[rr.AsComponents]) -> None:
         """Log something, or several things together, that hold at all times."""
         together = archetype if isinstance(archetype, Sequence) else [archetype]
-        self._stream.log(path, *together, static=True)
+        self.native.log(path, *together, static=True)
         self._cut()
 
     def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
         """Log something at a step and simulated time [s]."""
         URGENT.give_way()
-        self._stream.set_time("step", sequence=step)
-        self._stream.set_time("sim_time", duration=time)
-        self._stream.log(path, archetype)
+        self.native.set_time("step", sequence=step)
+        self.native.set_time("sim_time", duration=time)
+        self.native.log(path, archetype)
         self._cut()
 
     def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
         """Log a row for each of many steps."""
         URGENT.give_way()
         index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
-        self._stream.send_columns(path, indexes=index, columns=columns)
+        self.native.send_columns(path, indexes=index, columns=columns)
 
     def flush(self, timeout: float) -> bool:
         """Hand on everything logged so far; whether that worked within the time [s]."""
         try:
-            self._stream.flush(timeout_sec=timeout)
+            self.native.flush(timeout_sec=timeout)
         except (RuntimeError, ValueError):
             return False
         return True
 
-    def close(self) -> None:
-        """Write what is left, and the file's footer."""
-        self._stream.disconnect()
-
     def _cut(self) -> None:
         # Chunks that wait together leave in any order; a flush in between, not waited for, keeps theirs.
         if self._orderly:
-            self._stream.flush(timeout_sec=0)
+            self.native.flush(timeout_sec=0)
 
 
 def _native(application: str, recording_id: str) -> rr.RecordingStream:
@@ -89,6 +93,147 @@ def _native(application: str, recording_id: str) -> rr.RecordingStream:
     )
 
 
-def forget_lost_viewers() -> None:
-    """Let the process end without Rerun's last attempt to reach a viewer, which may take forever."""
-    rr.unregister_shutdown()
+class Target(Protocol):
+    """Destination of one stream, used by one thread: `ToFile` or `ToViewer`."""
+
+    lossless: bool  # whether it takes everything, in order, however long that takes
+
+    def open(self, stream: Stream) -> None:
+        """Lead the stream there."""
+
+    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
+        """Return once everything logged has left; `last` returns whether no more will come."""
+
+    def end(self, stream: Stream) -> None:
+        """Complete what was opened, and close the stream."""
+
+    def abandon(self, stream: Stream, error: Exception) -> bool:
+        """Clear up after an error; whether the stream can never be let go of."""
+
+    def failed(self, error: Exception) -> OptionError:
+        """Put an error into the user's words."""
+
+
+class ToFile:
+    """Everything, in the order in which it was logged; links are followed, a device is written straight to."""
+
+    lossless = True
+
+    def __init__(self, path: Path, blueprint: rrb.Blueprint) -> None:
+        self._path, self._blueprint = path, blueprint
+        self._draft: Draft | None = None
+        self._old: Path | None = None
+        self._published = False
+
+    def open(self, stream: Stream) -> None:
+        """Begin a draft next to the file."""
+        if not takes_as_it_comes(self._path):
+            self._draft = Draft(self._path)
+            os.close(self._draft.handle)
+        file = self._path if self._draft is None else self._draft.file
+        stream.native.save(file, default_blueprint=self._blueprint)
+
+    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
+        """Make sure that it is written, and that it is there under the file's name.
+
+        Raises:
+            OSError: it cannot be written.
+        """
+        deadline = time.monotonic() + PATIENCE
+        while not stream.flush(ATTEMPT):
+            if self._draft is not None:
+                _probe(self._draft.target if self._published else self._draft.file)
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"nothing could be written for {PATIENCE:g} s")
+        if os.name != "nt":  # there, what is open cannot be moved
+            self._publish()
+
+    def end(self, stream: Stream) -> None:
+        """Write the file's footer; what was there before goes."""
+        self.deliver(stream, last=lambda: True)
+        stream.native.disconnect()
+        self._publish()
+        if self._old is not None:
+            with suppress(OSError):
+                self._old.unlink()
+
+    def abandon(self, stream: Stream, error: Exception) -> bool:
+        """Put back what was there before."""
+        stuck = isinstance(error, OSError) and self._draft is not None
+        if stuck:
+            rr.unregister_shutdown()
+        else:
+            stream.native.disconnect()
+        if self._draft is not None:
+            self._draft.discard()
+            if self._old is not None:
+                os.replace(self._old, self._draft.target)
+        return stuck
+
+    def failed(self, error: Exception) -> OptionError:
+        """Explain why, and what is there now."""
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        name = path_text(self._path)
+        left = f"{name} holds what was recorded until then" if self._published else "nothing was recorded"
+        if self._old is not None or (not self._published and self._path.exists()):
+            left = f"{name} is what it was before"
+        return OptionError(f"{name}: the recording broke off ({reason}); {left}")
+
+    def _publish(self) -> None:
+        if self._draft is not None and not self._published:
+            if self._draft.target.exists():
+                self._old = _set_aside(self._draft.target)
+            self._draft.publish()
+        self._published = True
+
+
+def _probe(file: Path) -> None:
+    """Write next to a file where it ends, to learn from the system why it cannot grow."""
+    with tempfile.TemporaryFile(dir=file.parent, buffering=0) as probe:
+        probe.seek(file.stat().st_size)
+        for _ in range(2):  # the first one may be cut
+            probe.write(PROBE)
+
+
+def _set_aside(file: Path) -> Path:
+    """Give a file a second name, equal every time."""
+    name = file.name if len(file.name) <= SHOWN else f"{file.name[:SHOWN]}.{crc32(file.name.encode()):08x}"
+    old = file.with_name(f".{name}.old")
+    old.unlink(missing_ok=True)
+    try:
+        os.link(file, old)
+    except OSError:  # no file system for links: for a moment there is no file
+        os.replace(file, old)
+    return old
+
+
+class ToViewer:
+    """As much as a viewer can take."""
+
+    lossless = False
+
+    def __init__(self, url: str, blueprint: rrb.Blueprint) -> None:
+        self._url, self._blueprint = url, blueprint
+
+    def open(self, stream: Stream) -> None:
+        """Connect."""
+        stream.native.connect_grpc(self._url, default_blueprint=self._blueprint)
+
+    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
+        """Wait for the viewer as long as it is there and the run goes on."""
+        while not stream.flush(PATIENCE):
+            viewer.probe(self._url)
+            if last():
+                raise TimeoutError("the viewer did not keep up to the end")
+
+    def end(self, stream: Stream) -> None:
+        """Close the stream."""
+        stream.native.disconnect()
+
+    def abandon(self, stream: Stream, error: Exception) -> bool:
+        """Leave it alone."""
+        return True
+
+    def failed(self, error: Exception) -> OptionError:
+        """Explain why."""
+        return OptionError(f"the viewer at {self._url} is gone ({error})")

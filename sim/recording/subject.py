@@ -1,15 +1,12 @@
-"""Subject of a recording, and names for what is in it."""
+"""Context of a recording, fixed before the run, and names for what is in it."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from string import ascii_lowercase
-from typing import NamedTuple
 
 import numpy as np
 
@@ -20,28 +17,17 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
-from sim.recording.geoms import Bodies
 from sim.recording.options import Look
-from sim.recording.reasons import Bystanders
+from sim.recording.reasons import Surroundings
 
-SERIES = 6  # solids whose names differ by a number only, and that keep them
 TREES = 2  # lifted trees shown, one per obstacle
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
-MEMBERS = 3  # solids of one obstacle that are named
 SPARE = "a wall"  # name of a solid of the border that has none of its own
-
-
-class Mark(NamedTuple):
-    """A number or letter on the map."""
-
-    sign: str
-    name: str  # of the solids that it stands for
-    place: Array  # (2,) that it belongs to [m]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
-    """Subject of a recording; fixed before the run."""
+    """Context of a recording."""
 
     loaded: Loaded
     tree: HomologyTree | None
@@ -62,7 +48,7 @@ class Subject:
 
     @cached_property
     def rise(self) -> float:
-        """Height of a second in space and time [m]: at the best speed a way goes up as steeply as ahead."""
+        """Height of a second in space and time [m]: at the best speed a path rises as steeply as it goes ahead."""
         return float(self.path_integral.homology.speed)
 
     @cached_property
@@ -71,9 +57,9 @@ class Subject:
         if self.look.lift is not None:
             return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
         problem = self.path_integral.problem
-        if self.moves:  # a tree of many times, seen from above all of them at once, tells nothing
+        if self.moves or self.tree is None:  # a tree of many times, seen from above all at once, shows nothing
             return ()
-        return () if self.tree is None else telling(self.tree, problem.dynamics.state_of(problem.scene.start))
+        return telling(self.tree, problem.dynamics.state_of(problem.scene.start))
 
     @property
     def name(self) -> str:
@@ -85,8 +71,7 @@ class Subject:
     def application(self) -> str:
         """Application id, equal for recordings that are laid out alike."""
         truth = ("truth",) if self.look.truth else ()
-        parts = ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))
-        return " ".join(str(part) for part in parts)
+        return " ".join(map(str, ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))))
 
     @property
     def id(self) -> str:
@@ -94,24 +79,17 @@ class Subject:
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
         return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
-    @property
-    def bodies(self) -> Bodies:
-        """Those of the robot, where they are at the start."""
-        return Bodies(self.loaded)
-
-    @cached_property
-    def bystanders(self) -> Bystanders | None:
-        """The bodies that move, if there are any."""
-        return Bystanders(self.space.scene.movers, self.space.scene.footprint) if self.moves else None
-
     @cached_property
     def solids(self) -> tuple[str, ...]:
         """Name of each static solid, in the order of the scene."""
         loaded = self.loaded
         given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
-        obstacles = enumerate(self.space.obstacles, 1)
-        number = {i: k for k, component in obstacles for i in component.members}
-        return tuple(called(given, number))
+        return tuple(called(given, {i: k for k, part in enumerate(self.space.obstacles, 1) for i in part.members}))
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """Solids by name, to find the nearest one."""
+        return Surroundings(self.space.scene, self.solids)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -123,25 +101,11 @@ class Subject:
             found.append(self.solids[component.members[int(np.argmin(off))]])
         return tuple(found)
 
-    @cached_property
-    def marks(self) -> tuple[Mark, ...]:
-        """Return a number for each obstacle that classes count turns around, a letter for named border solids."""
-        solids, places = self.solids, [solid.position[:2] for solid in self.space.scene.obstacles]
-        found, inner = [], set()
-        for k, (part, marker) in enumerate(zip(self.space.obstacles, self.space.homology.markers, strict=True), 1):
-            inner |= set(part.members)
-            names = list(dict.fromkeys(solids[i] for i in part.members))
-            more = f" and {len(names) - MEMBERS} more" if len(names) > MEMBERS else ""
-            found.append(Mark(str(k), ", ".join(names[:MEMBERS]) + more, marker))
-        outer = [i for i, name in enumerate(solids) if i not in inner and name != SPARE]
-        found += [Mark(letter, solids[i], places[i]) for letter, i in zip(ascii_lowercase, outer, strict=False)]
-        return tuple(found)
-
     @property
     def labels(self) -> list[str]:
-        """Return what marks are called on the map: where there are few also by name."""
-        few = len(self.marks) <= FEW
-        return [f"{sign} {name}" if few and not name.endswith(f" {sign}") else sign for sign, name, _ in self.marks]
+        """Labels of the topological obstacles on the map: numbers, and where they are few also names."""
+        few = len(self.names) <= FEW
+        return [f"{k} {name}" if few and not name.endswith(f" {k}") else str(k) for k, name in enumerate(self.names, 1)]
 
     @property
     def turn(self) -> float:
@@ -154,35 +118,28 @@ class Subject:
         """Obstacle, entity path and title of each lifted tree."""
         if self.tree is None:
             return []
-        names = {k: self.names[k] for k in self.lift}
-        also = {k: "" if name == f"obstacle {k + 1}" else f" ({name})" for k, name in names.items()}
+        also = {k: "" if self.names[k] == f"obstacle {k + 1}" else f" ({self.names[k]})" for k in self.lift}
         return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1}{name}") for k, name in also.items()]
 
 
 def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
-    """Names for solids: those given, unless they are missing, used twice, or one of a long series.
+    """Names for solids: those given, unless they are missing or used twice.
 
     Args:
         given: in the file, empty where there is none.
-        number: of the obstacle that a solid belongs to, as on the map, by place in `given`.
+        number: of the obstacle that a solid belongs to, by place in `given`.
     """
-    stems = Counter(_stem(name) for name in given)
-    found = []
-    for i, name in enumerate(given):
-        plain = name and given.count(name) == 1 and stems[_stem(name)] <= SERIES
-        spare = f"obstacle {number[i]}" if i in number else SPARE
-        found.append(name.replace("_", " ") if plain else spare)
-    return found
-
-
-def _stem(name: str) -> str:
-    return name.rstrip("0123456789 _-")
+    spare = [f"obstacle {number[i]}" if i in number else SPARE for i in range(len(given))]
+    return [
+        name.replace("_", " ") if name and given.count(name) == 1 else other
+        for name, other in zip(given, spare, strict=True)
+    ]
 
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
     lengths = tree.lengths(tree.at(x, 0.0))
     windings = sorted(lengths, key=lambda winding: lengths[winding])
-    standing = len(tree.space.homology.markers)
-    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < standing]
-    return tuple(dict.fromkeys([*apart, *range(standing)]))[:most]
+    static = len(tree.space.homology.markers)
+    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < static]
+    return tuple(dict.fromkeys([*apart, *range(static)]))[:most]

@@ -14,7 +14,6 @@ from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import mix
-from sim.drawing.strokes import heights
 
 OPTIMUM = (150, 235, 60)
 VALUE, FIELD = "/world/scene/truth/value", "/world/scene/truth/field"
@@ -23,6 +22,7 @@ ARROWS = 18  # along it
 HEADINGS = 12  # that are tried of a robot that has one
 BANDS = 24  # of equal cost
 BLOCKED = (24, 27, 32)
+SHADES = (44, 62, 110), (92, 105, 138), (150, 150, 140), (226, 208, 150)  # from great values to small ones
 DRAWN = 400  # optimal paths that tell how much psi each class has
 
 Picture = NDArray[np.uint8]
@@ -30,26 +30,18 @@ Picture = NDArray[np.uint8]
 
 def on_floor(grid: Desirability, space: FreeSpace, time: float) -> Iterator[tuple[str, rr.AsComponents]]:
     """Yield pictures for the floor at a time [s], each under its entity."""
-    lower, upper = space.scene.lower, space.scene.upper
-    pixels = MOVING_PIXELS if grid.moves else PIXELS
-    corners = np.array([(lower[0], lower[1]), (upper[0], lower[1]), (upper[0], upper[1]), (lower[0], upper[1])])
-    yield (
-        VALUE,
-        rr.Mesh3D(
-            vertex_positions=np.column_stack([corners, np.full(4, 0.001)]),
-            triangle_indices=[(0, 1, 2), (0, 2, 3)],
-            vertex_texcoords=[(0, 1), (1, 1), (1, 0), (0, 0)],
-            albedo_texture=painted(grid, space, time, pixels),
-        ),
-    )
+    (x0, y0), (x1, y1) = space.scene.lower, space.scene.upper
+    paint = painted(grid, space, time, MOVING_PIXELS if grid.moves else PIXELS)
+    corners = [(x0, y0, 0.001), (x1, y0, 0.001), (x1, y1, 0.001), (x0, y1, 0.001)]
+    floor = {"vertex_texcoords": [(0, 1), (1, 1), (1, 0), (0, 0)], "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
+    yield VALUE, rr.Mesh3D(vertex_positions=corners, **floor, albedo_texture=paint)
     points = _lattice(space, ARROWS)
     points = points[space.collision.clearance(points) > 0.0]
     points = points[[not space.scene.goal.contains(p) for p in points]]
-    side = float((upper - lower).max()) / ARROWS
+    side = float(max(x1 - x0, y1 - y0)) / ARROWS
     field = directions(grid, points, time)
     length = np.linalg.norm(field, axis=1, keepdims=True)
-    vectors = 0.8 * side * field / max(float(np.quantile(length, 0.9)), 1e-9)
-    vectors *= np.minimum(1.0, 0.8 * side / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9))
+    vectors = 0.8 * side * field / np.maximum(length, max(float(np.quantile(length, 0.9)), 1e-9))
     yield (
         FIELD,
         rr.Arrows3D(
@@ -72,7 +64,9 @@ def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> P
         top = float(np.quantile(value, 0.98))
         bands = np.ceil(np.minimum(value, top) / max(top, 1e-9) * BANDS)
         shade = np.where(bands % 2, 0.75, 0.71)[:, None]  # by which one sees where one band ends
-        colors[free] = (shade * heights(-bands / BANDS, -1.0, 0.0)).astype(np.uint8)
+        place = (1.0 - bands / BANDS) * (len(SHADES) - 1)
+        hues = np.column_stack([np.interp(place, range(len(SHADES)), channel) for channel in zip(*SHADES, strict=True)])
+        colors[free] = (shade * hues).astype(np.uint8)
     width, height = _shape(space, pixels)
     return colors.reshape(height, width, 3)[::-1]
 
@@ -101,7 +95,7 @@ def warm_up(grid: Desirability) -> None:
 def shares_of(grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
     """Share of psi of each class of a plan, by paths drawn under the optimal control from its state.
 
-    Where the grid tells classes apart by bodies that move and the plan does not, those of one class are added up.
+    Where the grid tells classes apart by moving obstacles and the plan does not, those of one class are added up.
     """
     found = [(name.split(","), share) for name, share in grid.shares(plan.state, samples=DRAWN, t=time).items()]
     shares = {}

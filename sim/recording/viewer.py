@@ -20,17 +20,24 @@ from urllib.parse import quote, urlsplit
 import rerun_cli
 
 from pirrht.errors import OptionError
-from sim.recording import guard
 
 SCHEMES = ("rerun", "rerun+http", "rerun+https")
 EXAMPLE = "rerun+http://127.0.0.1:9876/proxy"
-RERUN = (sys.executable, "-P", "-m", "rerun_cli", "--bind", "127.0.0.1")  # -P: nothing from the current folder
 DATA_PORT, WEB_PORT = 9876, 9090  # of --serve, if they are free
-PATIENCE = 20.0  # how long a viewer or a server may take to come up [s]
+PATIENCE = 20.0  # for a viewer or a server to come up [s]
+# Runs a command until standard input ends, so that a server does not outlive its run, however that one ends.
+GUARD = """
+import subprocess, sys, threading, os
+server = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL)
+threading.Thread(target=lambda: os._exit(server.wait()), daemon=True).start()
+while sys.stdin.buffer.read(4096):
+    pass
+server.kill()
+"""
 
 
 def probe(url: str, *, timeout: float = 1.0) -> None:
-    """Make sure that something listens where a viewer should be.
+    """Make sure that a viewer listens at an address.
 
     Raises:
         OptionError: the URL is no viewer's, or nobody listens there.
@@ -45,17 +52,20 @@ def probe(url: str, *, timeout: float = 1.0) -> None:
         ) from None
 
 
-def check_installed(option: str) -> None:
-    """Make sure that Rerun's viewer is there.
+def _binary() -> Path:
+    """Return Rerun's viewer."""
+    folder = Path(rerun_cli.__file__).parent
+    app = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
+    bundled = app if app.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
+    return Path(os.environ.get("RERUN_CLI_PATH", bundled))
 
-    Raises:
-        OptionError: it is not; names the option that asks for it.
-    """
-    name = "rerun.exe" if os.name == "nt" else "rerun"
-    bundled = Path(rerun_cli.__file__).with_name(name)
-    found = Path(os.environ.get("RERUN_CLI_PATH", bundled))
-    if sys.platform != "darwin" and not os.access(found, os.X_OK):
-        raise OptionError(f"{option}: there is no viewer at {found}; install rerun-sdk anew, or use --record FILE.rrd")
+
+def check_installed(option: str) -> None:
+    """Make sure that Rerun's viewer is there; the OptionError names the option that needs it."""
+    if not os.access(_binary(), os.X_OK):
+        raise OptionError(
+            f"{option}: there is no viewer at {_binary()}; install rerun-sdk anew, or use --record FILE.rrd"
+        )
 
 
 def check_display() -> None:
@@ -71,8 +81,8 @@ def check_display() -> None:
     if not named:
         raise OptionError(f"--view needs a display, and there is none; {remedy}")
     if not any(_answers(*_display(name, value)) for name, value in named.items()):
-        said = " ".join(f"{name}={value}" for name, value in named.items())
-        raise OptionError(f"--view needs a display, and {said} does not answer; {remedy}")
+        listed = " ".join(f"{name}={value}" for name, value in named.items())
+        raise OptionError(f"--view needs a display, and {listed} does not answer; {remedy}")
 
 
 def _display(name: str, value: str) -> tuple[socket.AddressFamily, list[Any]]:
@@ -91,23 +101,22 @@ def _display(name: str, value: str) -> tuple[socket.AddressFamily, list[Any]]:
 
 def _answers(family: socket.AddressFamily, addresses: Sequence[Any]) -> bool:
     for address in addresses:
-        with socket.socket(family) as probe, suppress(OSError, OverflowError):
-            probe.settimeout(1.0)
-            probe.connect(address)
+        with socket.socket(family) as display, suppress(OSError, OverflowError):
+            display.settimeout(1.0)
+            display.connect(address)
             return True
     return False
 
 
 def spawn() -> str:
-    """Start a viewer of this machine's own on a free port of the loopback interface; its URL.
+    """Start a viewer on a free port of the loopback interface; it outlives this process. Returns its URL.
 
     Raises:
         OptionError: there is no display, or the viewer does not come up.
     """
     check_display()
     port = _free_port()
-    options = ["--port", str(port), "--expect-data-soon"]
-    viewer = _start([*RERUN, *options], stdin=subprocess.DEVNULL, start_new_session=True)
+    viewer = _start(["--port", str(port), "--expect-data-soon"], stdin=subprocess.DEVNULL)
     _await(viewer, [port], "--view: the viewer")
     return _url(port)
 
@@ -127,12 +136,9 @@ class Server:
         Raises:
             OptionError: the server does not come up.
         """
-        data = _free_port(DATA_PORT)
-        web = _free_port(WEB_PORT)
+        data, web = _free_port(DATA_PORT), _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
-        # In a session of its own the guard outlives what ends a whole group or terminal, and can clear up after it.
-        command = [sys.executable, "-P", guard.__file__, *RERUN, *options]
-        process = _start(command, stdin=subprocess.PIPE, start_new_session=True)
+        process = _start(options, guard=(sys.executable, "-I", "-c", GUARD), stdin=subprocess.PIPE)
         _await(process, [data, web], "--serve: the server")
         page = f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}"
         return cls(page=page, url=_url(data), process=process)
@@ -143,14 +149,16 @@ class Server:
             self.process.wait()
 
 
-def _start(command: list[str], **options: Any) -> subprocess.Popen[bytes]:
+def _start(options: Sequence[str], *, guard: Sequence[str] = (), stdin: int) -> subprocess.Popen[bytes]:
+    """Start Rerun's viewer in a session of its own, out of reach of what ends a whole group or terminal."""
     environment = {name: value for name, value in os.environ.items() if name != "FORCE_RERUN_ANALYTICS"}
     return subprocess.Popen(
-        command,
+        [*guard, str(_binary()), "--bind", "127.0.0.1", *options],
         env=environment | {"CI": "1"},  # Rerun's usage statistics stay off where this is set
+        stdin=stdin,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        **options,
+        start_new_session=True,
     )
 
 
@@ -165,7 +173,7 @@ def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) ->
         except OSError:
             time.sleep(0.05)
     if process.poll() is None:
-        process.stdin.close() if process.stdin is not None else guard.end(process)
+        process.stdin.close() if process.stdin is not None else process.terminate()
         raise OptionError(f"{what} did not come up within {PATIENCE:g} s; use --record FILE.rrd")
     raise OptionError(
         f"{what} ended at once (exit status {process.returncode}); run `rerun` to see why, or use --record FILE.rrd"
@@ -188,7 +196,7 @@ def _address(url: str) -> tuple[str, int]:
 
 
 def _free_port(wanted: int = 0) -> int:
-    """The port wanted, if it is free on the loopback interface; otherwise any."""
+    """Return the port wanted, if it is free on the loopback interface; otherwise any."""
     with socket.socket() as listener:
         try:
             listener.bind(("127.0.0.1", wanted))

@@ -1,27 +1,26 @@
 """Contents of a recording, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose of its root, and as an arrow where the control would take it, from the velocity that it has, as a
-              second one, where it is known, where the optimal control would; one row more for the end
-/world/robot/parts/NAME  pose of a wheel in the root
+/world/robot  pose of its root; as an arrow where the control would take it, as a second one, where it is known, the
+              optimal control; one row more for the end
 /world/eyes/following    an eye that follows the robot
-/world/scene/movers/NAME  pose of a body that moves, at every step as long as it does; one row more for the end
-/world/foreseen  outlines of bodies that move, where the plan takes them to be soon
-/spacetime    the drive with time upward, where bodies move; described in `spacetime.py`
+/world/scene/movers/NAME  pose of a moving obstacle, at every step as long as it moves; one row more for the end
+/world/foreseen  predicted outlines of moving obstacles
+/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
 /world/path   position after every physics step
 /why/weight   of all other classes and of each of a few classes as they gain weight; `switch` below it where another
               class has come to weigh most
 /why/ess      effective sample size of the same classes
 /why/arriving share of the samples drawn around each of them that arrive
-/why/clearance, /why/control, /why/cost  room around the robot, u, and the cost so far without and with the value
+/why/clearance, /why/control, /why/cost  clearance, u, and the cost so far without and with the value
 /why/page     the argument of the plan in words, where a picture is due
 /why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
               last, where it is known, the exact one
-/why/optimum  control: the length of u's standard error, and |u - u*| of the control chosen;
+/why/optimum  control: the length of u's standard error, and |u - u*|;
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
 /tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
               that it has gained since the picture before, those of its first ones being static
-/log          what happened; `happenings` below it: classes that come and go, close passages
+/log          what happened; `happenings` below it: new classes, close passages
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
 
@@ -43,12 +42,12 @@ from sim.drawing.strokes import lift
 from sim.mjcf.mocap import Mocap
 from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
-from sim.recording.columns import Column, components
+from sim.recording.columns import components
+from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
-from sim.recording.reasons import met
-from sim.recording.static import branches, mover_path, part_path, properties, stage
-from sim.recording.step_row import Happenings, Row
+from sim.recording.static import branches, mover_path, properties, stage
+from sim.recording.step_row import EventDetector, Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
@@ -60,19 +59,14 @@ AHEAD = 0.5  # the arrow reaches where the control would take the robot in this 
 
 
 def columns(rows: Sequence[Row]) -> list[Any]:
-    """All components of some steps; step and time are their index."""
-    return [part for name, column in components().items() for part in _component(name, column, rows)]
-
-
-def _component(name: str, column: Column, rows: Sequence[Row]) -> Iterable[Any]:
-    """One named component with any number of values per step."""
-    assert column.values is not None
-    texts = column.kind is str
-    values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
-    flat = list(chain.from_iterable(values))
-    if not flat:
-        return ()
-    parts: Iterable[Any] = rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
+    """All components of some steps, each with any number of values per step; step and time are their index."""
+    parts: list[Any] = []
+    for name, column in components().items():
+        assert column.values is not None
+        texts = column.kind is str
+        values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
+        if flat := list(chain.from_iterable(values)):
+            parts += rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
     return parts
 
 
@@ -81,48 +75,38 @@ class Writer:
 
     def __init__(self, stream: Stream, subject: Subject) -> None:
         self.stream, self._subject = stream, subject
-        colors = ClassColors()
+        scene, colors = subject.space.scene, ClassColors()
+        self._dynamics = subject.path_integral.problem.dynamics
         self._pictures = Pictures(stream, subject, colors)
         self._plots = Plots(stream, subject.path_integral.problem, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
-        movers = subject.loaded.scene.movers
-        self._bodies, self._eye = subject.bodies, Following(subject.space.scene)
-        self._happenings = Happenings(subject.space.scene.robot_radius, self._nearest, self._pictures.said)
-        self._mocap = Mocap(subject.loaded.model, movers) if movers else None
-        self._shown = [np.full(7, np.nan) for _ in movers]  # the last pose that was written of each
+        self._robot, self._eye = RobotPoses(subject.loaded), Following(scene)
+        self._events = EventDetector(scene.robot_radius, self._nearest, self._pictures.said)
+        self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
+        self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
 
     def begin(self) -> None:
         """Everything that stays as it is."""
-        subject = self._subject
+        subject, log = self._subject, self.stream.static
         self.stream.properties(properties(subject.settings), name=subject.name)
-        self._place()  # before there is anything to see: what has no place yet would stand at the origin
-        stage(subject, self.stream.static)
+        self._place()  # before there is anything to see: what has no place yet would be at the origin
+        stage(subject, log)
         if subject.moves:
-            spacetime.stage(subject, self.stream.static)
+            spacetime.stage(subject, log)
         self._plots.begin()
 
     def _place(self) -> None:
         """Place robot, moving obstacles and eyes at the start."""
-        scene, dynamics = self._subject.space.scene, self._subject.path_integral.problem.dynamics
-        start = np.asarray(dynamics.state_of(scene.start))[None]
-        for path, pose in self._bodies_at(start):
-            self.stream.columns(path, [0], [0.0], pose)
+        scene = self._subject.space.scene
+        start = np.asarray(self._dynamics.state_of(scene.start))[None]
         places, turns = Following(scene).poses(start[:, :2], np.zeros(1))
-        self.stream.columns(FOLLOWING, [0], [0.0], rr.Transform3D.columns(translation=places, quaternion=turns))
+        known = {"/world/robot": self._robot.at(start), FOLLOWING: np.column_stack([places, turns])}
         if self._mocap is not None:
-            places, turns = self._mocap.poses(np.zeros(1))
-            for j, mover in enumerate(scene.movers):
-                stands = rr.Transform3D.columns(translation=places[:, j], quaternion=np.roll(turns[:, j], -1, axis=1))
-                self.stream.columns(mover_path(mover.name), [0], [0.0], stands)
-
-    def _bodies_at(self, states: Array) -> Iterable[tuple[str, Any]]:
-        """Poses of the robot's root at states (k, n), and of its wheels, which roll on from one to the next."""
-        poses = self._bodies.root(states)
-        yield "/world/robot", rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
-        for wheel, turned in zip(self._bodies.wheels, self._bodies.turned(), strict=True):
-            pose = rr.Transform3D.columns(translation=wheel.place[None], quaternion=turned[None])
-            yield part_path(wheel.name), pose
+            poses = self._mover_poses(self._mocap, [0.0])
+            known |= {mover_path(mover.name): pose for mover, pose in zip(scene.movers, poses, strict=True)}
+        for path, pose in known.items():
+            self.stream.columns(path, [0], [0.0], _transforms(pose))
 
     def add(self, row: Row) -> bool:
         """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
@@ -145,16 +129,15 @@ class Writer:
         return True
 
     def end(self) -> None:
-        """Write what is left and close the stream."""
+        """Write what is left."""
         if self._batch:
             self._write()
-        self.stream.close()
 
     def _write(self) -> None:
         rows, self._batch = self._batch, []
         self._secured, self._waiting_since = 0, inf
         self._columns("/steps", rows, columns(rows))
-        self._robot(rows)
+        self._poses(rows)
         if self._mocap is not None:
             self._movers(self._mocap, rows)
         self._plots.draw(rows)
@@ -164,99 +147,81 @@ class Writer:
                 self._tell("/log", row, row.news)
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
-            for about, text in self._happenings.add(row):
+            for about, text in self._events.add(row):
                 self._tell("/log/happenings", about, text)
-            for (_, path, _), edges in zip(self._subject.lifted, row.growth, strict=False):
-                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, edges[0]))
+            for (_, path, _), ends in zip(self._subject.lifted, row.growth, strict=False):
+                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, ends))
 
     def _tell(self, path: str, row: Row, text: str) -> None:
         """Log a text of a step in lines that the viewer shows whole."""
         for line in wrap(text, LINE):
             self.stream.log(path, row.step, row.time, rr.TextLog(line, level="INFO"))
 
-    def _robot(self, rows: Sequence[Row]) -> None:
+    def _poses(self, rows: Sequence[Row]) -> None:
+        """Log robot, control, eye and driven path."""
         states = np.array([r.state for r in rows])
-        poses = self._bodies.root(states)
-        pose = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
         controls = [(r.state, u) for r in rows for u in (r.control, *([] if r.truth is None else [r.truth.control]))]
         vectors = np.array([self._ahead(x, u) for x, u in controls])
         arrows = rr.Arrows3D.columns(vectors=vectors).partition([len(vectors) // len(rows)] * len(rows))
-        self._columns("/world/robot", rows, [*pose, *arrows])
-        self._wheels(rows)
+        self._columns("/world/robot", rows, [*_transforms(self._robot.at(states)), *arrows])
         seen = self._eye.poses(states[:, :2], np.array([r.duration for r in rows]))
-        self._columns(FOLLOWING, rows, rr.Transform3D.columns(translation=seen[0], quaternion=seen[1]))
+        self._columns(FOLLOWING, rows, _transforms(np.column_stack(seen)))
         pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
         if self._pictures.in_time is not None:
             self._in_time(self._pictures.in_time, rows)
         last = rows[-1]
         if last.outcome is not None and len(last.states):
-            self._bodies.roll(last.states, self._headings(last.states))
-            for path, pose in self._bodies_at(last.states[-1:]):
-                self.stream.columns(path, [last.step + 1], [last.time + last.duration], pose)
+            pose = _transforms(self._robot.at(last.states[-1:]))
+            self.stream.columns("/world/robot", [last.step + 1], [last.time + last.duration], pose)
 
     def _in_time(self, in_time: spacetime.SpaceTime, rows: Sequence[Row]) -> None:
-        """The path in space and time, and where the robot is on it, to the end of the last step."""
-        steps, times = [r.step for r in rows], [r.time for r in rows]
+        """Log the path in space and time, and where the robot is on it, to the end of the last step."""
+        steps, times, last = [r.step for r in rows], [r.time for r in rows], rows[-1]
         ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
         pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
         in_time.thread(steps, times, pieces)
-        last = rows[-1]
-        at = [piece[0] for piece in pieces] + ([ends[-1]] if last.outcome is not None else [])
-        steps += [last.step + 1] if last.outcome is not None else []
+        at = [piece[0] for piece in pieces]
+        if last.outcome is not None:
+            steps, at = [*steps, last.step + 1], [*at, ends[-1]]
         in_time.steps(steps, [place[2] for place in at], np.array(at))
-
-    def _wheels(self, rows: Sequence[Row]) -> None:
-        """Turn the wheels at each step; they roll over all physics steps."""
-        wheels = self._bodies.wheels
-        if not wheels:
-            return
-        turned = np.empty((len(rows), len(wheels), 4))
-        for k, row in enumerate(rows):
-            self._bodies.roll(row.state[None], self._headings(row.state[None]))
-            turned[k] = self._bodies.turned()
-            if row.outcome is None:
-                self._bodies.roll(row.states, self._headings(row.states))
-        for j, wheel in enumerate(wheels):
-            places = np.broadcast_to(wheel.place, (len(rows), 3))
-            pose = rr.Transform3D.columns(translation=places, quaternion=turned[:, j])
-            self._columns(part_path(wheel.name), rows, pose)
 
     def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
         last = rows[-1]
         ends = [(last.step + 1, last.time + last.duration)] if last.outcome is not None else []
         steps, times = zip(*((r.step, r.time) for r in rows), *ends, strict=True)
-        places, turns = mocap.poses(np.array(times))
-        for j, mover in enumerate(self._subject.loaded.scene.movers):
-            poses = np.column_stack([places[:, j], np.roll(turns[:, j], -1, axis=1)])  # MuJoCo writes w first
+        scene = self._subject.space.scene
+        for j, (mover, poses) in enumerate(zip(scene.movers, self._mover_poses(mocap, times), strict=True)):
             new = np.any(poses != self._shown[j], axis=0)
             if new.any():
                 turned = {"quaternion": poses[:, 3:]} if new[3:].any() else {}  # else the last one holds
                 self._shown[j] = poses[-1]
-                columns = rr.Transform3D.columns(translation=poses[:, :3], **turned)
-                self.stream.columns(mover_path(mover.name), steps, times, columns)
+                moved = rr.Transform3D.columns(translation=poses[:, :3], **turned)
+                self.stream.columns(mover_path(mover.name), steps, times, moved)
+
+    def _mover_poses(self, mocap: Mocap, times: Sequence[float]) -> Array:
+        """Return poses (movers, k, 7) at times (k,) [s]; quaternions have w last, which MuJoCo writes first."""
+        places, turns = mocap.poses(np.array(times))
+        return np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2).transpose(1, 0, 2)
 
     def _nearest(self, row: Row) -> str:
-        space, others = self._subject.space, self._subject.bystanders
-        if others is not None and space.clearance(row.state) > row.clearance + 1e-6:
-            return others.nearest(space.scene.movers, row.state[None, :2], np.array([row.time]))[0][1]
-        return met(space.collision, row.state[None, :2], self._subject.solids)[0]
+        movers = self._subject.space.scene.movers
+        return self._subject.surroundings.nearest(movers, row.state[None, :2], np.array([row.time]))[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
-        dynamics = self._subject.path_integral.problem.dynamics
-        start, still = x, np.zeros(dynamics.m)
+        dynamics, start, still = self._dynamics, x, np.zeros(self._dynamics.m)
         for _ in range(5):
             x = dynamics.step(x, u, still, AHEAD / 5)
         dx, dy = x[:2] - start[:2]
-        heading = float(self._headings(start[None])[0])
+        heading = float(start[dynamics.angles[0]]) if dynamics.angles else 0.0
         c, s = np.cos(heading), np.sin(heading)
         return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
 
-    def _headings(self, states: Array) -> Array:
-        """Headings in states (k, n), (k,) [rad]; 0 of a robot that has none."""
-        angles = self._subject.path_integral.problem.dynamics.angles
-        return states[:, angles[0]] if angles else np.zeros(len(states))
-
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
+
+
+def _transforms(poses: Array) -> Any:
+    """Poses (k, 7) of places [m] and quaternions, w last, as columns."""
+    return rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])

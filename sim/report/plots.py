@@ -46,7 +46,7 @@ def pictures(report: Report, watch: Watch = unwatched) -> list[Picture]:
     Raises:
         OptionError: matplotlib is missing.
     """
-    from sim.figures.draw import pyplot
+    from sim.figures import pyplot
 
     plt = pyplot("report.html")
     if not report.points:

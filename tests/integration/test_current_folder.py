@@ -70,11 +70,12 @@ def test_python_m_works_where_the_package_lies_in_the_current_folder(monkeypatch
 
 def test_viewer_and_server_import_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):
     started: list[list[str]] = []
-    monkeypatch.setattr(viewer, "_start", lambda command, **_: started.append(command))
     monkeypatch.setattr(viewer, "_await", lambda *_: None)
     monkeypatch.setattr(viewer, "check_display", lambda: None)
-    viewer.spawn()
-    viewer.Server.start()
+    with monkeypatch.context() as patch:
+        patch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
+        viewer.spawn()
+        viewer.Server.start()
     for command in started:
         ran = subprocess.Popen([*command, "--version"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert ran.stdout is not None

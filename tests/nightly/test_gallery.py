@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from repository import ROOT
 from thoroughly import thorough
-from worlds import meshes
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
@@ -31,20 +30,6 @@ def bare(text: str) -> str:
 @pytest.mark.parametrize("name", PAGES)
 def test_a_scene_is_what_its_script_writes(name):
     assert bare((models_folder() / "scenes" / f"{name}.xml").read_text()) == bare(PAGES[name]().text())
-
-
-@pytest.mark.parametrize(("name", "mesh"), [("desk", meshes.desk()), ("left shelf", meshes.shelf())])
-def test_furniture_counts_as_its_hull(name, mesh):
-    (solid,) = (solid for solid in load("office").scene.obstacles if solid.name == name)
-    world = solid.vertices @ solid.rotation.T + solid.position
-    np.testing.assert_allclose(np.ptp(world, axis=0), mesh.extents, atol=1e-3)
-
-
-def test_a_script_writes_scenes_that_load_to_any_folder(tmp_path, capsys):
-    assert make_scenes.main([str(tmp_path)]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == len(PAGES)
-    for name in PAGES:
-        assert load(tmp_path / f"{name}.xml").about == PAGES[name]().about
 
 
 @pytest.mark.parametrize("name", [*PAGES, "slit"])
@@ -112,12 +97,6 @@ def test_the_script_draws_both_noise_levels_and_the_value(tmp_path):
     with image.open(tmp_path / "value.webp") as value:
         colors = np.asarray(value.convert("RGB")).reshape(-1, 3)
     assert len(np.unique(colors // 16, axis=0)) > 50  # a map, and no blank page
-
-
-def test_an_unknown_scene_is_told_in_one_line(tmp_path, capsys):
-    assert gallery.main(["nowhere", "-o", str(tmp_path)]) == 2
-    assert "nowhere: no such scene" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
 
 
 def test_the_recording_in_the_documents_is_small_and_can_be_read():

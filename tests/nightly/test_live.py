@@ -127,7 +127,7 @@ def test_from_a_terminal_it_is_served_until_ctrl_c():
 @pytest.mark.parametrize("blow", first([signal.SIGSTOP, signal.SIGKILL]))
 def test_a_viewer_that_dies_or_hangs_neither_stops_nor_stalls_the_run(tmp_path, blow):
     port, file = viewer._free_port(), tmp_path / "a.rrd"
-    watcher = viewer._start([*viewer.RERUN, "--serve-grpc", "--port", str(port)], start_new_session=True)
+    watcher = viewer._start(["--serve-grpc", "--port", str(port)], stdin=subprocess.DEVNULL)
     try:
         viewer._await(watcher, [port], "the viewer")
         assert listening(watcher.pid) == {("0100007F", port)}

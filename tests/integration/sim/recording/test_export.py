@@ -12,7 +12,7 @@ from drives import Drive
 from sim.cli import main
 from sim.drive.truth import Truth
 from sim.recording import export
-from sim.recording.columns import COLUMNS, Column, described, explained
+from sim.recording.columns import COLUMNS, described
 
 FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
 
@@ -58,13 +58,6 @@ def test_columns_hold_what_the_frames_held(drive, table):
     for name in {name for e in estimates for name in e.class_weights}:
         same(f"weight:{name}", [e.class_weights.get(name, 0.0) for e in estimates])
         same(f"ess:{name}", [e.class_ess.get(name, 0.0) for e in estimates])
-
-
-def test_the_table_replays_the_drive(table):
-    moved = np.diff(np.column_stack([table["x"], table["y"]]), axis=0)
-    noise = 0.3 * np.column_stack([table["noise_1"], table["noise_2"]])[:-1]
-    control = np.column_stack([table["control_1"], table["control_2"]])[:-1] * table["duration"][:-1, None]
-    np.testing.assert_allclose(moved, noise + control, atol=5e-3)  # the control follows the state within a step
 
 
 def test_both_formats_hold_the_same_columns_with_units_and_settings(drive, table, tmp_path):
@@ -150,20 +143,6 @@ def test_wrong_input_costs_one_line(folder, capsys, typed, reason):
     assert sorted(folder.iterdir()) == before
 
 
-def test_what_was_there_stays_until_the_table_is_complete(folder, capsys, monkeypatch):
-    def fail(stream, **arrays):
-        stream.write(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(np, "savez_compressed", fail)
-    (folder / "a.npz").write_bytes(b"precious")
-    before = sorted(folder.iterdir())
-    assert main(["export", "whole.rrd", "-o", "a.npz"]) == 2
-    assert "No space left" in capsys.readouterr().err
-    assert (folder / "a.npz").read_bytes() == b"precious"
-    assert sorted(folder.iterdir()) == before
-
-
 @pytest.mark.parametrize(
     ("ids", "titles"),
     [
@@ -184,20 +163,6 @@ def test_columns_of_classes_bear_the_titles_of_tables_and_keep_the_whole_id_besi
     for title, whole in zip(titles, ids, strict=True):
         assert schema.field(f"weight:{title}").metadata[b"class"].decode() == whole
         assert about["columns"][f"ess:{title}"]["class"] == whole
-
-
-def test_one_more_row_in_the_table_of_columns_is_one_more_column_everywhere(tmp_path, monkeypatch, capsys):
-    more = Column("steps_taken", "1", "physics steps within the control step", lambda r: [len(r.states)], kind=int)
-    for module in ("columns", "export"):
-        monkeypatch.setattr(f"sim.recording.{module}.COLUMNS", (*COLUMNS, more))
-    drive, file = Drive(), tmp_path / "a.rrd"
-    with drive.recorder(file) as recorder:
-        frames = list(drive.frames(0.05))
-        for frame in frames:
-            recorder.log(frame)
-    table = export.table(export.read(file))
-    assert table["steps_taken"].tolist() == [len(frame.advance.states) for frame in frames]
-    assert described("steps_taken").text in explained()
 
 
 def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it():
@@ -226,12 +191,3 @@ def test_states_are_columns_by_their_names_wherever_they_stand(states, names):
         at = order.index(name) if name in order else int(name.removeprefix("state_")) - 1
         assert table[name] == float(at)
         assert table[f"end_{name}"] == 10.0 + at
-
-
-@pytest.mark.parametrize("name", ["x" * 300, b"b\xff".decode("utf-8", "surrogateescape")])
-def test_names_that_no_system_takes_cost_one_line(folder, capsys, name):
-    for typed in (["whole.rrd", "-o", f"{name}.npz"], [f"{name}.rrd", "-o", "a.npz"]):
-        assert main(["export", *typed]) == 2
-        said = capsys.readouterr().err
-        assert said.count("\n") == 1
-        assert "name too long" in said or "not UTF-8" in said

@@ -11,9 +11,7 @@ import rerun as rr
 from drives import MAX_TIME, Drive, columns, record, rerun
 from rerun.chunk import RrdReader
 
-from pirrht.errors import OptionError
 from sim.drawing import strokes
-from sim.drawing.colors import PALETTE, ClassColors, title
 from sim.drive.episode import run
 from sim.recording import geoms
 from sim.recording.step_row import Row
@@ -70,10 +68,8 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     for path in ("/world/references", "/world/ways", "/why/page", "/tree/1/references", "/world/samples/dead"):
         assert 2 <= len(table[path]["step"]) <= 2 + 5 * MAX_TIME, path
     entities = {chunk.entity_path for chunk in RrdReader(str(file)).stream()}
-    for path in ("/world/scene/obstacles/boxes", "/world/robot/body/cylinders", "/tree/2/edges", "/about"):
-        assert path in entities
-    for path in ("/world/eyes/above", "/world/eyes/following"):
-        assert path in entities
+    scene = {"/world/scene/obstacles/boxes", "/world/robot/body/cylinders", "/tree/2/edges", "/about"}
+    assert scene | {"/world/eyes/above", "/world/eyes/following"} <= entities
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
@@ -88,17 +84,6 @@ def test_class_weights_are_lines_that_add_up_to_one(recorded):
         assert drawn.sum() == pytest.approx(1.0, abs=1e-4)
         weights = [w for name, w in frame.plan.estimate.class_weights.items() if name != "other"]
         assert np.allclose(np.sort(drawn[1:]), np.sort(weights), atol=1e-4)
-
-
-def test_the_running_cost_and_the_room_are_plotted_as_the_frames_have_them(recorded):
-    file, frames, _ = recorded
-    table = columns(file)
-    cost = np.array(table["/why/cost"]["Scalars:scalars"])
-    np.testing.assert_allclose(cost[:, 0], [f.cost for f in frames], rtol=1e-4)
-    np.testing.assert_allclose(cost[:, 1], [f.cost + f.plan.estimate.value for f in frames], rtol=1e-4)
-    np.testing.assert_allclose(
-        np.ravel(table["/why/clearance"]["Scalars:scalars"]), [f.clearance for f in frames], rtol=1e-4
-    )
 
 
 def test_the_page_tells_the_moment_of_its_plan(recorded):
@@ -130,16 +115,6 @@ def test_its_size_stays_within_bounds(recorded):
     assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
 
 
-def test_classes_keep_their_colours_and_have_short_titles():
-    colors = ClassColors()
-    assert colors.meet(("0,0", "0,-1"))
-    assert not colors.meet(("0,-1", "other"))
-    assert colors["0,0"] == PALETTE[0]
-    assert len({colors[str(i)] for i in range(16)}) == 16
-    assert title("0,-1") == "0,-1"
-    assert title("0,0,0,0,1,0,-1") == "+5 -7"
-
-
 def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side():
     drive = Drive()
     homology = drive.space.homology
@@ -152,13 +127,6 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
             assert np.abs(np.diff(height)).max() < 0.25
 
 
-def test_late_classes_have_colours_that_no_early_one_has():
-    colors = ClassColors()
-    drawn = [colors[str(i)] for i in range(40)]
-    assert len(set(drawn[:18])) == 18
-    assert not set(drawn[:18]) & set(drawn[18:])
-
-
 def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
     drive, file = Drive(), tmp_path / "grown.rrd"
     before = drive.tree.size
@@ -169,21 +137,13 @@ def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
     assert size > before
     for k in (0, 1):
         rows = columns(file)[f"/tree/{k + 1}/growth"]["LineStrips3D:strips"]
-        ends, _ = strokes.tree_edges(drive.tree, k, 10_000, since=before)
+        ends = strokes.tree_edges(drive.tree, k, 10_000, since=before)
         gained = {tuple(tail) for tail in strokes.lift(ends[:, 0, :2], 0.0)[:, :2]}
         drawn = [{tuple(strip[0, :2]) for strip in np.array(row)} for row in rows]
         assert 2 <= len(rows) <= 5  # pictures are drawn five times a second
         assert set().union(*drawn) <= gained
         assert len(set().union(*drawn)) == sum(len(tails) for tails in drawn)
         assert sum(len(tails) for tails in drawn) > 0.8 * len(gained)
-
-
-def test_edges_of_a_tree_are_those_of_its_first_vertices_and_of_the_later_ones():
-    tree = Drive().tree
-    whole, _ = strokes.tree_edges(tree, 0, 10_000)
-    first = len(whole) - len(strokes.tree_edges(tree, 0, 10_000, since=120)[0])
-    assert 0 < first < len(whole)
-    assert np.array_equal(whole[first:], strokes.tree_edges(tree, 0, 10_000, since=120)[0])
 
 
 def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_one_chooses(tmp_path):
@@ -200,8 +160,6 @@ def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_on
     paths = {chunk.entity_path for chunk in RrdReader(str(tmp_path / "chosen.rrd")).stream()}
     assert "/tree/2/edges" in paths
     assert "/tree/1/edges" not in paths
-    with pytest.raises(OptionError, match="--record-lift 3: slit has the obstacles 1 to 2"):
-        drive.recorder(lift=[3])
 
 
 MESHES = """<mujoco>

@@ -7,15 +7,13 @@ import os
 import signal
 import sys
 import time
-from pathlib import Path
 
 import pytest
-from drives import record
 from rerun import recording_stream
 
 from pirrht.errors import OptionError
 from sim.cli import main
-from sim.recording import export, outlet, viewer
+from sim.recording import viewer
 from sim.recording.options import Sinks
 from sim.recording.stream import Stream
 
@@ -29,19 +27,6 @@ def planned(monkeypatch):
     for command in ("plan", "run"):
         monkeypatch.setattr(f"sim.cli.{command}_command.planned", lambda *_: begun.append("planned"))
     return begun
-
-
-def test_without_descriptors_as_files_rerun_writes_the_draft_itself(tmp_path, monkeypatch):
-    monkeypatch.setattr(outlet, "DOORS", tmp_path / "none")
-    file = tmp_path / "a.rrd"
-    frames, _ = record(file)
-    assert len(export.read(file).steps) == len(frames)
-    assert list(tmp_path.iterdir()) == [file]
-
-
-def test_a_device_that_forgets_takes_a_recording():
-    frames, _ = record(file=Path(os.devnull))
-    assert frames
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes as POSIX has them")
@@ -63,6 +48,8 @@ def test_a_pipe_is_refused_by_name_before_the_plan(tmp_path, capsys, planned):
         (["--record-hz", "0"], "--record-hz"),
         (["--record", "x" * 300], "too long"),
         (["--record", os.fsdecode(b"b\xff.rrd")], "not UTF-8"),
+        (["--record", "no/a.rrd"], "does not exist"),
+        (["--record", "."], "is a folder"),
     ],
 )
 def test_what_cannot_be_recorded_or_shown_is_refused_before_the_plan(monkeypatch, capsys, planned, typed, reason):

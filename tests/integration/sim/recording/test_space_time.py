@@ -12,18 +12,14 @@ from moving_scenes import body, moving_scene, rows
 from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
-from pirrht.geometry.scene import Scene
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
-from sim.mjcf import load
 from sim.plotting.ground import MOMENTS, outline
 from sim.recording.layout import layout
 from sim.recording.options import Look
-from sim.recording.reasons import Bystanders, reasons, words_of
+from sim.recording.reasons import Surroundings, reasons, words_of
 from sim.recording.spacetime import SpaceTime
-from sim.recording.static import legend
 from sim.recording.subject import Subject
-from sim.scenario import prepare
 
 MAX_TIME = 0.6
 
@@ -53,6 +49,15 @@ def pictured(known: dict[str, list], frames: list) -> list:
 
 def strips(cells: list) -> list[Array]:
     return [np.array(strip, dtype=float) for strip in cells]
+
+
+def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
+    drive = Moving("crossing", vertices=100, samples=200)
+    start = drive.scene.start[:2]
+    drive.controller.begin(start)
+    plan, integral = drive.controller.plan(start), drive.controller.path_integral
+    found = reasons(plan, integral, Surroundings(drive.scene, ()), words_of(plan, integral, ()))
+    assert {reason.where for reason in found} - {""} == {"crosser"}
 
 
 def subject_of(drive: Drive, **look) -> Subject:
@@ -163,77 +168,11 @@ def test_samples_go_up_from_where_the_robot_is_and_arrive_at_the_goal(recorded):
     assert counted > 20
 
 
-def test_a_moving_body_bears_its_name_wherever_it_goes(recorded, tmp_path):
-    _, drive, _ = recorded
-    file = tmp_path / "named.rrd"
-    with drive.recorder(file) as recorder:
-        recorder.log(next(drive.frames(0.02)))
-    labels = {}
-    for chunk in RrdReader(str(file)).stream():
-        if chunk.is_static and "Points3D:labels" in chunk.to_record_batch().schema.names:
-            labels[chunk.entity_path] = chunk.to_record_batch().column("Points3D:labels").to_pylist()[0]
-    assert labels["/world/scene/movers/door/name"] == ["door"]
-    assert labels["/spacetime/bodies/door/name"] == ["door"]
-
-
-def test_where_plans_see_velocities_only_bodies_are_foreseen_to_go_straight_on():
-    scenario = prepare("closing_door", given={"predict": "velocity", "vertices": 60, "samples": 10, "max_time": 0.5})
-    driver = scenario.driver(scenario.grown_tree())
-    (mover,) = scenario.loaded.scene.movers
-    bent = 0
-    for frame in scenario.drive(scenario.plant(), driver):
-        (taken,) = frame.plan.movers
-        now, later = mover.motion.pose(frame.time), frame.time + 1.5
-        np.testing.assert_allclose(taken.motion.pose(frame.time), now, atol=0.006)
-        straight = now + 1.5 * mover.motion.velocity(frame.time)
-        np.testing.assert_allclose(taken.motion.pose(later), straight, atol=0.1)
-        bent += bool(np.linalg.norm(taken.motion.pose(later) - mover.motion.pose(later)) > 0.3)
-    assert bent > 10  # the door rests at first, and nobody knows that it will close
-
-
-def test_a_plan_that_knows_the_motions_foresees_them_as_they_are(recorded):
-    _, drive, frames = recorded
-    assert all(frame.plan.movers == drive.scene.movers for frame in frames)
-
-
-def test_samples_that_hit_a_moving_body_are_told_to_have_hit_it():
-    drive = Moving("crossing", vertices=100, samples=200)
-    start = drive.scene.start[:2]
-    drive.controller.begin(start)
-    plan, integral = drive.controller.plan(start), drive.controller.path_integral
-    others = Bystanders(drive.scene.movers, drive.scene.footprint)
-    found = reasons(plan, integral, (), words_of(plan, integral, ()), None, others)
-    hit = [what for reason in found for what, _ in reason.where]
-    assert hit
-    assert set(hit) == {"crosser"}
-
-
-def test_the_nearest_body_is_named_with_the_distance_that_the_crowd_tells():
-    scene: Scene = load("pincer").scene
-    from pirrht.moving.collision import MovingObstacles
-
-    others, crowd = Bystanders(scene.movers, scene.footprint), MovingObstacles(scene.movers, scene.footprint)
-    rng = np.random.default_rng(0)
-    places, times = rng.uniform(scene.lower, scene.upper, (30, 2)), rng.uniform(0, 3, 30)
-    found = others.nearest(scene.movers, places, times)
-    for place, time, (free, name) in zip(places, times, found, strict=True):
-        assert free == pytest.approx(crowd.clearance(place, float(time)), abs=1e-9)
-        upper = max(scene.movers, key=lambda mover: float(mover.motion.pose(0.0)[1])).name
-        assert (name == upper) == (place[1] > 2.55) or abs(place[1] - 2.55) < 0.1
-
-
 def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for(recorded):
     _, drive, _ = recorded
     assert tabs(subject_of(drive)) == ["Drive", "Why", "Space-time", "About"]
     assert tabs(subject_of(drive, lift=(1,))) == ["Drive", "Why", "Space-time", "Tree", "About"]
     assert tabs(subject_of(Drive())) == ["Drive", "Why", "Tree", "About"]
-
-
-def test_the_words_about_tubes_and_outlines_stand_only_where_there_are_any(recorded):
-    _, drive, _ = recorded
-    assert "Space-time" in legend(subject_of(drive))
-    assert "Pale outlines" in legend(subject_of(drive))
-    assert "Space-time" not in legend(subject_of(Drive()))
 
 
 def test_a_recording_of_what_stands_has_nothing_of_it(tmp_path):

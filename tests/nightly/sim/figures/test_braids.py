@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gallery
 import numpy as np
 import pytest
 from discs import disc
@@ -12,11 +11,9 @@ from moving import hall, moved
 
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import tubes
-from sim.figures import draw
 from sim.mjcf import load
 from sim.plotting import ground as map_of
 from sim.plotting.ground import outline
-from sim.scenario import prepare
 
 SMALL = Effort(vertices=250, samples=20, max_time=0.1)
 plt = pytest.importorskip("matplotlib.pyplot")
@@ -75,13 +72,6 @@ def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
     assert not braids.hidden(np.array([[1.0, 3.0, 2.0], [3.0, 4.0, 4.9]]), [tube], 5.0).any()
 
 
-def test_a_tube_has_one_sheet_towards_the_eye_and_one_away():
-    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], dtype=float)
-    side = np.array([True, False, False, True])
-    np.testing.assert_array_equal(ring[braids._around(side)], [[0, 1], [0, 0], [1, 0]])
-    np.testing.assert_array_equal(braids._around(~side), [1, 2, 3])
-
-
 def test_the_map_shows_bodies_where_they_are_at_the_time():
     scene = hall("h", [moved("m", ROWS, disc("d", 0, 0, 0.3))])
     for time in (0.0, 2.5):
@@ -105,18 +95,6 @@ def test_the_map_outlines_where_bodies_are_going_to_be():
     assert strengths == sorted(strengths, reverse=True)
 
 
-def test_the_map_of_a_plan_is_that_of_the_prompt_with_heading_and_names():
-    axes, plain = plt.figure().add_subplot(), plt.figure().add_subplot()
-    scenario = prepare("pincer", robot="rover")
-    draw.draw_scene(axes, scenario)
-    map_of.draw(plain, scenario.loaded.scene)
-    assert len(axes.patches) == len(plain.patches)
-    assert axes.get_xlim() == plain.get_xlim()
-    texts = [text.get_text() for text in axes.texts]
-    assert {"low", "high"} <= set(texts)
-    assert len(texts) == 3  # the arrow of the heading is a text without words
-
-
 def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it():
     one = snapshots.drive(SMALL.scenario("crossing"), (0.0, 1.0))
     figure = snapshots.draw(plt, [one], labels=[""], width=7.0, whole=True)
@@ -126,11 +104,3 @@ def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it(
         (solid,) = mover.at(one.frames[step].time)
         np.testing.assert_allclose(corners, outline(solid))
         assert len(outlined(axes)) == len(map_of.MOMENTS)
-
-
-def test_pairs_of_drives_name_classes_that_there_are():
-    for pair in gallery.PAIRS.values():
-        scenario = prepare(pair.scene, given={"vertices": 150})
-        tree = scenario.grown_tree()
-        asked = np.array([*scenario.start[:2], 0.0]) if scenario.moving else scenario.start
-        assert set(pair.ways) <= {reference.id for reference in tree.references(asked)}

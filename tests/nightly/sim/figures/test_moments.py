@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,8 +9,8 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from sim import figures
 from sim.drawing.colors import ClassColors
-from sim.figures import draw
 from sim.plotting.ground import MOVER
 from sim.scenario import Scenario, prepare
 
@@ -27,7 +26,7 @@ def drawn(scenario: Scenario, references: Any) -> Any:
     axes, colors = Figure().subplots(), ClassColors()
     axes.set_xlim(0.0, 6.0)
     colors.meet(reference.id for reference in references)
-    step = draw.draw_moments(axes, scenario, references, colors)
+    step = figures.draw_moments(axes, scenario, references, colors)
     return axes, step
 
 
@@ -40,7 +39,7 @@ def test_no_number_covers_another(door):
     axes, _ = drawn(*door)
     places = np.array([text.xy for text in axes.texts])
     apart = np.hypot(*(places[:, None] - places[None]).T) + 9.0 * np.eye(len(places))
-    assert apart.min() >= draw.APART * np.ptp(axes.get_xlim())
+    assert apart.min() >= figures.APART * np.ptp(axes.get_xlim())
 
 
 def test_numbers_stand_where_references_are_at_these_seconds(door):
@@ -66,19 +65,3 @@ def test_outlines_are_those_of_bodies_at_these_seconds_until_they_stand_still(do
     for time, text in zip(times, within(axes), strict=True):
         assert float(text.get_text()) == time
         assert np.allclose(text.xy, mover.motion.pose(time)[:2], atol=1e-6)
-
-
-def test_of_long_ways_there_are_few_moments(door):
-    scenario, references = door
-    knots = references[0].trajectory.path.knots * np.array([1.0, 1.0, 40.0])
-    path = SimpleNamespace(knots=knots)
-    slow = SimpleNamespace(id="0,0", trajectory=SimpleNamespace(path=path, points=knots[:, :2]))
-    axes, step = drawn(scenario, [slow])
-    assert step in draw.STEPS
-    assert 2 <= len(axes.texts) - len(within(axes)) <= draw.MOST
-
-
-def test_without_references_nothing_is_drawn(door):
-    axes, step = drawn(door[0], [])
-    assert step == 0.0
-    assert not axes.patches

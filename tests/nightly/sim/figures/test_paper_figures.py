@@ -111,11 +111,6 @@ def test_a_snapshot_has_a_reference_per_class_in_its_colour_and_weights_that_fil
     assert figure.axes[1].get_title(loc="left") == f"(b) $b$ = 0.3, $t$ = {drive.frames[drive.shown[1]].time:.1f} s"
 
 
-def test_the_driven_path_of_a_snapshot_ends_where_the_robot_is(drive):
-    for step in drive.shown:
-        assert np.allclose(drive.driven(step)[-1], drive.frames[step].plan.state[:2])
-
-
 def test_lengths_never_rise_and_end_at_or_above_those_of_the_references():
     shown = lengths.work(SMALL, lambda: None)
     figure = lengths.draw(plt, shown)
@@ -170,15 +165,3 @@ def test_bad_options_are_refused_in_one_line(arguments, told, tmp_path):
     assert told in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert not list(tmp_path.rglob("*.pdf"))
-
-
-def test_without_matplotlib_the_script_says_how_to_get_it(tmp_path):
-    (tmp_path / "matplotlib.py").write_text("raise ImportError\n")
-    code = f"import sys; sys.path[:0] = {[str(tmp_path), str(SCRIPT.parent)]}; "
-    code += f"sys.argv = ['x', '-o', {str(tmp_path / 'out')!r}];"
-    code += f"import runpy; runpy.run_path({str(SCRIPT)!r}, run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
-    assert done.returncode == 2
-    assert (
-        done.stderr == "reproduce_figures.py: this script needs matplotlib; install it with: pip install matplotlib\n"
-    )

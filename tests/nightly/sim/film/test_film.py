@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -12,7 +11,6 @@ from pirrht.errors import OptionError
 from sim.cli import main
 from sim.film import film, offscreen
 from sim.mjcf import load
-from sim.mjcf.dressed import dress
 from sim.scenario import prepare
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
@@ -98,29 +96,6 @@ def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_
     assert np.mean(picture.max(axis=-1) < 20) < 0.01
 
 
-@pytest.mark.parametrize("said", ['rgba="1 0 0 1"', 'material="paint"'])
-def test_what_a_scene_says_of_its_looks_stays(said):
-    text = BARE.replace('size="0.3 0.25"', f'size="0.3 0.25" {said}')
-    head = '<asset><material name="paint" rgba="1 0 0 1"/></asset><worldbody><light pos="0 0 4"/>'
-    model = mujoco.MjModel.from_xml_string(text.replace("<worldbody>", head))
-    before, light = model.geom_rgba[1].copy(), model.vis.headlight.ambient.copy()
-    dress(model)
-    np.testing.assert_array_equal(model.geom_rgba[1], before)
-    np.testing.assert_array_equal(model.vis.headlight.ambient, light)
-
-
-def test_shots_are_the_pictures_of_a_drive_at_times_in_a_size_of_their_own(graphics):
-    scenario = prepare("slit", given={"vertices": 80, "samples": 20, "max_time": 0.2})
-    one = film.Film(scenario.loaded, size=(96, 54))
-    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
-        one.add(frame)
-    first, last, later = one.shots([0.0, frame.end_time, 9.0])
-    one.close()
-    assert first.shape == (54, 96, 3)
-    np.testing.assert_array_equal(last, later)
-    assert np.any(first != last)
-
-
 @pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover", "car"])
 def test_every_robot_is_drawn_where_it_is(graphics, robot):
     loaded = load("slit", robot=robot)
@@ -155,12 +130,6 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
         assert told == expected
         assert noted[0] == "0.1 s"
         assert all(row.endswith(" %") for row in noted[1:])
-
-
-def test_where_one_way_of_drawing_fails_the_next_is_tried(graphics, monkeypatch):
-    monkeypatch.setattr(offscreen, "CHOSEN", None)
-    monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", *offscreen.BACKENDS))
-    offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
 
 
 @pytest.mark.parametrize(

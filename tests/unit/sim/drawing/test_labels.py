@@ -5,85 +5,64 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.drawing.labels import BELOW, HEIGHT, LETTER, PADDING, Eye, Labels, Sheet
+from sim.drawing.labels import BELOW, HEIGHT, LETTER, PADDING, Labels, dense, inside
+from sim.mjcf import load
+from sim.plotting.ground import outline
 
-WIDE, HIGH = 400.0, 300.0
-EYE = Eye(position=(2.0, 1.5, 90.0), target=(2.0, 1.5, 0.0), up=(0.0, 1.0, 0.0), size=(WIDE, HIGH), focal=9000.0)
-
-
-def box(text: str, point) -> tuple[float, float, float, float]:
-    """Left, right, upper and lower edge of a label, without the margin that placing keeps [px]."""
-    half = 0.5 * (LETTER * len(text) + PADDING) - 4.0
-    return point[0] - half, point[0] + half, point[1] + BELOW + 2.0, point[1] + BELOW + HEIGHT - 2.0
+SCALE = 60.0  # px/m
+SCENE = load("slit").scene  # 6 m x 5 m
+NONE = np.zeros((0, 2))
 
 
-def apart(one, other) -> bool:
-    return one[1] < other[0] or other[1] < one[0] or one[3] < other[2] or other[3] < one[2]
+def box(text: str, point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Middle and half size of a label, without the margin that placing keeps [m]."""
+    half = np.array([0.5 * (LETTER * len(text) + PADDING), 0.5 * HEIGHT]) / SCALE
+    return point - (0.0, half[1] + BELOW / SCALE), half - 4.0 / SCALE
 
 
-def covers(edges, points) -> bool:
-    left, right, upper, lower = edges
-    return any(left < x < right and upper < y < lower for x, y in points)
+def placed(labels, near, drawn, **options):
+    texts = {name: f"class {name}: cost 9.41" for name in near}
+    points = labels.place(texts, near, drawn, NONE, **options)
+    return [box(text, point) for text, point in zip(texts.values(), points, strict=True)]
 
 
-def test_a_label_lies_next_to_its_line_and_off_it():
-    sheet, line = Sheet(WIDE, HIGH), np.linspace((0.0, 150.0), (400.0, 150.0), 100)
-    sheet.stroke(line)
-    edges = box("0,0   93 %", sheet.place("0,0   93 %", line))
-    assert not covers(edges, line)
-    assert min(abs(edges[2] - 150.0), abs(edges[3] - 150.0)) < 15.0
+def covers(label, points) -> bool:
+    middle, half = label
+    return bool(np.any(np.all(np.abs(points - middle) < half, axis=1)))
 
 
-def test_a_label_keeps_off_a_wall_and_inside_the_picture():
-    sheet = Sheet(WIDE, HIGH)
-    sheet.fill(np.array([(0.0, 0.0), (390.0, 0.0), (390.0, 120.0), (0.0, 120.0)]))
-    for corner in ((2.0, 2.0), (398.0, 2.0), (398.0, 298.0), (2.0, 298.0), (200.0, 60.0)):
-        left, right, upper, lower = box("upper wall", sheet.place("upper wall", np.array([corner])))
-        assert left >= 0.0
-        assert right <= WIDE
-        assert upper >= 118.0
-        assert lower <= HIGH
-
-
-def test_a_number_fits_on_its_solid_and_goes_beside_a_thin_one():
-    sheet = Sheet(WIDE, HIGH)
-    table = np.array([(100.0, 100.0), (180.0, 100.0), (180.0, 180.0), (100.0, 180.0)])
-    wall = np.array([(300.0, 20.0), (306.0, 20.0), (306.0, 280.0), (300.0, 280.0)])
-    sheet.fill(table)
-    sheet.fill(wall)
-    left, right, upper, lower = box("7", sheet.place("7", np.array([[140.0, 140.0]]), inside=True))
-    assert (left > 100.0, right < 180.0, upper > 100.0, lower < 180.0) == (True,) * 4
-    left, right, *_ = box("3", sheet.place("3", np.array([[303.0, 150.0]]), inside=True))
-    assert right <= 304.0 or left >= 302.0
+@pytest.mark.parametrize("at", [(0.02, 0.02), (5.98, 0.02), (5.98, 4.98), (0.02, 4.98), (3.4, 2.5)])
+def test_a_label_is_near_its_line_off_it_off_walls_and_inside_the_map(at):
+    line = np.linspace(at, (3.0, 1.0), 30)
+    ((middle, half),) = placed(Labels(SCENE, SCALE), {"0,0": line}, [line])
+    assert not covers((middle, half), dense(line, 0.02))
+    assert np.all(middle - half >= SCENE.lower)
+    assert np.all(middle + half <= SCENE.upper)
+    assert not any(covers((middle, half), inside(outline(solid), 0.02)) for solid in SCENE.obstacles)
+    assert np.linalg.norm(line - middle, axis=1).min() < 80.0 / SCALE
 
 
 @pytest.mark.parametrize("count", [2, 6])
 def test_labels_of_lines_that_end_together_do_not_cover_each_other(count):
-    labels = Labels(EYE)
-    lines = {str(k): np.linspace((0.5, 1.5, 0.0), (3.5, 0.3 + 0.4 * k, 0.0), 9) for k in range(count)}
-    texts = {name: f"class {name}: cost 9.41" for name in lines}
-    points = labels.placed(texts, lines, lines.values())
-    edges = [box(text, pixel) for text, pixel in zip(texts.values(), EYE.pixels(np.array(points)), strict=True)]
-    assert all(apart(edges[i], edges[j]) for i in range(count) for j in range(i))
+    lines = {str(k): np.linspace((0.5, 1.5), (2.5, 0.3 + 0.6 * k), 9) for k in range(count)}
+    found = placed(Labels(SCENE, SCALE), lines, lines.values())
+    for i, (one, half) in enumerate(found):
+        assert all(np.any(np.abs(one - other) > half + more) for other, more in found[:i])
 
 
 def test_a_label_stays_where_it_is_unless_something_comes_in_its_way():
-    labels, line = Labels(EYE), np.linspace((0.5, 1.0, 0.0), (3.5, 1.0, 0.0), 30)
-    texts, own = {"a": "a class"}, {"a": line}
-    (first,) = labels.placed(texts, own, [line])
-    moved = line + np.array([0.02, -0.02, 0.0])
-    (second,) = labels.placed(texts, {"a": moved}, [moved])
-    np.testing.assert_allclose(second[:2], first[:2], atol=1e-9)
-    middle = EYE.pixels(first[None])[0] + (0.0, BELOW + 0.5 * HEIGHT)
-    across = np.array([EYE.point(middle + shift, line[0]) for shift in ((-30.0, 0.0), (30.0, 0.0))])
-    (third,) = labels.placed(texts, own, [line, across])
-    assert np.hypot(*(third - first)[:2]) > 0.1
+    labels, line = Labels(SCENE, SCALE), np.linspace((0.5, 1.0), (2.5, 1.0), 30)
+    ((first, half),) = placed(labels, {"a": line}, [line])
+    moved = line + np.array([0.02, -0.02])
+    ((second, _),) = placed(labels, {"a": moved}, [moved])
+    assert np.hypot(*(second - first)) < 0.1
+    ((third, _),) = placed(labels, {"a": line}, [line, np.array([first - half, first + half])])
+    assert np.hypot(*(third - first)) > 0.1
 
 
-def test_an_eye_sees_a_point_where_it_puts_it():
-    eye = Eye(position=(6.0, -5.0, 6.0), target=(3.0, 2.5, 2.0), up=(0.0, 0.0, 1.0), size=(640.0, 597.0), focal=573.0)
-    np.testing.assert_allclose(eye.pixels(np.array([[3.0, 2.5, 2.0]])), [[320.0, 298.5]])
-    near = np.array([1.0, 4.0, 0.5])
-    pixel = eye.pixels(near[None])[0]
-    np.testing.assert_allclose(eye.point(pixel, near), near, atol=1e-9)
-    assert eye.pixels(near[None] + (0.0, 0.0, 1.0))[0, 1] < pixel[1]  # up in space is up in the picture
+def test_what_stays_may_lie_on_a_wall_and_others_keep_off_it():
+    labels, place = Labels(SCENE, SCALE), np.array([[3.4, 2.85]])
+    ((fixed, half),) = placed(labels, {"1": place}, [], stay=True)
+    assert np.abs(fixed - place).max() < 0.5
+    ((other, more),) = placed(labels, {"0,0": place}, [])
+    assert np.any(np.abs(other - fixed) > half + more)

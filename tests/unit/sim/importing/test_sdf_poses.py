@@ -6,7 +6,6 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -54,9 +53,3 @@ def test_a_pose_relative_to_a_frame_composes_and_its_inverse_leads_home(first, s
     scope = Scope.of_world(ET.fromstring(f"<world>{frames}</world>"), Path("maze.world"))
     np.testing.assert_allclose(scope.resolve("b"), a @ b, atol=1e-9)
     np.testing.assert_allclose(scope.resolve("home"), np.eye(4), atol=1e-9)
-
-
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_a_quaternion_counts_by_its_direction(size: float):
-    values = np.array([1.0, 2.0, 3.0, *(size * np.array([0.5, -0.5, 0.5, 0.5]))])
-    np.testing.assert_allclose(transform(values)[:3, :3], [[0, -1, 0], [0, 0, -1], [1, 0, 0]], atol=1e-12)

@@ -42,42 +42,16 @@ def heading(quaternion: Array) -> float:
     return 2 * float(np.arctan2(quaternion[2], quaternion[3]))
 
 
-def from_first_step(known: dict[str, list]) -> dict[str, list]:
-    """The rows of a body without the one that places it before the drive."""
-    assert known["step"][:2] == [0, 0]
-    return {name: cells[1:] for name, cells in known.items()}
-
-
 def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(recorded):
     file, drive, frames = recorded
     times = [frame.time for frame in frames] + [frames[-1].end_time]
-    known = from_first_step(columns(file)[f"{FOLDER}/spin"])
+    known = {name: cells[1:] for name, cells in columns(file)[f"{FOLDER}/spin"].items()}  # the first one places it
     assert known["step"] == list(range(len(times)))
     poses = drive.scene.movers[0].motion.pose(np.array(times))
     places = np.array([place[0] for place in known["Transform3D:translation"]])
     np.testing.assert_allclose(places, np.column_stack([poses[:, :2], np.full(len(times), 0.1)]), atol=1e-6)
     turns = [heading(np.array(one[0])) for one in known["Transform3D:quaternion"]]
     np.testing.assert_allclose(turns, poses[:, 2], atol=1e-6)
-
-
-def test_a_body_that_has_stopped_is_where_it_stopped_and_one_that_never_turns_says_so_once(recorded):
-    file, drive, frames = recorded
-    known = from_first_step(columns(file)[f"{FOLDER}/slide"])
-    assert known["step"] == list(range(len(known["step"])))
-    assert len(known["step"]) < len(frames) + 1
-    poses = drive.scene.movers[1].motion.pose(np.array([frame.time for frame in frames]))
-    places = np.array([place[0] for place in known["Transform3D:translation"]])
-    np.testing.assert_allclose(places[:, :2], poses[: len(places), :2], atol=1e-6)
-    np.testing.assert_allclose(places[-1], [4, -1, 0.1], atol=1e-6)
-    np.testing.assert_allclose(
-        [one[0] for one in known["Transform3D:quaternion"] if one], [0, 0, 0, 1] * np.ones((len(places), 1))
-    )
-
-
-def test_what_stays_where_it_is_is_said_once(recorded):
-    known = columns(recorded[0])[f"{FOLDER}/late"]
-    assert len(known["step"]) < len(recorded[2]) + 1
-    assert known["step"][0] == 0
 
 
 def test_the_geoms_of_a_body_hang_below_its_pose_in_its_own_frame_and_not_among_what_stands(recorded):

@@ -48,12 +48,6 @@ def test_where_the_robot_may_not_be_nothing_is_painted(floor):
     assert pixel(floor, 3.4, 2.5) != blocked  # between the walls
 
 
-def test_arrows_on_the_floor_are_the_optimal_control(solved):
-    _, grid = solved
-    points = np.array([(1.0, 1.0), (4.8, 3.0)])
-    np.testing.assert_array_equal(truth_view.directions(grid, points, 0.0), [grid.control(p) for p in points])
-
-
 def test_of_a_robot_with_a_heading_the_best_one_counts():
     def value(states, time):
         return 1.0 - np.cos(states[:, 2] - np.pi / 2)

@@ -1,1 +1,0 @@
-"""Maps of plans, with matplotlib."""
