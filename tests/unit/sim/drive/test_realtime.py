@@ -300,4 +300,3 @@ def test_recordings_give_way(monkeypatch):
     stream.columns("/number", [0], [0.0], rr.Scalars.columns(scalars=[1.0]))
     stream.log("/number", 1, 0.1, rr.Scalars(2.0))
     assert len(asked) == 2
-    stream.close()
