@@ -6,11 +6,9 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 
 * Observation: the state x (n,): x, y [m] and of a car the unwrapped heading [rad].
 * Action: the control u (m,), held for one period: velocity [m/s] of a point, turn rate over V/rho of a car.
-* Reward: -(q + u'Ru/2) dt, summed over the period; at a collision also the problem's phi is taken off, or `penalty`
-  where that is infinite.
+* Reward: -(q + u'Ru/2) dt over the period, less the problem's phi at a collision, or `penalty` where that is infinite.
 * `terminated` in the goal or at a collision, `truncated` after `max_time`.
-* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m]
-  (without the path's noise, as `pirrht run` tells it).
+* `info`: outcome ("goal", "collision", "timeout" or None), cost, time [s], min_clearance [m], path_length [m].
 
 `reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
 """
@@ -81,12 +79,10 @@ class Drive(gymnasium.Env[Array, Array]):
         task["freeze"] = task["freeze"] or None
         if strange := options.keys() - set(SETTINGS):
             raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment")
-        s = self.scenario = prepare(scene, **task, given=given)
-        parts = runs.frozen(task), runs.frozen(given)
+        s, parts = prepare(scene, **task, given=given), (runs.frozen(task), runs.frozen(given))
         self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
+        self.scenario, self.render_mode, self._plant, d = s, None, s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
-        self._plant, d = s.plant(), s.problem.dynamics
-        self.render_mode = None
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
         low, high = np.full(d.m, -bound), np.full(d.m, bound)
         if s.settings.plant == "mujoco":
@@ -103,11 +99,7 @@ class Drive(gymnasium.Env[Array, Array]):
         return None if self._metrics is None else self._metrics.last
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
-        """Stand at the start; without a seed one is drawn.
-
-        Raises:
-            OptionError: the seed is negative or no whole number.
-        """
+        """Stand at the start; without a seed one is drawn."""
         super().reset(seed=None if seed is None else _seed(seed))
         self.seed = int(self.np_random.integers(2**31)) if seed is None else int(seed)
         scenario, s = self.scenario, self.scenario.settings
@@ -214,24 +206,22 @@ def _scored(env: gymnasium.Env[Any, Any], drive: Drive, policy: Any, key: dict[s
     while not over:
         action = policy(x)
         if isinstance(env.action_space, Box):
-            where, shape = f"seed {key['seed']}, step {step}: the policy returned", env.action_space.shape
-            u = _numbers(action)
-            if u.shape != shape:
-                returned = f"the shape {u.shape}" if u.size else f"{action!r}"
-                raise OptionError(f"{where} {returned}; expected is a control of the shape {shape}")
-            if not np.all(np.isfinite(u)):
-                raise OptionError(f"{where} {u.tolist()}; a control must be finite")
+            _check(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
         x, _, terminated, truncated, _ = env.step(action)
         step, over = step + 1, terminated or truncated
     record = runs.finished(key, drive.scenario, drive.figures(), time.perf_counter() - began)
     return {**record, "samples": None, "dt": None}  # they are the policy's own affair
 
 
-def _numbers(action: Any) -> Array:
+def _check(action: Any, shape: tuple[int, ...], where: str) -> None:
     try:
-        return np.asarray(action, dtype=float)
+        u = np.asarray(action, dtype=float)
     except (TypeError, ValueError):
-        return np.empty(0)
+        raise OptionError(f"{where} {action!r}; expected is a control of the shape {shape}") from None
+    if u.shape != shape:
+        raise OptionError(f"{where} the shape {u.shape}; expected is a control of the shape {shape}")
+    if not np.all(np.isfinite(u)):
+        raise OptionError(f"{where} {u.tolist()}; a control must be finite")
 
 
 def _seed(seed: int) -> int:

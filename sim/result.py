@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pirrht.estimation.estimate import Estimate
-from pirrht.freespace import FreeSpace
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
@@ -19,20 +18,12 @@ from sim.scenario import Scenario
 from sim.scenario.convergence import Convergence
 
 
-def obstacles_json(space: FreeSpace) -> list[dict[str, Any]]:
-    """The static topological obstacles, in the order of every winding; moving ones come after them."""
-    parts = [(part.marker, part.names) for part in space.obstacles]
-    return [{"marker": marker.tolist(), "geoms": list(names)} for marker, names in parts if marker is not None]
-
-
-def classes_json(
-    references: Sequence[Reference], ids: Sequence[str] | None = None, homology: Homology | None = None
-) -> list[dict[str, Any]]:
+def classes_json(references: Sequence[Reference], homology: Homology) -> list[dict[str, Any]]:
     """The classes, cheapest first; with a homology in time also how each passes moving obstacles."""
     return [
-        {"id": name, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
-        | ({"bodies": passing(r, homology)} if homology is not None and homology.J else {})
-        for r, name in zip(references, ids or [r.id for r in references], strict=True)
+        {"id": r.id, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
+        | ({"bodies": passing(r, homology)} if homology.J else {})
+        for r in references
     ]
 
 
@@ -127,9 +118,10 @@ def estimate_json(
 
 
 def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:
-    """Classes, and what the numbers of a winding stand for: static obstacles, then moving ones."""
+    """Classes, and the obstacles of the numbers of a winding: static ones with a marker, then moving ones."""
+    parts = [(part.marker, part.names) for part in scenario.space.obstacles]
     return {
-        "obstacles": obstacles_json(scenario.space),
+        "obstacles": [{"marker": m.tolist(), "geoms": list(names)} for m, names in parts if m is not None],
         "movers": list(scenario.space.homology.names),
-        "classes": classes_json(references, homology=scenario.homology),
+        "classes": classes_json(references, scenario.homology),
     }

@@ -82,7 +82,17 @@ def _stopped(number: int) -> int:
 
 def _status(command: Callable[[], int]) -> int:
     try:
-        return _flushed(command)
+        try:
+            status: int | SystemExit = command()
+        except SystemExit as leave:  # of --help, once its text has been taken
+            status = leave
+        if isinstance(status, Stopped):
+            raise status
+        if sys.stdout is not None:
+            sys.stdout.flush()
+        if isinstance(status, SystemExit):
+            raise status
+        return status
     except PirrhtError as error:
         line = str(error)
     except (KeyboardInterrupt, Stopped) as stop:
@@ -108,22 +118,6 @@ def _status(command: Callable[[], int]) -> int:
         line = blamed
     tell(line)
     return BAD_INPUT
-
-
-def _flushed(command: Callable[[], int]) -> int:
-    """A command's status once its output has been taken."""
-    leave = None
-    try:
-        status = command()
-    except Stopped:
-        raise
-    except SystemExit as exit:  # of --help
-        leave, status = exit, 0
-    if sys.stdout is not None:
-        sys.stdout.flush()
-    if leave is not None:
-        raise leave
-    return status
 
 
 def _reader_gone() -> bool:

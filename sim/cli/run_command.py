@@ -23,7 +23,6 @@ from sim.drive.truth import ExactReference
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
-from sim.scenario import Scenario
 from sim.text import say, width
 
 NO_DISPLAY = (
@@ -35,11 +34,14 @@ POLL = 0.05  # between two queries whether something has been moved once a run h
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
+    from sim.recording.options import Look
+
     check_outputs(arguments, "json", "record", "video", "png")
-    _sinks(arguments)
-    scenario = scenario_of(arguments)
-    _look(arguments, scenario)
-    settings, film, truth = scenario.settings, None, None
+    sinks, scenario = _sinks(arguments), scenario_of(arguments)
+    samples, lift = arguments.record_samples, arguments.record_lift
+    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
+    look.check(scenario.space)
+    settings, film, truth, recorder = scenario.settings, None, None, None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
@@ -58,7 +60,13 @@ def run(arguments: argparse.Namespace) -> int:
     rehearse(scenario, driving=True)
     notice().finish()
     bar = progress_bar("run", settings.max_time, "s")
-    recorder = _recorder(arguments, scenario, driver, truth)
+    if sinks:
+        from sim.recording.recorder import Recorder
+
+        shown, about = (scenario.loaded, driver.tree, driver.path_integral), settings_json(scenario)
+        recorder = Recorder(*shown, sinks, look, settings=about, grid=truth)
+        if recorder.server is not None:
+            print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
     with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
             known = None if exact is None else exact.add(frame.plan)
@@ -103,28 +111,6 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     sinks = Sinks(file=file, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()
     return sinks
-
-
-def _look(arguments: argparse.Namespace, scenario: Scenario) -> Any:
-    """Check and return the contents of a recording, before the plan."""
-    from sim.recording.options import Look
-
-    samples, lift = arguments.record_samples, arguments.record_lift
-    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
-    look.check(scenario.space)
-    return look
-
-
-def _recorder(arguments: argparse.Namespace, scenario: Scenario, driver: Any, truth: Any) -> Any:
-    if not (sinks := _sinks(arguments)):
-        return None
-    from sim.recording.recorder import Recorder
-
-    look, settings = _look(arguments, scenario), settings_json(scenario)
-    recorder = Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, look, settings=settings, grid=truth)
-    if recorder.server is not None:
-        print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-    return recorder
 
 
 def play(arguments: argparse.Namespace) -> int:
@@ -187,7 +173,7 @@ def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
         for frame in frames:
             if frame.news:
                 tqdm.write(frame.news)
-            live.log(frame, frame.news)
+            live.log(frame)
             if screen is not None and not screen.open:
                 break
     return frame
@@ -238,7 +224,7 @@ class Live:
         for recorder in self._recorders:
             recorder.close()
 
-    def log(self, frame: Frame, news: str | None) -> None:
+    def log(self, frame: Frame) -> None:
         """Show a control step."""
         if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
             from sim.recording.options import Sinks
@@ -247,8 +233,7 @@ class Live:
             self.close()
             built, self._space = self._game.live.built, frame.plan.space
             scenario = built.world.scenario
-            shown = (scenario.loaded, built.tree, built.driver.path_integral)
-            settings = settings_json(scenario)
-            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=settings) for url in self._urls]
+            shown, about = (scenario.loaded, built.tree, built.driver.path_integral), settings_json(scenario)
+            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=about) for url in self._urls]
         for recorder in self._recorders:
-            recorder.log(frame, news)
+            recorder.log(frame, frame.news)

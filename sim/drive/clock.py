@@ -73,14 +73,11 @@ def summary(figures: Mapping[str, Any]) -> str:
 
 
 class PlannerPriority:
-    """Priority of planning that a clock waits for.
-
-    Attributes:
-        clocked: whether a run goes by the clock, after which there will be more time.
-    """
+    """Priority of planning that a clock waits for."""
 
     def __init__(self) -> None:
-        self.clocked, self._idle = False, Event()
+        self.clocked = False  # whether a run goes by the clock, after which there will be more time
+        self._idle = Event()
         self._idle.set()
 
     @contextmanager

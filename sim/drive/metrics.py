@@ -11,7 +11,7 @@ Noise along the path alone (a rover's) adds nothing to a chord on average: only 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import hypot, sqrt
+from math import dist, sqrt
 from typing import Any
 
 import numpy as np
@@ -36,11 +36,7 @@ STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 
 
 class Length:
-    """The length of a path that goes on, from its start at x (n,).
-
-    Args:
-        problem: gives noise and the time of a chord.
-    """
+    """The length of a path that goes on, from its start at x (n,)."""
 
     def __init__(self, problem: Problem, x: Array) -> None:
         self._spread, self._smooth = spread(problem, x), not problem.dynamics.noisy_position
@@ -69,10 +65,10 @@ class Length:
         if self._smooth:
             return self.noisy
         total = self._chords + self._chord(self._last, self._steps)
-        return min(self.noisy, max(total, _distance(self._first, self._last)))
+        return min(self.noisy, max(total, dist(self._first, self._last)))
 
     def _chord(self, end: tuple[float, float], steps: int) -> float:
-        return sqrt(max(0.0, _distance(self._begun, end) ** 2 - self._spread * steps * self._step))
+        return sqrt(max(0.0, dist(self._begun, end) ** 2 - self._spread * steps * self._step))
 
 
 def spread(problem: Problem, x: Array) -> float:
@@ -85,10 +81,6 @@ def spread(problem: Problem, x: Array) -> float:
         return 0.0
     B = np.asarray(dynamics.B_c(x))[: 2 - dynamics.n + dynamics.rows]
     return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
-
-
-def _distance(a: tuple[float, float], b: tuple[float, float]) -> float:
-    return hypot(b[0] - a[0], b[1] - a[1])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -258,11 +250,9 @@ class EpisodeMetrics:
             doubtful_plans=self._doubtful,
             least_ess=self._weakest[0],
             least_ess_time=self._weakest[1],
-            step_ms={
-                "median": float(np.median(milliseconds)),
-                "p95": float(np.percentile(milliseconds, 95)),
-                "max": float(milliseconds.max()),
-            },
+            step_ms=dict(
+                zip(("median", "p95", "max"), np.percentile(milliseconds, (50, 95, 100)).tolist(), strict=True)
+            ),
             deadline_misses=self._misses,
             real_time=figures(self._timings, self._period) if self._timings else None,
         )

@@ -211,7 +211,7 @@ class Planner:
         time, x = share.seen
         if driven:
             self.policy.observe(np.vstack(driven), 0.0, time)
-        states = predicted(self.policy, last, time, x, begin, self.period / PIECES)
+        states = predicted(self.policy, last, (time, x), begin, self.period / PIECES)
         self.policy.expect(states, begin - last.begin)
         return self._made(states[-1], begin=begin, zero=origin)
 
@@ -244,12 +244,12 @@ class Planner:
             added += 1
 
 
-def predicted(policy: Policy, last: TimedPlan, time: float, x: Array, until: float, step: float) -> Array:
-    """States (k, n) from x (n,) at `time` to `until` [s] under a plan's law without noise; x itself is the first.
+def predicted(policy: Policy, last: TimedPlan, seen: tuple[float, Array], until: float, step: float) -> Array:
+    """States (k, n) from a time [s] and its state (n,) until another under a plan's law without noise.
 
     They end before they enter the goal or a wall, where nothing can be planned.
     """
-    space, dynamics = policy.space, policy.problem.dynamics
+    (time, x), space, dynamics = seen, policy.space, policy.problem.dynamics
     pieces = min(max(0, int(np.ceil((until - time) / step - 1e-9))), MOST_PIECES)
     h, states = (until - time) / max(1, pieces), [x]
     for i in range(pieces):

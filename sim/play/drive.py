@@ -43,24 +43,16 @@ class InteractivePlant(Executor):
     """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it.
 
     Args:
-        world: as it is at first.
-        live: decides; told to plan anew.
         tell: takes a line on what was done, and on what was refused.
-
-    Attributes:
-        script: events to come, in the order of their times.
-        asked: events of now, from another thread.
-        done: events that took place.
-        snapshot: for whoever watches.
     """
 
     def __init__(self, world: World, live: Live, tell: Callable[[str], object]) -> None:
         self.world, self._live, self._tell = world, live, tell
-        self.script, self.asked = deque[Event](), deque[Event]()
+        self.script = deque[Event]()  # events to come, in the order of their times
+        self.asked = deque[Event]()  # events of now, from another thread
         self.done: list[Event] = []
         self._push: Push | None = None
-        scenario = world.scenario
-        model = scenario.loaded.model
+        scenario, model = world.scenario, world.scenario.loaded.model
         self._robot = int(model.body(ROBOT).id)
         self.rows = {name: int(model.body_mocapid[body]) for name, body in loose_bodies(model).items()}
         self.rows[GOAL] = int(model.body_mocapid[model.body(PREFIX + GOAL).id])
@@ -149,7 +141,6 @@ class Play:
 
     Args:
         scenario: loaded loose.
-        built: decides at first.
         script: events by the times of the first run.
         real_time: against the clock, and changed worlds take over when they are ready; else step by step, and they do
             after `LATENCY`, so that results do not depend on the machine.
@@ -177,8 +168,7 @@ class Play:
     def again(self, *, home: bool) -> Array:
         """Return the start of the next run, once what has been moved since the last one is planned for.
 
-        Args:
-            home: at the start; else where the robot is.
+        It is the scene's if `home`, else where the robot is.
 
         Raises:
             SceneError, OptionError: nothing can be planned there.

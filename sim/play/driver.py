@@ -54,7 +54,6 @@ class Live(Policy):
     """The policy that decides now; the newest world that was requested is built, one at a time, and takes over.
 
     Args:
-        built: decides at first.
         tell: takes a line on what could not be planned.
         latency: simulated time after a request at which its world is waited for, so that it takes over at a time that
             does not depend on the machine [s]; None: it takes over when it is ready.

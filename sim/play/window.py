@@ -46,12 +46,9 @@ class Mouse:
         self._there = np.zeros(2)  # where it is dragged to [m]
 
     def events(self, data: mujoco.MjData, perturb: Any, azimuth: float) -> list[Event]:
-        """Return events of the mouse now; a loose body that is dragged is shown where it is held.
+        """Return events of the mouse now, for the viewer's perturbation and its camera's azimuth [degrees].
 
-        Args:
-            data: what is shown.
-            perturb: the viewer's.
-            azimuth: direction of its camera [degrees].
+        A loose body that is dragged is shown in `data` where it is held.
         """
         body = int(perturb.select) if perturb.active else None
         events: list[Event] = []
@@ -82,12 +79,7 @@ def _pull(way: Array) -> Push:
 
 
 class Window:
-    """A viewer's window on a run, kept up to date on a thread of its own.
-
-    Args:
-        plant: what is shown and interfered with.
-        launch: (model, data, key_callback=...) -> a handle, as `mujoco.viewer.launch_passive`.
-    """
+    """A viewer's window on a plant, kept up to date on a thread of its own; `launch` makes the viewer's handle."""
 
     def __init__(self, plant: InteractivePlant, launch: Callable[..., Any] | None = None) -> None:
         self._plant, self.keys = plant, deque[int]()
@@ -156,11 +148,7 @@ class Window:
 
 
 def _launcher() -> Callable[..., Any]:
-    """Return MuJoCo's passive viewer.
-
-    Raises:
-        OptionError: it cannot be had.
-    """
+    """Return MuJoCo's passive viewer."""
     try:
         from mujoco import viewer
     except (ImportError, RuntimeError) as error:

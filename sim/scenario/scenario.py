@@ -191,8 +191,7 @@ class Scenario:
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first.
 
-        Args:
-            waits: whether there may be none among moving obstacles, since the robot waits for a path.
+        Among moving obstacles there may be none if the robot `waits` for a path.
 
         Raises:
             NoReference: no class reaches the goal.
@@ -211,11 +210,7 @@ class Scenario:
             raise
 
     def truth(self, progress: Progress = ignore_progress) -> Desirability:
-        """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends.
-
-        Raises:
-            OptionError: no grid solves this problem.
-        """
+        """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends."""
         dt = self.settings.dt if self.settings.exit == "endpoint" else None
         self._check_solved(dt)
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
@@ -301,12 +296,7 @@ class Scenario:
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None
     ) -> Generator[Frame]:
-        """Run, as fast as it goes or in real time; one frame per control period.
-
-        Args:
-            start: state (n,); None: the scene's.
-            rng: the plant's noise; None: that of the settings' seed.
-        """
+        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; a frame per period."""
         s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
         clock = Clock() if s.real_time else None
         return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock)

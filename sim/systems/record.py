@@ -86,11 +86,7 @@ class System:
         return {name: value for name, value in scene.items() if name.replace("-", "_") not in deaf}
 
     def preset(self, name: str | None) -> dict[str, Any]:
-        """Return the settings of a preset; none without a name.
-
-        Raises:
-            OptionError: there is none of that name.
-        """
+        """Return the settings of a preset; none without a name."""
         if name is None:
             return {}
         if name not in PRESETS:
@@ -120,11 +116,7 @@ class System:
         return Problem(dynamics=dynamics, scene=scene, R=self.R, q=q, q_min=self.q_min, phi=settings.phi)
 
     def steered(self, problem: Any) -> Any:
-        """Return the `pirrht.Steering` of a problem.
-
-        Raises:
-            OptionError: there is none.
-        """
+        """Return the `pirrht.Steering` of a problem."""
         if self.steering is not None:
             return self._made("steering", problem)
         from pirrht.steering.straight_line import Tracked
@@ -138,9 +130,6 @@ class System:
         """Return the cost of the path from states (k, n) to the goal, for MPPI; None: a straight one.
 
         It is the steering's own to the rim of the goal's disc, at the best of its ends there; a point's without one.
-
-        Raises:
-            OptionError: it cannot be computed.
         """
         if self.home is not None:
             return self._made("home", problem)

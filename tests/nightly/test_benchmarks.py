@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-import numpy as np
 import pytest
-from benchmarks import peers, planners, rollouts, speed, timing
+from benchmarks import peers, rollouts, speed
 
 OPTIONS = argparse.Namespace(scene=None, drive=0.1, part=None)
 
@@ -14,13 +13,6 @@ OPTIONS = argparse.Namespace(scene=None, drive=0.1, part=None)
 @pytest.fixture(scope="module")
 def setting() -> rollouts.Setting:
     return rollouts.Setting("slit")
-
-
-def test_functions_take_turns_and_first_calls_do_not_count():
-    called = []
-    seconds = timing.interleaved({"a": lambda i: called.append(("a", i)), "b": lambda i: called.append(("b", i))}, 2)
-    assert called == [(name, i) for i in range(3) for name in "ab"]
-    assert set(seconds) == {"a", "b"}
 
 
 def test_missing_peers_are_told_and_ours_is_timed_all_the_same(monkeypatch):
@@ -35,16 +27,6 @@ def test_missing_peers_are_told_and_ours_is_timed_all_the_same(monkeypatch):
     assert values["same_on_1_and_2_threads"]
 
 
-def test_ours_grows_as_many_vertices_as_are_asked_for_without_ompl(monkeypatch):
-    monkeypatch.setattr(planners, "missing", lambda module: True)
-    monkeypatch.setattr(planners, "NUMBERS", (40, 80))
-    monkeypatch.setattr(planners, "REPEATS", {40: 1, 80: 1})
-    table, values = planners.rows(OPTIONS)
-    assert values["80"]["ours"]["vertices"] == 80
-    assert values["per_vertex_growth"] > 0
-    assert [row[-1] for row in table].count(peers.HINT) == len(planners.PLANNERS)
-
-
 @pytest.mark.parametrize("name", rollouts.PEERS)
 def test_a_peer_finds_the_answer_that_we_find(name, setting):
     module, build = rollouts.PEERS[name]
@@ -54,12 +36,3 @@ def test_a_peer_finds_the_answer_that_we_find(name, setting):
     assert found["off"] < 4.0
     assert 1.0 <= work(0).ess < 0.05 * 6000
     assert found.get("log_psi_off", 0.0) < 4.0
-
-
-@pytest.mark.parametrize("planner", planners.PLANNERS)
-def test_ompl_grows_about_as_many_vertices(planner):
-    pytest.importorskip("ompl")
-    found = planners._ompl(rollouts.prepare("slit"), planner, 200)
-    assert 100 < found["vertices"] <= 200
-    assert 0.0 < found["net"] < found["seconds"]
-    assert np.isfinite(found["edges"])

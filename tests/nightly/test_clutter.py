@@ -11,8 +11,6 @@ import pytest
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Kind
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
@@ -67,46 +65,6 @@ def crosses(path: Array, a: Array, b: Array) -> bool:
     share = side[change] / (side[change] - side[change + 1])
     at = progress[change] + share * (progress[change + 1] - progress[change])
     return bool(np.any((at > 0) & (at < 1)))
-
-
-def test_the_task_is_a_car_that_crosses_a_field_of_ten_metres():
-    loaded, _ = course()
-    scene = loaded.scene
-    assert loaded.robot == "unicycle"
-    np.testing.assert_allclose([*scene.lower, *scene.upper], [-1, -5, 10, 5])
-    np.testing.assert_allclose(scene.start, 0)
-    np.testing.assert_allclose([*scene.goal.center, scene.goal.radius], [9.5, 0, 0.4])
-    expected = {"noise": 0.03, "period": 0.1, "dt": 0.1, "samples": 300, "limit": 0.8, "vertices": 2000}
-    assert expected.items() <= scene.defaults.items()
-    assert scene.defaults["phi"] == 1000
-    assert scene.defaults["max-time"] == 60
-
-
-def test_ten_obstacles_or_more_of_all_shapes_stand_free():
-    loaded, space = course()
-    assert len(space.obstacles) >= 10
-    assert sum(len(part.members) for part in space.obstacles) == len(loaded.scene.obstacles)  # none at the border
-    assert [part.names for part in space.obstacles if len(part.members) > 1] == [("corner crate", "corner drum")]
-    assert {o.kind for o in loaded.scene.obstacles} == set(Kind) - {Kind.MESH}
-
-
-def test_obstacles_cover_a_fifth_of_the_field():
-    scene = course()[0].scene
-    axes = [np.arange(low + 0.02, high, 0.04) for low, high in zip(scene.lower, scene.upper, strict=True)]
-    points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    assert 0.15 < np.mean(Collision(scene.world, scene.footprint).distance(points) <= 0) < 0.30
-
-
-def test_three_obstacles_or_more_block_the_straight_way():
-    loaded, space = course()
-    scene = loaded.scene
-    line = np.linspace(scene.start[:2], scene.goal.center, 1000)
-    hit = [
-        part
-        for part in space.obstacles
-        if min(space.collision.obstacle_distance(i, line).min() for i in part.members) <= 0
-    ]
-    assert len(hit) >= 3
 
 
 def test_every_gap_is_wide_enough_for_the_noise():

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from pathlib import Path
 
-import numpy as np
 import pytest
-from commands import call, told
+from commands import told
 from repository import ROOT
 from thoroughly import thorough
 
@@ -60,32 +58,6 @@ def test_an_example_drives_and_is_recorded(folder, words):
     found = told(folder, "run", "slit", *words, *SMALL, "--max-time", "0.1", "--record", "own.rrd", status=1)
     assert found["outcome"] == "timeout"
     assert (folder / "own.rrd").stat().st_size > 10_000
-
-
-@pytest.mark.parametrize("words", ALL)
-def test_an_example_is_swept(folder, words):
-    name = words[-1].partition(":")[0]
-    rows = told(folder, "sweep", "slit", *words, *SMALL, "--max-time", "0.05", "--seeds", "0:2", "-o", f"runs-{name}")
-    assert [row["error"] for row in rows] == [None] * 2
-    assert json.loads((folder / f"runs-{name}" / "manifest.json").read_text())["settings"]["system"] == words[-1]
-
-
-@pytest.mark.parametrize("words", ALL)
-def test_an_example_is_an_environment(folder, words):
-    """A second without control: the balloon drifts with the wind, the others stand but for noise."""
-    pytest.importorskip("gymnasium")
-    given = dict(zip((word.removeprefix("--") for word in words[::2]), words[1::2], strict=True))
-    code = (
-        "import gymnasium, sim.gym\n"
-        f"own = gymnasium.make('pirrht/Scene-v0', scene='slit', period=0.01, **{given!r})\n"
-        "x, _ = own.reset(seed=1)\n"
-        "for _ in range(100): x, *_ = own.step([0.0, 0.0])\n"
-        "print(*x)\n"
-    )
-    x = np.array([float(word) for word in call(folder, "-c", code).split()])
-    wind = np.array([0.3, 0.1]) if words is WIND else np.zeros(2)
-    np.testing.assert_allclose(x[:2], np.array([1.0, 2.5]) + wind, atol=4 * 0.15)
-    assert not np.array_equal(x[:2], [1.0, 2.5])
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,6 @@ import argparse
 import json
 import sys
 from functools import cache
-from itertools import islice
-from types import SimpleNamespace
 
 import benchmark
 import numpy as np
@@ -16,11 +14,9 @@ from benchmarks import mass
 
 from pirrht.control.controller import Controller
 from sim.files import plain
-from sim.mjcf.robot import read_robot
 from sim.scenario import Scenario, prepare
 
 START, ABOVE = (1.0, 2.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)
-ACROSS = (4.9, 2.5, np.pi / 2.0)  # heads past the goal at (5.5, 2.5)
 
 
 @cache
@@ -44,50 +40,6 @@ def test_psi_of_a_mass_is_the_same_from_three_guides(x):
     for i, one in enumerate(said):
         for other in said[:i]:
             assert abs(one.log_psi - other.log_psi) < 4.0 * np.hypot(one.error, other.error)
-
-
-def test_another_classs_guide_leads_most_samples_of_the_third_kind():
-    _, controller = slit()
-    batches = mass.batches_at(controller, np.array(START))
-    led, *held = batches["crossed"].proposals
-    guided = [one for one in batches["guided"].proposals if one.lead.follows]
-    cheapest = min(guided, key=lambda one: one.lead.guide.penalised)
-    assert len(guided) > 1
-    assert led.lead.follows
-    assert led.name != cheapest.name
-    assert not any(one.lead.follows for one in held)
-    assert led.count / sum(batches["crossed"].counts) == pytest.approx(1.0 - mass.TAPES, abs=0.02)
-
-
-def test_where_a_class_has_two_valleys_tapes_are_those_of_its_reference():
-    """Across from the goal a rover may as well turn left as right: two guides of a class, one tape."""
-    scenario = prepare("slit", robot="rover", given={"vertices": 500, "samples": 400, "threads": 2})
-    controller = scenario.controller(scenario.grown_tree())
-    x = np.array(ACROSS)
-    batches = mass.batches_at(controller, x)
-    led = [one for one in batches["guided"].proposals if one.lead.follows]
-    assert len(led) > len({one.name for one in led})
-    held = batches["tapes"].proposals
-    assert len(held) == len({one.name for one in held}) == len(controller.tree.references(x))
-    assert not any(one.lead.follows for one in held)
-
-
-def test_psi_is_the_mean_of_weights_whatever_the_parts_that_they_are_drawn_in(monkeypatch):
-    """Weights of 10 000 samples over 2000 nats, a tenth of them none; parts of 10 000 and of 1000."""
-    log_weight = np.random.default_rng(4).uniform(-2000.0, -1990.0, 10_000)
-    log_weight[:5000] -= 800.0
-    log_weight[::10] = -np.inf
-    w = np.exp(log_weight - log_weight.max())
-    for part in (10_000, 1000):
-        left = iter(log_weight.reshape(-1, part))
-        integral = SimpleNamespace(rollout=lambda batch, seed: SimpleNamespace(log_weight=next(left)))  # noqa: B023
-        batch = SimpleNamespace(counts=[3, 1], counting=lambda counts: None)
-        monkeypatch.setattr(mass, "PART", part)
-        said = mass.psi_of(integral, batch, 10_000, 1)
-        assert said.samples == 10_000
-        assert said.log_psi == pytest.approx(log_weight.max() + np.log(w.mean()), rel=1e-12)
-        assert said.error == pytest.approx(w.std() / w.mean() / 100.0, rel=1e-9)
-        assert said.ess == pytest.approx(w.sum() ** 2 / (w**2).sum(), rel=1e-9)
 
 
 @pytest.mark.thorough
@@ -120,11 +72,3 @@ def test_a_benchmark_names_the_parts_that_there_are(monkeypatch, capsys):
     with pytest.raises(SystemExit):
         benchmark.main()
     assert "`mass` has no part 'plane'; it has line" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("robot", ["hover", "rover", "car"])
-def test_random_scenes_have_room_for_what_collides_of_the_robot(robot: str):
-    """Seeds 0 to 7; those of 2, 3 and 7 would else be too small for a car, that of 2 for the others."""
-    own = read_robot(robot, None).radius
-    found = [scenario.loaded.scene.robot_radius for scenario in islice(mass.scenarios(0, None, robot), 8)]
-    assert min(found) >= own

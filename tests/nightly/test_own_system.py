@@ -8,9 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from commands import call, told
+from commands import told
 from repository import ROOT, environment
 
 PAGE = (ROOT / "docs" / "own-robot.md").read_text()
@@ -56,13 +55,6 @@ def test_a_boat_drives_and_is_recorded(moor):
     assert (moor / "boat.rrd").stat().st_size > 10_000
 
 
-def test_a_boats_control_makes_up_for_the_current(moor):
-    found = told(moor, "estimate", *BOAT, "--at", "1", "2.5", "--samples", "200")
-    (control,) = found["control"]
-    assert control[0] > 0.8
-    assert control[1] == pytest.approx(-0.2, abs=0.3)
-
-
 @pytest.mark.thorough
 def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
     words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
@@ -76,20 +68,6 @@ def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(mo
     )
     assert done.returncode == 2
     assert "was made with --system moor:BOAT and this sweep is without --system" in done.stderr
-
-
-def test_a_boat_is_an_environment(moor):
-    pytest.importorskip("gymnasium")
-    code = (
-        "import gymnasium, sim.gym\n"
-        "boat = gymnasium.make('pirrht/Scene-v0', scene='slit', robot='boat.xml', system='moor:BOAT')\n"
-        "x, _ = boat.reset(seed=1)\n"
-        "for _ in range(100): x, *_ = boat.step([0.0, 0.0])\n"
-        "print(*x)\n"
-    )
-    x = np.array([float(word) for word in call(moor, "-c", code).split()])
-    np.testing.assert_allclose(x, [1.0, 2.5 + 0.2 * 1.0], atol=4 * 0.1)  # drifts for a second
-    assert x[1] != 2.5
 
 
 @pytest.mark.parametrize(

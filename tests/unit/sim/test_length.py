@@ -9,7 +9,6 @@ from rooms import room
 from pirrht.arrays import Array
 from pirrht.problem import Problem
 from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 from sim.drive.metrics import Length
 
 STEP, TIME = 0.002, 6.0
@@ -78,13 +77,6 @@ def test_a_finer_physics_step_changes_the_noisy_length_only(finer: int):
 def test_the_control_period_changes_nothing(period: int):
     path = noisy(straight(), 0.2, np.random.default_rng(4))
     assert measured(point(0.2), path, period=period).total == measured(point(0.2), path).total
-
-
-def test_noise_that_turns_a_car_smooths_nothing():
-    problem = Problem(dynamics=Unicycle(b=0.3), scene=SCENE, R=np.eye(1), phi=1000.0)
-    path = np.random.default_rng(5).normal(size=(40, 3)).cumsum(axis=0)
-    length = measured(problem, path)
-    assert length.total == length.noisy == pytest.approx(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -18,8 +18,9 @@ import pirrht
 from pirrht.control.baselines import Mppi
 from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
-from sim.cli import docs, main, parser, run_command
+from sim.cli import docs, main, parser
 from sim.options import DAILY, GIB, OPTIONS, check_size, options_of
+from sim.recording.options import Look
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, Option, Settings, refuse_unused
 from sim.systems import named, names
@@ -204,7 +205,7 @@ def test_a_scene_wins_over_the_robot_and_the_command_line_over_both(tmp_path):
 @pytest.mark.parametrize(("words", "hz"), [([], 25.0), (["--record-hz", "50"], 50.0), (["slit"], 5.0)])
 def test_a_scene_decides_numbers_of_a_command_alone(tmp_path, monkeypatch, words, hz):
     shown = []
-    monkeypatch.setattr(run_command, "_recorder", lambda arguments, *_: shown.append(arguments.record_hz))
+    monkeypatch.setattr(Look, "check", lambda self, space: shown.append(self.hz))
     scene = [] if words == ["slit"] else [scene_with(tmp_path, record_hz=25)]
     assert main(["run", *scene, *words, "--method", "passive", "--max-time", "0.02", *QUICK]) == 1
     assert shown == [hz]

@@ -25,25 +25,6 @@ def test_plans_of_controllers_agree_with_the_grid_at_a_place_and_a_time(name):
         assert plan.estimate.ess > 10.0
 
 
-PLACES = [
-    ((4.233, 0.01), 0.14),
-    *(thorough(x, t) for x, t in (((5.624, 0.015), 1.31), ((3.5, 4.98), 0.5))),
-]
-
-
-@pytest.mark.parametrize(("x", "t"), PLACES)
-def test_close_to_walls_the_control_among_bodies_is_that_of_the_grid(x, t):
-    """A tenth of b away, where it is b^2 over the distance: 20 plans, within 4 standard errors and 5 %; seed 1."""
-    one, place = controller("closing_door", first=0.01), np.array(x)
-    truth = Desirability.of(one.problem, one.space).control(place, t)
-    found = []
-    for _ in range(20):
-        one.begin(place, t)
-        found.append(one.plan(place).estimate.control)
-    error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
-    assert np.all(np.abs(np.mean(found, axis=0) - truth) < 4.0 * error + 0.05 * np.hypot(*truth))
-
-
 def test_among_bodies_too_samples_go_where_they_contribute_and_the_value_stays_the_grids(monkeypatch):
     """Ten plans from one place where one way has most of the weight; seed 1, within 4 standard errors."""
     one, place, t = controller("crossing", b=0.1), np.array([2.4, 2.0]), 1.2

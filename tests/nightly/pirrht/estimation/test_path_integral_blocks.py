@@ -13,7 +13,7 @@ from closed_forms import (
     within,
 )
 from scipy.integrate import solve_bvp
-from thoroughly import first, thorough
+from thoroughly import first
 from unit.pirrht.estimation.test_path_integral_blocks import Uneven, two, uneven
 
 from pirrht.arrays import Array
@@ -37,22 +37,6 @@ def strip_value(problem: Problem, L: float, dynamics: Uneven, x: float) -> tuple
     assert solution.success
     psi, rise = solution.sol(x)
     return -temperature * np.log(psi), rise / psi
-
-
-@pytest.mark.thorough
-@pytest.mark.parametrize("guide", [thorough("feedback"), "open-loop"])
-def test_functions_that_return_constants_take_the_same_paths_as_constants(guide):
-    sampling = Sampling(dt=0.05, samples=300, guide=guide)
-    fast = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
-    slow = path_integral(uneven(0.5, Uneven(b=0.5), two), strip_space(0.5), sampling)
-    assert fast.temperature == pytest.approx(slow.temperature)
-    one, other = (at_strip(integral, 0.2, (1, -1), 7) for integral in (fast, slow))
-    np.testing.assert_array_equal(one.rollouts.paths.steps, other.rollouts.paths.steps)
-    # Constants take the path of many lanes abreast, in single precision; split steps depend on the place as well.
-    np.testing.assert_allclose(other.rollouts.log_weight, one.rollouts.log_weight, atol=2e-3)
-    np.testing.assert_allclose(other.control, one.control, atol=1e-4)
-    tapes = [integral.replay.tape(e.parts)[0] for integral, e in ((slow, other), (fast, one))]
-    np.testing.assert_allclose(*tapes, atol=1e-4)
 
 
 @pytest.mark.parametrize(

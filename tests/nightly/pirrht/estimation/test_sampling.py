@@ -2,16 +2,9 @@
 
 from __future__ import annotations
 
-import tracemalloc
-
 import numpy as np
 import pytest
-from solved import around_post
 from unit.pirrht.estimation.test_sampling import (
-    HALF,
-    NOISE,
-    X,
-    in_batches,
     strip,  # noqa: F401
     to_both_sides,
 )
@@ -54,15 +47,6 @@ def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, cou
     assert_cautious(error, spread)
 
 
-@COUNTS
-def test_the_reported_error_of_samples_that_climb_covers_the_spread_of_300_repeats(counts):
-    known = around_post(0.5)
-    integral = path_integral(known.problem, known.space, Sampling(first=0.0125))
-    batch = known.batch(integral, *counts)
-    spread, error = spread_and_error([integral.estimate(integral.rollout(batch, seed)) for seed in range(300)])
-    assert_cautious(error, spread)
-
-
 def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Scenario, slit_tree: HomologyTree):
     controller = slit.with_settings(noise=0.1, samples=200).controller(slit_tree)
     estimates = [controller.plan(slit.start).estimate for _ in range(300)]
@@ -90,28 +74,3 @@ def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
     equal = desirability(integral, 1000, counts=[50, 50])
     for counts in ([85, 15], [15, 85]):
         assert agree(desirability(integral, 1000, counts=counts), equal), counts
-
-
-def test_stopping_when_the_error_looks_small_biases_the_value_by_less_than_its_error(strip):
-    """Consistent, not unbiased: 0.002 too high here, with an error of 0.027, over 1000 repeats."""
-    problem = strip[0]
-    k = np.sqrt(2.0 / (problem.temperature * NOISE**2))
-    exact = -problem.temperature * np.log(np.cosh(k * X[0]) / np.cosh(k * HALF))
-    settings = Sampling(dt=0.05, samples=25, guide="open-loop", target=0.3, threads=1)
-    found = [in_batches(path_integral(*strip, settings), seed) for seed in range(1000)]
-    lengths = {len(estimate.parts) for estimate in found}
-    assert len(lengths) > 1
-    error = np.mean([estimate.value_error for estimate in found])
-    assert abs(np.mean([estimate.value for estimate in found]) - exact) < 0.5 * error
-
-
-def test_a_million_samples_would_take_less_than_a_gibibyte(slit: Scenario, slit_tree: HomologyTree):
-    """Ten times less, as numpy's allocations tell; what is kept of a path does not grow with its steps."""
-    controller = slit.with_settings(samples=33_334, allocation="equal").controller(slit_tree)
-    tracemalloc.start()
-    plan = controller.plan(slit.start)
-    _, most = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert plan.estimate is not None
-    assert plan.estimate.rollouts.size == 100_002
-    assert most < 0.1 * 2**30

@@ -19,11 +19,9 @@ from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
-from pirrht.proposals.proposal import Batch, Proposal
+from pirrht.proposals.guide import DDPGuide, empty_course
 from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.cpu import kind_of
-from pirrht.rollouts.tables import FINER, LawRows
 from pirrht.steering.motion import Trajectory
 from pirrht.systems.double_integrator import DoubleIntegrator
 
@@ -105,18 +103,3 @@ def test_a_backward_pass_knows_what_a_small_step_gains():
     _, _, after = forward(integral.setup, task, times, course, steps, share, 4, trial)
     assert expected > 1e-3
     assert before - after == pytest.approx(2.0 * share * expected, rel=0.05)
-
-
-def test_between_the_states_of_a_guide_its_law_is_for_places_on_the_way_and_not_beside_it():
-    """A mass moves along parabolas; chords are on average more than four times as far off them as rows of the law."""
-    (integral, _), (times, guide) = beside_a_pillar(), above_the_pillar()
-    batch = Batch(state=guide.states[0], times=times, proposals=(Proposal(lead=LinearFeedback(guide), count=1),))
-    tables, i = integral.proposals.tables(batch), np.arange(guide.length * FINER) // FINER
-    share = (np.arange(len(i)) % FINER / FINER)[:, None]
-    rows = LawRows.of(tables, 0, 4, guide.modes.shape[1]).state[: len(i), :2]
-    tail, head = guide.states[i], guide.states[i + 1]
-    chords = (1.0 - share) * tail[:, :2] + share * head[:, :2]
-    on_the_way = chords + 0.5 * share * (1.0 - share) * STEP * (tail[:, 2:] - head[:, 2:])
-    off, beside = (np.abs(line - on_the_way)[FINER:-FINER].mean() for line in (rows, chords))
-    assert beside > 1e-4
-    assert off < 0.25 * beside

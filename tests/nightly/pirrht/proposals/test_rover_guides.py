@@ -11,7 +11,6 @@ from discs import disc, scene_of
 from guides import best
 
 from pirrht.arrays import Array
-from pirrht.control.plan import ClassLaw, ClassMixture
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
@@ -85,19 +84,6 @@ def test_psi_is_the_same_whatever_guide_is_followed_and_feedback_beats_open_loop
     assert found[0][2] > 5.0 * drawn(Tape(times(), best.tape), 8000, 3)[2]
 
 
-def test_a_guide_whose_last_step_ends_on_the_rim_meets_no_wall_there():
-    """Straight ahead at the best speed of 1 m/s, 0.7 m and a hair in steps of 0.1 s up to a disc of 0.1 m."""
-    guidance, x = integral().guidance, np.array([1.8, 0.6, np.arctan2(0.9, 0.8)])
-    x[:2] = np.array([2.6, 1.5]) - (0.8 + 2e-5) * np.array([np.cos(x[2]), np.sin(x[2])])
-    steering = Tracked.of(integral().problem)
-    trajectory = steering.trajectory(steering.connect(x[None, :2], np.array([[2.6, 1.5]])))
-    assert isinstance(guidance, DDPGuidance)
-    guide = best(guidance, x, times(), integral().space.homology.key((0,)), trajectory)
-    assert guide is not None
-    assert np.abs(guide.gains).max() < 20.0
-    assert np.linalg.eigvalsh(guide.share).min() > 0.5
-
-
 @pytest.mark.parametrize("x", [(0.0, 0.0, 3.0), (1.5, 0.9, 0.5), (2.2, 0.2, -2.0)])
 def test_homing_brings_a_rover_into_the_goal_from_anywhere(x):
     """Noise 0.1, q / lambda = 50: the disc around (2, 1) of radius 0.3 within 6 s, at no more than 1 m/s.
@@ -114,14 +100,3 @@ def test_homing_brings_a_rover_into_the_goal_from_anywhere(x):
         if np.hypot(state[0] - 2.0, state[1] - 1.0) < 0.3:
             return
     pytest.fail(f"still at {state}")
-
-
-def test_between_plans_log_psi_is_carried_along_the_directions_that_inputs_reach():
-    """d log psi = (R u / lambda)' G^+ dx: ahead it grows by R v dx / lambda, sideways the control tells nothing."""
-    problem, u = integral().problem, np.array([1.0, 0.5])
-    law = ClassLaw(log_psi=-3.0, rest=u, lead=None)
-    mixture = ClassMixture(problem=problem, state=X, classes={"0": law}, push=lambda x, s: np.zeros(2))
-    ahead, aside = np.array([np.cos(X[2]), np.sin(X[2]), 0.0]), np.array([-np.sin(X[2]), np.cos(X[2]), 0.0])
-    for dx, grown in ((ahead, 2.0), (aside, 0.0), (np.array([0.0, 0.0, 1.0]), 0.25)):
-        told = mixture.log_psi(X + 0.01 * dx, 0.02)["0"]
-        assert told + 3.0 == pytest.approx(0.01 * grown / problem.temperature, abs=1e-12)

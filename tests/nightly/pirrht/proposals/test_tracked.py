@@ -7,14 +7,11 @@ from functools import cache
 
 import numpy as np
 import pytest
-from discs import disc
 from guides import best
-from moving import hall, moved
 from scooter import Scooter
 from thoroughly import first, thorough
 
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
@@ -28,12 +25,9 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.steering.motion import running_cost
-from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.second_order_car import SecondOrderCar, cruising, towards_goal
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
+from pirrht.systems.second_order_car import SecondOrderCar, cruising
 from sim.mjcf import load
 
 
@@ -80,31 +74,6 @@ def sampled(x: Array, times: Array, leads: tuple[ProposalControl, ...], seed: in
     return mean_and_error(grown()[3].rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight)
 
 
-def test_the_tree_knows_positions_and_references_are_the_same_whatever_else_a_state_has():
-    _, _, tree, _ = grown()
-    assert tree.states.shape[1] == 2
-    found = tree.references(np.array([1.0, 2.5, 0.0, 0.0]))
-    again = tree.references(np.array([1.0, 2.5, 2.0, 0.9]))
-    assert [one.id for one in found] == [one.id for one in again]
-    assert {one.id for one in found} == {"0,0", "0,1", "-1,0"}
-    for one, other in zip(found, again, strict=True):
-        assert one.cost == other.cost == pytest.approx(2.0 * one.length)
-        assert one.trajectory.controls.shape[1] == 2
-        assert not np.any(one.trajectory.controls)
-
-
-def test_the_pace_is_where_a_meter_costs_least():
-    open_to = scene()
-    point = Problem(dynamics=SingleIntegrator(), scene=open_to, R=2 * np.eye(2), q=4.0)
-    driver = Problem(dynamics=Unicycle(V=1.7), scene=open_to, R=np.eye(1))
-    assert Tracked.of(point).pace == pytest.approx(2.0)  # sqrt(2 q / r)
-    assert Tracked.of(point).cost_per_meter == pytest.approx(4.0)  # sqrt(2 q r)
-    assert Tracked.of(driver).pace == pytest.approx(1.7)
-    assert Tracked.of(car()).pace == pytest.approx(1.0, rel=2e-3)  # the least of (1 + v^2) / v
-    assert Tracked.of(car()).cost_per_meter == pytest.approx(2.0, rel=1e-5)
-    assert Tracked.of(scooter()).slack == pytest.approx(0.5 * np.pi)  # half a turn at the rate sqrt(2 q / r) = 2
-
-
 def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
     mass = Problem(dynamics=DoubleIntegrator(), scene=scene(), R=2 * np.eye(2))
     with pytest.raises(OptionError, match=r"cost of DoubleIntegrator does not tell how fast .* declare a pace"):
@@ -113,31 +82,6 @@ def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
     assert Tracked.of(mass, 0.8).cost_per_meter == pytest.approx(1.0 / 0.8)  # a mass on its way needs no control
     with pytest.raises(OptionError, match="the pace of references is -1; it must be a positive number"):
         Tracked.of(mass, -1.0)
-
-
-def test_open_loop_samples_of_such_references_follow_the_nominal_controls_of_their_guides():
-    problem, space, tree, _ = grown()
-    open_loop = Sampling(dt=0.1, guide="open-loop")
-    controller = Controller(problem, space, tree, open_loop, rng=np.random.default_rng(0))
-    plan = controller.plan(problem.dynamics.state_of(problem.scene.start))
-    assert plan.estimate is not None
-    assert plan.estimate.survivors > 0
-
-
-def test_a_tree_of_positions_without_steering_for_the_system_is_refused_still():
-    problem, space, _, _ = grown()
-
-    class Plain(Steering):
-        n = 2
-        distance = connect = sample = None  # type: ignore[assignment]
-
-        def roots(self, goal: Array) -> Array:
-            return goal[None]
-
-    Plain.__abstractmethods__ = frozenset()
-    tree = HomologyTree(space, Plain(), rng=np.random.default_rng(0))
-    with pytest.raises(OptionError, match="Plain connects states of 2 numbers and SecondOrderCar has 4"):
-        Controller(problem, space, tree, Sampling(dt=0.1), rng=np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("seed", first(range(4)))
@@ -197,41 +141,3 @@ def test_a_car_that_faces_away_is_turned_about():
         assert guide is not None
         assert guide.valid
         assert guide.states[guide.length, 0] > 4.5
-
-
-@pytest.mark.parametrize("x", [(0.0, 0.0, 0.5, -0.3), (0.0, 0.0, 0.2, -1.0), (3.0, 1.2, 0.1, -0.5)])
-def test_homing_lets_a_car_that_reverses_towards_the_goal_go_on_so(x):
-    """Into the disc of radius 0.3 m, 2 m further left, within 6 s, never faster than 1 m/s and never ahead."""
-    car, state, a, h = SecondOrderCar(b=0.1), np.array(x), np.zeros(2), 0.01
-    goal = (x[0] - 2.0, 0.0)
-    for _ in range(600):
-        towards_goal(state, np.zeros(0), car.B_c(state), goal, 0.3, 50.0, a)
-        state = car.step(state, car.input_of(state, a), np.zeros(2), h)
-        assert -1.0 - 1e-9 <= state[3] < 0.0
-        if np.hypot(state[0] - goal[0], state[1] - goal[1]) < 0.3:
-            return
-    pytest.fail(f"still at {state}")
-
-
-def test_a_way_is_tracked_as_if_no_body_were_near_whatever_the_time():
-    """Where a body is matters to the guide that is made of it; here one stands across the whole of the way."""
-    start, end = np.array([[1.0, 2.5]]), np.array([[5.5, 2.5]])
-
-    def course(y: float) -> Array:
-        room = hall(
-            "hall", [moved("walker", [(0.0, 3.0, y, 0.0), (6.0, 3.0, y - 0.5, 0.0)], disc("disc", 0.0, 0.0, 0.4))]
-        )
-        problem = Problem(dynamics=SecondOrderCar(b=0.3), scene=room, R=np.eye(2), q=cruising, q_min=1.0)
-        integral, steering = (
-            path_integral(problem, FreeSpace.of(room), Sampling(dt=0.1, threads=1)),
-            Tracked.of(problem),
-        )
-        assert isinstance(integral.guidance, DDPGuidance)
-        way, times = steering.trajectory(steering.connect(start, end)), 0.1 * np.arange(60)
-        made, length = integral.guidance.starts.tracked(np.array([1.0, 2.5, 0.0, 1.0]), way, times)
-        assert length > 40
-        return made.states[:length]
-
-    across = course(2.7)
-    np.testing.assert_array_equal(across, course(4.5))
-    np.testing.assert_allclose(across[:, 1], 2.5, atol=1e-6)

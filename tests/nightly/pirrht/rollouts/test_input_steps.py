@@ -67,24 +67,6 @@ def test_the_likelihood_ratio_integrates_to_one(stratonovich):
     assert error < 0.02
 
 
-@pytest.mark.parametrize("tape", TAPES)
-def test_exits_along_a_step_are_those_of_continuous_time(tape):
-    """0.05422(15), from 10^6 straight steps of 2 ms, whose first exit along their line was drawn exactly."""
-    psi, error = mean(np.exp(drawn(car(FINE, True), tape, 60_000, 3).log_weight))
-    assert psi == pytest.approx(0.05422, abs=3.0 * np.hypot(error, 145e-6))
-
-
-def test_a_path_that_enters_the_goal_ends_on_its_rim_where_its_line_meets_it():
-    """And its last step has the share of control, time and likelihood ratio that led there."""
-    integral = car(FINE, True)
-    rollouts = drawn(integral, (1.5, 0.5, 0.6), 400, 9)
-    arrived = np.flatnonzero(rollouts.paths.outcome == 1)
-    states, steps = integral.replay.trace(rollouts, arrived)
-    ends = np.array([path[k] for path, k in zip(states, steps, strict=True)])
-    assert len(arrived) > 50
-    np.testing.assert_allclose(np.hypot(ends[:, 0] - 0.8, ends[:, 1] - 0.2), 0.3, atol=1e-6)
-
-
 @cache
 def in_slit(partition: bool) -> PathIntegral:
     """A mass in `slit`, in one form or the other."""

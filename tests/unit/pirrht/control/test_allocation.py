@@ -32,11 +32,3 @@ def test_classes_that_are_worth_more_than_a_few_samples_have_some_next_to_their_
 def test_equal_counts_are_split_however_few_samples_there_are(count):
     found = Allocation().split(asked(("a", count), ("b", count)), lambda k: [tape()])
     assert [one.count for one in found] == [count // 2] * 4
-
-
-@pytest.mark.parametrize(("count", "kept"), [(1, [1, 1]), (2, [1, 1, 1, 1])])
-def test_a_guide_keeps_a_sample_of_its_own(count, kept):
-    allocation = Allocation()
-    allocation.shares |= {"a": np.array([0.15, 0.85]), "b": np.array([0.15, 0.85])}
-    found = allocation.split(asked(("a", count), ("b", count)), lambda k: [tape()])
-    assert [one.count for one in found] == kept

@@ -71,17 +71,6 @@ def test_every_robot_that_can_stop_comes_to_rest_ahead_of_it_and_does_not_swing_
     assert np.hypot(*(states[-1] - states[-2])[:2]) < 1e-6
 
 
-@pytest.mark.parametrize("kind", MOVING)
-def test_noise_does_not_carry_it_away_while_it_waits(kind):
-    """The place of a point wanders by b sqrt(WITHIN / 2) = 0.03 m; with five such deviations 20 s pass, by one seed."""
-    dynamics, x = kind(b=0.1), MOVING[kind].copy()
-    if kind is not SingleIntegrator:
-        x[-1] = 0.0
-    brake, space = brake_of(dynamics, room())
-    states = driven(dynamics, brake.halt(x, space, 0.0).law, x, 20.0, seed=3)
-    assert np.hypot(*(states[:, :2] - states[0, :2]).T).max() < (0.16 if kind is SingleIntegrator else 0.35)
-
-
 def test_who_is_walked_towards_gives_way_in_time():
     scene = room(walker((0.0, 3.2, 1.5), (2.0, 1.2, 1.5), (9.0, 1.2, 2.9)))
     dynamics = SingleIntegrator()
@@ -95,14 +84,6 @@ def test_who_is_walked_towards_gives_way_in_time():
     assert min(space.moving.distance(place, 0.002 * i) for i, place in enumerate(places)) > 0.05
 
 
-def test_it_stays_where_it_waits_rather_than_wander_off():
-    brake, space = brake_of(SingleIntegrator(), room())
-    first = brake.halt(np.array([2.0, 1.5]), space, 0.0)
-    blown = np.array([2.05, 1.5])
-    np.testing.assert_array_equal(brake.halt(blown, space, 0.1, last=first).law(blown, 0.0), first.law(blown, 0.0))
-    np.testing.assert_array_equal(brake.halt(blown, space, 0.2).law(blown, 0.0), np.zeros(2))
-
-
 def test_a_robot_that_cannot_stop_turns_away_from_the_wall():
     dynamics = Unicycle()
     brake, space = brake_of(dynamics, room())
@@ -112,23 +93,3 @@ def test_a_robot_that_cannot_stop_turns_away_from_the_wall():
     assert halt.free == np.inf
     assert abs(halt.law(x, 0.0)[0]) > 0.0
     assert space.collision.clearance(driven(dynamics, halt.law, x, 2.9)[:, :2]).min() > 0.0
-
-
-def test_where_nothing_is_free_for_good_what_is_free_for_longest_is_taken():
-    cage = [
-        walker((0.0, 2.0 + 1.2 * np.cos(a), 1.5 + 1.2 * np.sin(a)), (2.0, 2.0, 1.5)) for a in np.arange(0, 6.2, 0.5)
-    ]
-    brake, space = brake_of(SingleIntegrator(), room(*cage))
-    x = np.array([2.0, 1.5])
-    halt = brake.halt(x, space, 0.0)
-    assert 0.5 < halt.free < np.inf
-    assert np.all(np.isfinite(halt.tape))
-
-
-def test_out_of_a_margin_it_moves_to_where_there_is_room():
-    brake, space = brake_of(SingleIntegrator(), room())
-    x = np.array([0.19, 1.5])  # a centimetre nearer to the border than the footprint allows
-    halt = brake.halt(x, space, 0.0)
-    end = driven(SingleIntegrator(), halt.law, x, 2.0)[-1]
-    assert halt.free == np.inf
-    assert space.clearance(end) >= 0.09

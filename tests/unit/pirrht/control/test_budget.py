@@ -22,14 +22,6 @@ def test_without_a_limit_nothing_is_left_out():
     assert unlimited.most_classes(4) is None
 
 
-@pytest.mark.parametrize(
-    ("share", "vertices", "is_enough"),
-    [(1.0, FEW, False), (0.59, FEW, True), (0.59, FEW - 1, False), (0.29, 0, True)],
-)
-def test_a_small_tree_is_enough_only_when_time_is_short(share: float, vertices: int, is_enough: bool):
-    assert budget(share).enough(vertices) == is_enough
-
-
 @pytest.mark.parametrize(("share", "short"), [(0.31, False), (0.29, True), (-0.1, True)])
 def test_time_is_short_when_a_share_of_what_was_left_is(share: float, short: bool):
     assert budget(share).short() == short

@@ -8,12 +8,11 @@ import pytest
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
 from pirrht.control.plan import Plan
-from pirrht.errors import NoReference, OptionError
+from pirrht.errors import NoReference
 from pirrht.planner.tree import HomologyTree
-from pirrht.proposals.proposal import Tape
 from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
-from sim.scenario import Scenario, prepare
+from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 
@@ -61,18 +60,6 @@ def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenar
         assert relative != {name}  # seen from where the robot is, the class has another name
 
 
-def test_a_loop_around_a_wall_shifts_every_name(controller: Controller, slit: Scenario):
-    """Once around the upper wall, counter-clockwise, and back to the start."""
-    controller.begin(slit.start)
-    loop = np.array([[1.0, 2.5], [4.5, 2.5], [4.5, 3.5], [2.3, 3.5], [1.0, 2.5]])
-    controller.observe(along(loop, 0.05), 10.0)
-    controller.observe(slit.start[None], 0.1)
-    assert controller.driven_class() == (1, 0)
-    assert set(controller.plan(slit.start).ids) == {"1,0", "0,0", "1,1"}
-    controller.begin(slit.start)
-    assert set(controller.plan(slit.start).ids) == {"0,0", "-1,0", "0,1"}
-
-
 def test_how_often_states_are_observed_does_not_matter(controller: Controller, slit: Scenario):
     path = along(np.array([[1.0, 2.5], [4.5, 2.5], [4.5, 3.5], [2.0, 3.5], [1.5, 2.6]]), 0.01)
     found = []
@@ -110,13 +97,6 @@ def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, sli
     assert np.all(nobody.control == 0.0)
 
 
-def test_only_the_passive_method_needs_no_tree(slit: Scenario):
-    with pytest.raises(OptionError, match="tree"):
-        slit.controller(None)
-    with pytest.raises(OptionError, match="magic"):
-        Controller(slit.problem, slit.space, None, slit.sampling, method="magic", rng=np.random.default_rng(0))
-
-
 def test_the_running_cost_of_a_straight_reference_is_twice_its_length(slit: Scenario, slit_tree: HomologyTree):
     for reference in slit_tree.references(slit.start):
         assert running_cost(slit.problem, slit.start, reference.trajectory) == pytest.approx(reference.cost)
@@ -145,20 +125,6 @@ def test_a_held_open_loop_control_does_not_depend_on_the_state(slit: Scenario, s
         np.testing.assert_array_equal(plan.at(np.array(x), 0.0), plan.control)
 
 
-def test_open_loop_samples_of_tracked_references_follow_controls_that_reach_the_goal():
-    given = {"vertices": 200, "samples": 20, "guide": "open-loop", "threads": 1}
-    rover = prepare("slit", robot="rover", given=given)
-    driver = rover.controller(rover.grown_tree())
-    references = driver.plan(rover.start).references
-    first = driver.batch(rover.start, list(references)).proposals[0].lead
-    assert isinstance(first, Tape)
-    x, goal, away = rover.start, rover.loaded.scene.goal, []
-    for u, dt in zip(first.controls, np.diff(first.times), strict=True):
-        x = rover.problem.dynamics.step(x, u, np.zeros(2), dt)
-        away.append(np.hypot(*(x[:2] - goal.center)))
-    assert min(away) < goal.radius
-
-
 # -- fallbacks ---------------------------------------------------------------------------------------------------
 
 
@@ -178,14 +144,6 @@ def test_without_a_reference_the_robot_brakes_and_holds_its_position(short_sight
     off = np.array([0.02, -0.01])
     assert np.all(plan.at(HIDDEN + off, 0.3) * off < 0.0)  # back to where it was
     np.testing.assert_array_equal(plan.control, plan.at(HIDDEN, 0.0))
-
-
-def test_with_the_goal_in_sight_again_planning_resumes(short_sighted: Controller, slit: Scenario):
-    short_sighted.plan(slit.start)
-    short_sighted.observe(HIDDEN[None], 0.1)
-    assert short_sighted.plan(HIDDEN).fallback == "no reference"
-    short_sighted.observe(slit.start[None], 0.1)
-    assert short_sighted.plan(slit.start).fallback is None
 
 
 def hopeless(slit: Scenario, tree: HomologyTree) -> tuple[Controller, Plan]:

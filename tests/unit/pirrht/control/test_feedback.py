@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pirrht.control.plan import pooled
-from pirrht.control.settings import TUNING
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
@@ -79,25 +78,6 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
         np.testing.assert_allclose(law(np.array(x), 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
 
 
-def test_a_class_that_weighs_nothing_is_left_out(problem):
-    """Of psi = e^(k a.x) + e^(k b.x - 30) the second term weighs e^-30."""
-    a, b = np.array([0.6, 0.8]), np.array([1.0, 0.0])
-    law = pooled(problem, None, estimate([0, 0], one=(0.0, a), other=(-30.0, b)), {"other": Steep()}, nothing, 0.0)
-    assert list(law.classes) == ["one"]
-    np.testing.assert_allclose(law(np.array([0.1, 0.0]), 0.0), a, rtol=1e-9)
-
-
-def test_a_plan_that_says_what_is_known_changes_nothing(problem):
-    stiff = 2.0 / problem.temperature
-    a, b, x = np.array([0.6, 0.8]), np.array([1.0, 0.0]), np.array([0.02, -0.03])
-    first = pooled(problem, None, estimate([0, 0], one=(0.0, a), other=(-0.3, b)), {}, nothing, 0.0)
-    again = pooled(
-        problem, first, estimate(x, one=(stiff * a @ x, a), other=(stiff * b @ x - 0.3, b)), {}, nothing, 0.01
-    )
-    psi = np.exp([stiff * a @ x, stiff * b @ x - 0.3])
-    np.testing.assert_allclose(again(x, 0.0), psi @ np.array([a, b]) / psi.sum(), rtol=1e-9)
-
-
 def test_plans_at_one_place_are_averaged(problem):
     """Five plans a hundredth of a second apart; the spread of 400 laws (seed 4) is that of 3.6 plans, within 15 %."""
     rng = np.random.default_rng(4)
@@ -112,35 +92,6 @@ def test_plans_at_one_place_are_averaged(problem):
     assert np.std(laws) == pytest.approx(expected, rel=0.15)
 
 
-def test_a_class_that_no_sample_is_of_any_more_is_forgotten(problem):
-    law = None
-    law = pooled(problem, None, estimate([0, 0], one=(0.0, [1.0, 0.0]), other=(3.0, [0.0, 9.0])), {}, nothing, 0.0)
-    x = np.zeros(2)
-    for k in range(1, 12):
-        x = x + np.array([0.0, 0.05])  # along the gradient that it claims: its desirability would grow without end
-        law = pooled(problem, law, estimate(x, one=(0.0, [1.0, 0.0])), {}, nothing, 0.01)
-        assert ("other" in law.classes) == (0.01 * k <= TUNING.stale + 1e-9)
-    np.testing.assert_allclose(law(x, 0.0), [1.0, 0.0], atol=1e-12)
-
-
-def test_a_new_reference_does_not_change_what_is_known_of_its_class(problem):
-    before, after = (Tape(np.array([0.0, 1.0]), np.array([u])) for u in ([1.0, 0.0], [0.0, 1.0]))
-    first = pooled(problem, None, estimate([0, 0], one=(0.0, [1.0, 0.5])), {"one": before}, nothing, 0.0)
-    faint = estimate([0, 0], one=(-50.0, [0.0, 0.0]))
-    second = pooled(problem, first, faint, {"one": after}, nothing, 0.0)
-    share = 1.0 / (1.0 + np.exp(2.0))  # earlier plans are bounded to e^2 times the last
-    np.testing.assert_allclose(second(np.zeros(2), 0.0), (1.0 - share) * first(np.zeros(2), 0.0), rtol=1e-9)
-
-
-def test_a_class_that_only_samples_around_others_are_of_keeps_its_earlier_guide(problem):
-    """A second plan at the same place knows the same of a class, and has no reference of it."""
-    x, u = np.array([0.4, 0.2]), [1.0, 0.5]
-    before = pooled(problem, None, estimate(x, one=(0.0, u)), {"one": Steep()}, nothing, 0.0)
-    after = pooled(problem, before, estimate(x, one=(0.0, u)), {}, nothing, 0.0)
-    for place in (x, x + np.array([0.01, -0.02])):
-        np.testing.assert_allclose(after(place, 0.0), before(place, 0.0), rtol=1e-12)
-
-
 @pytest.mark.parametrize("law_weight", [0.0, 0.3, 1.0])
 def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, law_weight):
     """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""
@@ -149,13 +100,6 @@ def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, law_
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
     change = law(beside, 0.0) - law(x, 0.0)
     np.testing.assert_allclose(change, law_weight * (guide(beside, 0.0) - guide(x, 0.0)), atol=1e-12)
-
-
-def test_what_is_carried_along_stays_as_it_is_when_another_plan_trusts_its_guide_less(problem):
-    x = np.array([0.2, 0.1])
-    first = pooled(problem, None, estimate(x, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
-    second = pooled(problem, first, estimate(x, law_weight=0.0, one=(0.0, [1.0, 0.5])), {"one": Steep()}, nothing, 0.0)
-    np.testing.assert_allclose(second(x, 0.0), first(x, 0.0), rtol=1e-12)
 
 
 def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less_the_nearer_they_are():

@@ -49,31 +49,6 @@ def test_classes_that_hurry_and_others_weigh_what_the_equation_in_time_says(shar
         np.testing.assert_allclose(list(told.values()), psi / psi.sum(), rtol=1e-9)
 
 
-@pytest.mark.parametrize("s", [0.1, 0.6, 1.2])
-def test_a_class_that_had_no_weight_is_asked_once_another_has_lost_enough_by_waiting(s):
-    """At e^-30 of the one that hurries it has all the weight after 1.2 s at rest, by the equation above."""
-    behind, here = 30.0, np.array([1.0, 2.5])
-    classes = {
-        "fast": ClassLaw(log_psi=0.0, rest=FAST, lead=None),
-        "slow": ClassLaw(log_psi=-behind, rest=SLOW, lead=None),
-    }
-    mixture = ClassMixture(problem=problem(), state=here, classes=classes, push=nothing)
-    logs = -np.array([FAST @ FAST, SLOW @ SLOW]) / (2.0 * B**2) * s - np.array([0.0, behind])
-    weight = np.exp(logs - np.logaddexp(*logs))
-    np.testing.assert_allclose(mixture(here, s), weight @ np.array([FAST, SLOW]), atol=1e-9)
-    assert (weight[1] > 0.5) == (s > 1.0)
-
-
-def test_what_walls_add_to_every_control_tells_no_class_from_another():
-    """A wall multiplies psi of all classes by its distance; a strong push at rest leaves weights as they are."""
-    classes = {
-        name: ClassLaw(log_psi=0.0, rest=u, lead=None) for name, u in (("one", FAST), ("other", np.array([-1.7, 0.3])))
-    }
-    x = np.array([1.0, 2.5])
-    mixture = ClassMixture(problem=problem(), state=x, classes=classes, push=lambda x, s: np.array([40.0, 0.0]))
-    assert mixture.weights(x, 0.1)["one"] == pytest.approx(0.5, abs=1e-12)
-
-
 @pytest.mark.parametrize("gap", [0.003, 0.01, 0.03])
 def test_a_wall_that_comes_pushes_as_psi_vanishes_there(gap):
     """Towards a flat wall psi ~ c / (c + reach); down to 3 mm, as near as the wall is by then. It rises by 0.5 m/s."""

@@ -9,14 +9,12 @@ import pytest
 from batches import batch_of
 
 from pirrht.control.baselines import alone, class_values, follow_best
-from pirrht.control.plan import Plan
 from pirrht.control.policy import ClassMemory
-from pirrht.control.settings import METHODS, SAMPLING
+from pirrht.control.settings import SAMPLING
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from sim import cli
 from sim.drive import episode
 from sim.drive.metrics import EpisodeMetrics, Period
 from sim.scenario import Scenario
@@ -83,16 +81,6 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
         assert memory.followed == names[expected]
 
 
-def test_only_one_class_is_followed_and_its_name_is_said(slit: Scenario, slit_tree: HomologyTree):
-    controller = slit.with_settings(method="best-class", samples=100, noise=0.3).controller(slit_tree)
-    plan = controller.plan(slit.start)
-    assert plan.estimate is not None
-    h = plan.ids.index(plan.favourite)
-    assert plan.estimate.proposal_weights[h] == pytest.approx(1.0)
-    assert set(plan.estimate.class_weights) == {plan.favourite, "other"}
-    assert sum(part.size for part in plan.estimate.parts) == 100 * len(plan.ids)
-
-
 # -- all of them -------------------------------------------------------------------------------------------------
 
 
@@ -108,27 +96,6 @@ def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, 
     assert steps == 25
     again = np.random.default_rng(np.random.SeedSequence(4).spawn(3)[2])
     np.testing.assert_array_equal(noise, np.sqrt(0.002) * again.standard_normal((steps, 2)))
-
-
-@pytest.mark.parametrize("command", ["run", "estimate", "sweep"])
-def test_every_method_is_explained_on_the_command_line(command: str, capsys):
-    with pytest.raises(SystemExit):
-        cli.main([command, "--help-all"])
-    text = capsys.readouterr().out
-    for name, what in METHODS.items():
-        assert any(line.split()[0] == name and what in line for line in text.splitlines() if line.strip())
-
-
-def test_a_plan_of_one_class_counts_a_switch_when_it_changes(slit: Scenario, slit_tree: HomologyTree):
-    controller = slit.with_settings(method="best-class", samples=60, noise=0.3, consistency=1.0).controller(slit_tree)
-    followed = []
-    scenario = slit.with_settings(noise=0.3, max_time=0.4)
-    for frame in episode.run(scenario.plant(), controller, slit.start, scenario.plant_rng(), max_time=0.4):
-        followed.append(frame.plan.favourite)
-    result = frame.metrics.result()
-    assert result.class_switches == sum(a != b for a, b in zip(followed[:-1], followed[1:], strict=True))
-    assert result.class_reversals == result.class_switches  # what is followed alone is decided
-    assert isinstance(frame.plan, Plan)
 
 
 def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scenario, slit_tree: HomologyTree):

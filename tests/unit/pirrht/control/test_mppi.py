@@ -10,10 +10,8 @@ from pirrht.control.baselines import Mppi, shifted, straight_home
 from pirrht.errors import OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario
 
 B, RADIUS = 0.3, 0.3
@@ -53,16 +51,6 @@ def test_part_of_a_step_shifts_a_tape_by_its_share():
     np.testing.assert_allclose(shifted(times, tape, times + 0.25), [[1.25], [2.75], [3.75]])
 
 
-def test_a_drive_begins_with_a_tape_of_zeros(slit: Scenario):
-    scenario = slit.with_settings(method="mppi", samples=30)
-    one, other = scenario.mppi(), scenario.mppi()
-    one.plan(slit.start)
-    one.begin(slit.start)
-    one.rng = np.random.default_rng(7)
-    other.rng = np.random.default_rng(7)
-    np.testing.assert_array_equal(one.plan(slit.start).tape, other.plan(slit.start).tape)
-
-
 def test_the_way_home_costs_what_the_straight_reference_does(slit: Scenario):
     beyond = straight_home(slit.problem)
     line, goal = StraightLine.of(slit.problem), slit.space.scene.goal
@@ -70,13 +58,6 @@ def test_the_way_home_costs_what_the_straight_reference_does(slit: Scenario):
     reference = line.trajectory(line.connect(tail, goal.center[None]))
     assert beyond(tail)[0] == pytest.approx(running_cost(slit.problem, tail[0], reference) - 2.0 * goal.radius)
     assert beyond(goal.center[None])[0] == 0.0
-
-
-def test_a_car_pays_for_the_time_of_the_straight_way(slit: Scenario):
-    problem = Problem(dynamics=Unicycle(V=2.0), scene=slit.space.scene, R=np.eye(1), q=3.0, phi=10.0)
-    goal = slit.space.scene.goal
-    state = np.array([[goal.center[0], goal.center[1] + 1.0, 0.3]])
-    assert straight_home(problem)(state)[0] == pytest.approx(3.0 * (1.0 - goal.radius) / 2.0)
 
 
 def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scenario, slit_tree: HomologyTree):

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht.control.baselines import USUAL, Mppi
 from pirrht.errors import OptionError
 from sim.scenario import Scenario
 
@@ -42,23 +41,6 @@ def test_who_forgets_to_observe_is_warned(slit: Scenario):
 def test_a_step_takes_time(slit: Scenario):
     with pytest.raises(OptionError, match="dt is 0"):
         slit.mppi().step(slit.start, 0.0)
-
-
-def test_mppi_without_a_word_has_settings_that_arrive(slit: Scenario):
-    """Four drives of the equation itself at b = 0.1, seeds 0 to 3."""
-    for seed in range(4):
-        rng, problem = np.random.default_rng([seed, 1]), slit.problem
-        mppi = Mppi(problem, slit.space, rng=np.random.default_rng(seed))
-        assert mppi.path_integral.sampling is USUAL
-        x = slit.start
-        for _ in range(400):
-            u = mppi.step(x, DT)
-            for _ in range(10):
-                x = problem.dynamics.step(x, u, rng.normal(size=2) * np.sqrt(DT / 10), DT / 10)
-                assert slit.space.clearance(x) > 0.0
-            if slit.space.scene.goal.contains(x):
-                break
-        assert slit.space.scene.goal.contains(x), seed
 
 
 def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit: Scenario, slit_tree):

@@ -24,12 +24,9 @@ from pirrht import (
 )
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.topology.homology import Driven, Homology
-from pirrht.topology.signature import class_id
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
 CRATE = [3.3, 2.2, 3.9, 2.9]  # in the way of what comes through between the walls
-PLUG = [2.0, 2.1, 2.4, 2.9]  # fills the gap
 TASK = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.45, 0.25), "robot_radius": 0.15}
 PERIOD = {"puck": 0.05, "car": 0.1}
 
@@ -102,37 +99,6 @@ def test_a_refused_update_says_why_in_one_line_and_changes_nothing(scene: Scene,
     assert_equal_plans(one.plan(start(one)), other.plan(start(other)))
 
 
-def test_an_obstacle_over_a_part_of_the_goal_is_planned_around_until_it_is_gone():
-    c = controller(room(*WALLS))
-    center = c.space.scene.goal.center
-    c.update(room(*WALLS, [5.6, 2.4, 6.0, 3.0]))
-    part = c.space.scene.goal
-    assert part.radius > 0.0
-    assert np.hypot(*(part.center - center)) + part.radius <= 0.25 + 1e-9
-    assert c.plan(start(c)).references
-    c.update(room(*WALLS))
-    np.testing.assert_array_equal(c.space.scene.goal.center, center)
-    assert c.plan(start(c)).references
-
-
-def test_the_tree_of_an_update_is_as_large_as_the_last_or_as_is_said():
-    c = controller(room(*WALLS))
-    c.update(room(*WALLS, CRATE))
-    assert c.tree.size == 300
-    c.update(room(*WALLS), vertices=50)
-    assert c.tree.size == 50
-
-
-def test_a_controller_without_a_tree_is_updated_too():
-    passive = Controller(
-        controller(room()).problem, FreeSpace.of(room()), None, Sampling(samples=20), method="passive",
-        rng=np.random.default_rng(0),
-    )  # fmt: skip
-    passive.update(room(CRATE))
-    assert passive.space.homology.M == 1
-    passive.plan(start(passive))
-
-
 # -- names -------------------------------------------------------------------------------------------------------
 
 
@@ -161,32 +127,10 @@ def test_every_class_whose_path_stays_free_keeps_its_name_but_for_turns_about_wh
     assert all(name.split(",")[:2] in [["0", "0"], ["1", "0"], ["0", "-1"]] for name in after.ids)
 
 
-def test_names_stay_as_they_are_where_a_gap_closes_and_opens_again():
-    """Both walls and the plug are then one obstacle, which has two markers."""
-    c = controller(room(*WALLS))
-    x = start(c)
-    assert set(c.plan(x).ids) == {"0,0", "1,0", "0,-1"}
-    c.update(room(*WALLS, PLUG))
-    assert set(c.plan(x).ids) == {"1,0", "0,-1"}
-    c.update(room(*WALLS))
-    assert set(c.plan(x).ids) == {"0,0", "1,0", "0,-1"}
-
-
 def test_a_wall_that_reaches_the_border_keeps_its_number():
     c = controller(room(*WALLS))
     c.update(room(*WALLS, [2.0, 0.0, 2.4, 0.8]))
     assert set(c.plan(start(c)).ids) == {"0,0", "0,-1"}
-
-
-def test_a_number_stays_0_while_its_obstacle_is_gone_and_then_is_that_of_another():
-    c = controller(room(*WALLS))
-    x = start(c)
-    c.update(room(WALLS[1]))
-    assert set(c.plan(x).ids) == {"0,0", "0,-1"}
-    c.update(room(WALLS[1], CRATE))
-    assert {name.split(",")[1] for name in c.plan(x).ids} == {"0", "-1"}
-    assert {name.split(",")[0] for name in c.plan(x).ids} > {"0"}
-    assert c.space.homology.M == 2
 
 
 def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
@@ -200,57 +144,6 @@ def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
     assert c.space.homology.M == 2
     after = {one.id: one.length for one in c.plan(x).references}
     assert after == pytest.approx(before, rel=1e-3)
-
-
-def test_in_an_empty_room_names_begin_with_the_first_obstacle():
-    c = controller(room())
-    assert c.plan(start(c)).ids == ("-",)
-    c.update(room(CRATE))
-    assert len(set(c.plan(start(c)).ids)) == 2
-    assert "-" in c.plan(start(c)).ids
-
-
-def test_what_was_driven_before_does_not_turn_about_what_is_new():
-    """Half a turn around where a crate then stands, behind the robot."""
-    c = controller(room(*WALLS))
-    path = np.array([[0.5, 2.5], [0.5, 4.5], [1.5, 4.5], [1.5, 2.5]])
-    c.observe(path, 3.0)
-    c.update(room(*WALLS, [0.8, 3.0, 1.2, 3.6]))
-    assert c.driven_class() == (0, 0, 0)
-    assert c.plan(path[-1]).favourite == "0,0"
-
-
-@pytest.mark.parametrize("ahead", [0, 5])
-def test_turns_go_on_among_markers_that_stay_and_begin_about_those_that_are_new(ahead: int):
-    rng = np.random.default_rng(4)
-    goal, old = np.array([4.0, 0.0]), rng.uniform(-2, 2, (3, 2))
-    new = np.vstack([old[:1], rng.uniform(-2, 2, (3, 2))])
-    path = rng.uniform(-2, 2, (30, 2))
-    changed, only, late = (Driven(Homology(markers=m, goal=goal), path[0]) for m in (old, old, new))
-    for one in (changed, only):
-        one.observe(path[:12])
-        if ahead:
-            one.expect(path[12 : 12 + ahead])
-    late = Driven(Homology(markers=new, goal=goal), path[11])
-    changed.enter(Homology(markers=new, goal=goal))
-    for one in (changed, only, late):
-        one.observe(path[12:])
-    assert changed.winding()[:1] == only.winding()[:1]
-    assert changed.winding()[1:] == late.winding()[1:]
-
-
-@pytest.mark.parametrize(
-    ("winding", "named", "name"),
-    [
-        ((0, -1), None, "0,-1"),
-        ((0, 0, 0), 2, "0,0"),
-        ((0, 0, -1, 0), 2, "0,0,-1"),
-        ((0,), 0, "-"),
-        ((0, 0), None, "0,0"),
-    ],
-)
-def test_a_name_leaves_out_what_does_not_turn_about_later_obstacles(winding, named, name: str):
-    assert class_id(winding, named) == name
 
 
 # -- what goes on ------------------------------------------------------------------------------------------------
@@ -267,23 +160,6 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     assert c.run.memory.sampled
     c.update(room(*WALLS, CRATE))
     assert (0, 0) not in {whole[:2] for whole in c.run.memory.optima}
-
-
-def test_statistics_of_a_class_go_on_under_its_name():
-    c = controller(room(*WALLS), "car", vertices=600)
-    c.plan(start(c))
-    c.run.memory.allocation.shares = {"0,0": 0.3, "gone": 0.4}
-    c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
-    assert c.run.memory.allocation.shares == {"0,0": 0.3}
-
-
-def test_the_class_that_is_followed_alone_is_remembered_while_its_path_is_free():
-    c = controller(room(*WALLS), method="best-class")
-    assert c.plan(start(c)).followed == "0,0"
-    c.update(room(*WALLS, [4.0, 0.2, 4.4, 0.6]))
-    assert c.run.memory.followed == "0,0"
-    c.update(room(*WALLS, CRATE))
-    assert c.run.memory.followed is None
 
 
 # -- safety ------------------------------------------------------------------------------------------------------

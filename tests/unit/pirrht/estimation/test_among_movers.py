@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
-from by_chance import guided
 from discs import block, disc
 from moving import SCENES, hall, moved
 
@@ -24,10 +22,7 @@ from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import LinearFeedback
-from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
-from pirrht.rollouts.tables import FINER
+from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -66,27 +61,6 @@ def test_before_a_wall_at_constant_speed_samples_pay_what_girsanov_says(speed, c
         assert abs(-found.log_psi - rate * z) < 3.0 * found.value_error / integral.temperature + 0.005
 
 
-@cache
-def passing() -> tuple[PathIntegral, Batch]:
-    integral = sampler(SCENES["crossing"](), 0.2)
-    return integral, guided(integral, np.array([1.6, 2.4]), 0.5, 6000, drawn=10_000)[0]
-
-
-def test_psi_is_the_same_around_guides_with_weaker_gains_and_where_drift_counts_twice():
-    integral, batch = passing()
-    assert len(batch.proposals) == 2
-    found = [integral.estimate(integral.rollout(batch, 1))]
-    for weaker in (False, True):
-        proposals = []
-        for proposal in batch.proposals:
-            guide = proposal.lead.guide
-            other = replace(guide, gains=0.8 * guide.gains) if weaker else replace(guide, drift=None, bend=None)
-            proposals.append(replace(proposal, lead=LinearFeedback(other)))
-        found.append(integral.estimate(integral.rollout(replace(batch, proposals=tuple(proposals)), 2)))
-    for one in found[1:]:
-        assert abs(one.value - found[0].value) < 4.0 * math.hypot(one.value_error, found[0].value_error)
-
-
 @pytest.mark.parametrize("phi", [np.inf, 0.7])
 def test_a_mover_that_stands_still_is_an_obstacle(phi):
     solid = disc("disc", 2.2, 1.7, 0.3)
@@ -117,59 +91,9 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
     assert len(seen) > 4
 
 
-def test_a_clock_that_starts_later_tells_the_same():
-    integral = sampler(SCENES["oblique"](), 0.3)
-    x, control = np.array([1.0, 2.5]), np.array([0.9, 0.0])
-    now = held(integral, x, control, 200, time=0.7)
-    assert integral.homology is not None
-    late = [replace(mover, motion=mover.motion.after(0.7)) for mover in integral.space.scene.movers]
-    integral.set_prediction(integral.space.moving.with_motions(late), integral.homology)
-    then = held(integral, x, control, 200)
-    assert np.mean(np.abs(now.paths.work - then.paths.work) < 1e-6) > 0.6  # rounding may split a step elsewhere
-    assert abs(np.mean(now.paths.work - then.paths.work)) < 0.05
-    before = integral.replay.trace(now, np.arange(5))[0]
-    assert np.any(before != integral.replay.trace(replace(now, setup=integral.setup), np.arange(5))[0])
-
-
-def test_bodies_out_of_reach_change_no_path():
-    far = [moved(f"far{k}", [(0.0, 60.0, 3.0 * k, 0.0), (2.0, 60.5, 3.0 * k, 1.0)], disc("disc", 0.0, 0.0, 0.3))
-           for k in range(5)]  # fmt: skip
-    near = SCENES["crossing"]().movers
-    x, control, found = np.array([1.5, 2.5]), np.array([0.9, 0.0]), []
-    for movers in (near, (*far[:3], *near, *far[3:])):
-        found.append(held(sampler(hall("near", movers), 0.3), x, control, 300))
-    for name in ("work", "log_ratio", "outcome", "steps", "log_survival"):
-        assert np.array_equal(getattr(found[0].paths, name), getattr(found[1].paths, name))
-    assert np.sum(found[0].paths.outcome == Outcome.COLLISION) > 20
-
-
 def jumper() -> Mover:
     """A disc that sweeps along and starts over where a path may be."""
     return moved("jumper", [(0.0, 2.0, 2.5, 0.0), (0.55, 2.0, 4.5, 0.0)], disc("disc", 0.0, 0.0, 0.3), repeat=True)
-
-
-def test_nobody_survives_where_a_body_starts_over():
-    integral = sampler(hall("jumps", [jumper()]), 0.05)
-    found = held(integral, np.array([2.0, 2.5]), np.zeros(2), 100, time=0.4, T=5)
-    assert np.all(found.paths.outcome == Outcome.COLLISION)
-    assert np.all(found.paths.steps == 2)
-    assert found.paths.work == pytest.approx(np.full(100, 0.15), abs=1e-3)
-
-
-def test_a_guide_touches_nothing_and_what_leads_samples_is_its_tape_on_it():
-    integral, batch = passing()
-    guidance = integral.guidance
-    assert isinstance(guidance, DDPGuidance)
-    for proposal in batch.proposals:
-        lead: ProposalControl = proposal.lead
-        guide = lead.guide
-        assert guide.valid
-        assert guide.drift is not None
-        for i in (0, 3, 6):
-            # The drift that `WallDrift` adds, b = 0.2.
-            pushed = guide.dynamics.input_of(guide.states[i], 0.2 * guide.drift[FINER * i])
-            found = lead(guide.states[i], guide.times[i]) + pushed
-            assert found == pytest.approx(guide.tape[i], rel=1e-6, abs=1e-9)
 
 
 def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
@@ -183,29 +107,6 @@ def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all(
     assert (
         sum(part.size for part in integral.sample(batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
     )
-
-
-def test_tables_of_a_batch_serve_any_numbers_of_its_samples():
-    integral = sampler(SCENES["crossing"]())
-    times = integral.steps(3.0)
-    tapes = [Tape(times, np.tile(u, (len(times) - 1, 1))) for u in ([1.0, 0.2], [1.0, -0.2])]
-    batch = Batch(
-        state=np.array([4.6, 2.5]), times=times, proposals=tuple(Proposal(lead=tape, count=50) for tape in tapes)
-    )
-    other = replace(batch, proposals=batch.proposals[::-1])
-    alone = [sampler(SCENES["crossing"]()).rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
-    after = [integral.rollout(one, 1) for one in (batch, batch.counting([20, 60]), other)]
-    for one, two in zip(alone, after, strict=True):
-        assert np.array_equal(one.log_weight, two.log_weight)
-
-
-@pytest.mark.parametrize("b", [0.02, 0.3])
-def test_no_step_is_split_over_which_noise_carries_a_point_by_a_hundredth_of_its_radius(b):
-    """Nor is any shorter than a 300th of a whole one."""
-    scene = SCENES["crossing"]()
-    integral = sampler(scene, b)
-    least = held(integral, scene.start[:2], np.zeros(2), 1, T=3).tables.least
-    assert least == pytest.approx(max(integral.sampling.dt / 300.0, (0.01 * scene.robot_radius / b) ** 2))
 
 
 def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():

@@ -101,11 +101,3 @@ def test_an_inconsistent_triple_is_refused_with_both_matrices():
     assert "[[1, 0], [0, 0.5]]" in message  # G R^-1 G'
     assert "[[0.25, 0], [0, 0.25]]" in message  # B B'
     assert "\n" not in message
-
-
-def test_a_control_cost_that_fits_at_some_states_only_is_refused():
-    def growing(x: Array) -> Array:
-        return (2.0 + x[0] ** 2) * np.eye(2)
-
-    with pytest.raises(NotLinearlySolvable):
-        uneven(0.5, Uneven(b=0.5), growing)

@@ -21,7 +21,6 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
 from pirrht.systems.unicycle import Unicycle
@@ -71,17 +70,6 @@ def test_noise_after_the_exit_does_not_leak_into_the_tape():
         assert np.all(tape[:last].any(axis=1))
 
 
-def test_paths_that_run_out_of_time_weigh_nothing():
-    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=500))
-    times = np.arange(9) * 0.05
-    rollouts = integral.rollout(batch_of(integral, np.array([0.2, 0.0]), times, np.zeros((1, 8, 2))), 1)
-    late = rollouts.paths.outcome == Outcome.TIMEOUT
-    assert 0 < late.sum() < rollouts.size
-    assert np.all(np.isneginf(rollouts.log_weight[late]))
-    assert np.all(np.isfinite(rollouts.log_weight[~late]))
-    assert np.all(integral.estimate(rollouts).weight[late] == 0.0)
-
-
 def test_no_surviving_sample_counts_how_they_ended(slit):
     integral = path_integral(slit.problem, slit.space, Sampling(samples=100))
     still_tape = np.zeros((1, 3, 2))
@@ -120,14 +108,6 @@ def driven(states: list[Array], samples: int = 300, seed: int = 0) -> Estimate:
     estimate = integral.estimate(integral.rollout(batch, seed))
     assert np.all(np.isfinite(integral.replay.tape(estimate.parts)[0]))
     return estimate
-
-
-def test_a_finite_final_cost_gives_a_value_even_when_every_sample_collides():
-    through = driven([np.zeros(3), np.array([4.0, 0.0, 0.0])])
-    assert through.survivors == 0
-    assert 1000.0 < through.value < 1004.0
-    assert np.isfinite(through.ess)
-    assert np.all(np.isfinite(through.control))
 
 
 @pytest.mark.parametrize(

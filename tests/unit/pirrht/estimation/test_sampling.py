@@ -13,7 +13,6 @@ import pytest
 from batches import batch_of
 
 from pirrht.arrays import Array
-from pirrht.control.baselines import shifted
 from pirrht.control.controller import Controller
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Allocation, Estimate
@@ -73,14 +72,6 @@ def test_the_spread_of_a_sum_is_that_of_its_independent_terms_and_more_of_the_la
     np.testing.assert_allclose(deviation(terms, first, paired), np.sqrt(variance + TUNING.outlying * largest))
 
 
-def test_a_single_sample_knows_its_value_up_to_lambda(strip):
-    integral = path_integral(*strip, Sampling(dt=0.05, guide="open-loop", threads=1))
-    estimate = to_both_sides(integral, 0, counts=[1, 1])
-    most = (1.0 + TUNING.outlying) ** 0.5  # a single term is the largest as well
-    assert 0.5**0.5 * integral.temperature <= estimate.value_error <= most * integral.temperature
-    assert np.all(np.isfinite(estimate.control_error))
-
-
 def learn(allocation: Allocation, **contributions: float) -> None:
     """Learn from an estimate to whose weight a single sample per class contributes."""
     rollouts = SimpleNamespace(tables=SimpleNamespace(first=np.arange(len(contributions) + 1)))
@@ -102,33 +93,6 @@ def test_samples_go_where_they_contribute_and_none_goes_without():
     for _ in range(20):
         learn(allocation, a=0.0, b=1.0)
     assert allocation.counts(["a", "b"], [0.0] * 2, [True] * 2, 200)[0] == pytest.approx(30, abs=5)
-
-
-def test_before_anything_is_known_samples_go_where_psi_is_predicted():
-    allocation, both = Allocation(), [True, True]
-    assert allocation.counts(["a", "b"], [-30.0, -30.0], both, 200) == [200, 200]
-    assert allocation.counts(["a", "b"], [-30.0, -30.0 - np.log(9.0)], both, 200) == [336, 64]  # 30 each, rest 9 : 1
-    learn(allocation, a=0.1, b=0.9)
-    assert allocation.counts(["a", "b"], [-30.0, -40.0], both, 200) == [64, 336]  # what is known outweighs predictions
-
-
-def test_classes_that_are_worth_nothing_get_a_few_samples_and_take_none_from_the_others():
-    allocation, names, worth = Allocation(), ["a", "b", "c"], [True, False, True]
-    assert allocation.counts(names, [-20.0, -60.0, -20.0], worth, 200) == [200, 8, 200]
-    learn(allocation, a=0.5, b=0.1, c=0.5)
-    assert allocation.counts(names, [-20.0, -np.inf, -20.0], worth, 200) == [200, 8, 200]
-    assert Allocation().counts(["a", "b"], [-20.0, -np.inf], [True, False], 5) == [5, 5]
-    assert Allocation().counts(["a", "b"], [-np.inf, -np.inf], [False, False], 9) == [9, 9]
-
-
-@pytest.mark.parametrize("samples", [1, 5, 8, 33, 200])
-def test_the_total_is_kept_and_nobody_goes_below_the_least(samples):
-    allocation = Allocation()
-    names = [str(h) for h in range(7)]
-    learn(allocation, **dict(zip(names, np.random.default_rng(0).random(7) ** 8, strict=True)))
-    counts = allocation.counts(names, [0.0] * 7, [True] * 7, samples)
-    assert sum(counts) == 7 * samples
-    assert min(counts) >= min(samples, max(8, 0.15 * samples))
 
 
 def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions(
@@ -183,15 +147,3 @@ def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_s
     assert until(target=1e-9) == [50, 50, 100, 200, 400]  # 16 N
     assert until(target=1e-9, budget=130) == [50, 50, 30]
     assert until(target=1e-9, budget=50) == [50]
-
-
-# -- the last plan's tape ----------------------------------------------------------------------------------------
-
-
-def test_a_shifted_tape_carries_on_where_the_last_one_is_now():
-    times = np.array([0.0, 0.1, 0.2, 0.4])
-    tape = np.array([[1.0, 0.0], [3.0, 0.0], [0.0, 2.0]])
-    np.testing.assert_allclose(shifted(times, tape, times), tape)
-    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.1), [[3.0, 0.0], [0.0, 2.0]], atol=1e-12)
-    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.05), [[2.0, 0.0], [1.5, 1.0]], atol=1e-12)
-    np.testing.assert_allclose(shifted(times, tape, times[:3] + 0.35), [[0.0, 1.0], [0.0, 0.0]], atol=1e-12)

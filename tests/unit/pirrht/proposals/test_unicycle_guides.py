@@ -21,8 +21,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.guide import DDPGuide, LinearFeedback
-from pirrht.proposals.tuning import TUNING
+from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
@@ -179,21 +178,6 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
         assert abs(weight.mean() - 1.0) < 3.0 * error, (source, target)
 
 
-def test_effective_samples_and_scatter_beside_an_obstacle():
-    found: dict[str, list[tuple[float, float]]] = {}
-    for guide_by in ("feedback", "open-loop"):
-        integral, times, guides = setting(samples=300, guide=guide_by)
-        leaders = guides if guide_by == "feedback" else None
-        batch = batch_of(integral, np.zeros(3), times, tapes(times), guides=leaders)
-        estimates = [integral.estimate(integral.rollout(batch, seed)) for seed in range(10)]
-        found[guide_by] = [(e.ess, e.value) for e in estimates]
-    ess = {name: np.mean([e for e, _ in rows]) for name, rows in found.items()}
-    scatter = {name: np.std([v for _, v in rows]) for name, rows in found.items()}
-    assert ess["feedback"] > 10.0 * ess["open-loop"]
-    assert scatter["feedback"] < 0.001
-    assert scatter["feedback"] < 0.1 * scatter["open-loop"]
-
-
 def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     problem, space, references = case(True, 0.03, 4.5)
     integral, times, guides = setting()
@@ -211,65 +195,3 @@ def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     assert warm.penalised == pytest.approx(fresh.penalised, abs=1e-4)
     assert rest.length == pytest.approx(references[0][0].length, abs=0.5)
     assert last.rest(100.0, problem.scene.goal.center) is None
-
-
-@pytest.mark.parametrize("state", WINDING)
-def test_repeated_plans_at_one_state_keep_their_favourite_and_their_value(state):
-    scenario, tree = narrow()
-    controller = scenario.controller(tree)
-    controller.begin(np.array(state))
-    plans = [controller.plan(np.array(state)) for _ in range(10)]
-    assert len({plan.favourite for plan in plans}) == 1
-    values = [plan.estimate.value for plan in plans if plan.estimate is not None]
-    assert len(values) == 10
-    assert np.ptp(values) < 20.0 * scenario.problem.temperature  # of N samples; guides that alternate differ by more
-
-
-def test_a_guide_that_is_free_stays_so_whatever_the_walls_cost():
-    """A barrier a thousand times too weak would have the path cut the post's edge; each round is refused that."""
-    problem, space, references = case(True, 0.03, 4.5)
-    integral, times, guides = setting()
-    guidance = integral.guidance
-    assert guidance is not None
-    guidance.tasks[1.0] = guidance.tasks[1.0]._replace(price=1e-3 * guidance.tasks[1.0].price)
-    for guide, (trajectory, winding) in zip(guides, references, strict=True):
-        last = guide
-        for _ in range(5):
-            following = best(guidance, problem.scene.start, times, space.homology.key(winding), trajectory, last)
-            assert following is not None
-            assert following.valid
-            assert following.cost < guide.cost
-            last = following
-
-
-def test_the_law_of_a_guide_has_over_its_first_step_the_mean_that_samples_are_compared_with():
-    guides = setting()[2]
-    guide, x = guides[0], guides[0].states[0] + np.array([0.001, -0.002, 0.01])
-    lead = LinearFeedback(guide)
-    shares = np.linspace(0.005, 0.995, 100)
-    off = x - guide.states[0]
-    states = guide.states[0] + shares[:, None] * (guide.states[1] - guide.states[0]) + off
-    mean = np.mean([lead(state, 0.1 * share) for state, share in zip(states, shares, strict=True)], axis=0)
-    np.testing.assert_allclose(mean, lead.held(x), rtol=1e-9)
-    assert abs(lead(x, 0.0) - lead.held(x)) > 0.02  # it rises or falls within the step
-    lead = LinearFeedback(setting(steps="uniform")[2][0])
-    assert lead(x, 0.0) == pytest.approx(lead.held(x))
-
-
-def test_hopeless_classes_get_few_samples():
-    integral, _, guides = setting()
-    assert integral.guidance is not None
-    cheap, dear = guides[0], replace(guides[0], penalised=2.0 * guides[0].penalised)
-    assert integral.guidance.counts([cheap, dear, None], 300) == [300, TUNING.few, TUNING.few]
-    assert integral.guidance.counts([None, None], 300) == [300, 300]
-
-
-def test_a_reference_gives_a_guide_if_it_enters_the_goal_within_the_horizon():
-    """Its controls enter the goal by the goal's radius before they end."""
-    integral, times, guides = setting()
-    trajectory, winding = case(True, 0.03, 4.5)[2][0]
-    assert integral.guidance is not None
-    key, x = integral.space.homology.key(winding), guides[0].states[0]
-    entered = guides[0].length + 1
-    assert best(integral.guidance, x, times[: entered + 2], key, trajectory) is not None
-    assert best(integral.guidance, x, times[: entered // 2], key, trajectory) is None

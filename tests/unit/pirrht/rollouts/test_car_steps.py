@@ -68,10 +68,3 @@ def test_within_fitted_steps_a_car_sways_as_the_integral_of_its_heading_does():
             (y * y, b**2 * t**3 / 3.0),
         ):
             assert product.mean() == pytest.approx(exact, abs=4.0 * product.std() / np.sqrt(count) + 0.003 * exact)
-
-
-def test_uniform_steps_move_a_car_along_the_heading_that_it_has_half_way():
-    states = passive(0.3, "uniform", 100)
-    middle = 0.5 * (states[:, 1:, 2] + states[:, :-1, 2])
-    moved = STEP * np.stack([np.cos(middle), np.sin(middle)], axis=-1)
-    np.testing.assert_allclose(np.diff(states[..., :2], axis=1), moved, atol=1e-14)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from walled_room import room
 
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit, turn_of
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit
 
 
 def test_a_sweep_never_passes_through_a_thin_wall():
@@ -53,23 +53,3 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
                 break
             at, theta = head, theta + turn
     assert min(compared.count(outcome) for outcome in (GOAL, COLLISION)) > 20
-
-
-def test_the_sweep_judges_with_the_clearance_of_fcl():
-    """The wall as FCL has it is where the sweep meets it."""
-    space = room()
-    arena = space.world
-    exit, share, _ = sweep_exit(arena, 1.0, 2.0, 3.0, 2.0)
-    assert exit == COLLISION
-    assert 1.0 + 2.0 * share == pytest.approx(2.0 - 0.01 - 0.05, abs=0.01)
-    assert space.collision.clearance(np.array([[1.0 + 2.0 * share - 0.02, 2.0]]))[0] > 0
-
-
-def test_a_step_around_a_circle_turns_by_its_angle():
-    """Velocities are tangents; to the cube of the angle, and never by more than 1 rad."""
-    for angle in (-0.3, 0.05, 0.4):
-        v, w = (1.0, 0.0), (np.cos(angle), np.sin(angle))
-        dx, dy = np.sin(angle) / angle, (1.0 - np.cos(angle)) / angle
-        assert turn_of(*v, *w, dx, dy, 1.0) == pytest.approx(angle, abs=0.1 * abs(angle) ** 3)
-    assert turn_of(1.0, 0.0, -1.0, 0.1, 0.01, 0.0, 1.0) == 1.0
-    assert turn_of(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0) == 0.0

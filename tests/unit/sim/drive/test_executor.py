@@ -126,12 +126,6 @@ def test_reset_forgets_the_run(tmp_path, robot):
     np.testing.assert_array_equal(runs[0].states, runs[1].states)
 
 
-def test_the_heading_is_unwrapped(tmp_path):
-    for plant in pair(tmp_path, "unicycle", QUIET):
-        driven(plant, hold(5.0), 0, 100)
-        assert plant.state[2] == pytest.approx(5.0 / 0.7 * 2.0)
-
-
 @pytest.mark.parametrize("speed", [0.5, 1.0, 20.0])
 def test_a_run_ends_at_its_first_contact(tmp_path, speed):
     ends = [
@@ -178,14 +172,6 @@ def test_the_least_clearance_is_that_after_every_step(tmp_path):
     for end in driven(plant, lambda x, s: np.array([1.0 - 4.0 * x[0], 0.0]), 1, 20):
         assert end.outcome is None
         assert end.clearance == pytest.approx(clearance(end.states).min(), abs=1e-12)
-
-
-def test_the_unicycle_collides_with_its_body_inside_the_footprint(tmp_path):
-    loaded = load(scene_file(tmp_path, world=WALL), robot="unicycle")
-    plant = Executor(loaded, problem_of(loaded, Unicycle(V=1.0, b=QUIET)), period=2.0)
-    end = plant.advance(hold(0.0), np.random.default_rng(0))
-    assert end.outcome is Outcome.COLLISION
-    assert 0.6 - loaded.scene.robot_radius < end.states[-1, 0] < 0.6 - 0.11 + 2 * STEP
 
 
 def drive_right(folder: Path, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0):
