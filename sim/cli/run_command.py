@@ -173,7 +173,7 @@ def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
         for frame in frames:
             if frame.news:
                 tqdm.write(frame.news)
-            live.log(frame, frame.news)
+            live.log(frame)
             if screen is not None and not screen.open:
                 break
     return frame
@@ -224,7 +224,7 @@ class Live:
         for recorder in self._recorders:
             recorder.close()
 
-    def log(self, frame: Frame, news: str | None) -> None:
+    def log(self, frame: Frame) -> None:
         """Show a control step."""
         if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
             from sim.recording.options import Sinks
@@ -233,8 +233,7 @@ class Live:
             self.close()
             built, self._space = self._game.live.built, frame.plan.space
             scenario = built.world.scenario
-            shown = (scenario.loaded, built.tree, built.driver.path_integral)
-            settings = settings_json(scenario)
-            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=settings) for url in self._urls]
+            shown, about = (scenario.loaded, built.tree, built.driver.path_integral), settings_json(scenario)
+            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=about) for url in self._urls]
         for recorder in self._recorders:
-            recorder.log(frame, news)
+            recorder.log(frame, frame.news)

@@ -25,6 +25,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.solids import Solid, World, distinct
 from sim.mjcf.limits import FARTHEST, FINEST, content_of
+from sim.mjcf.refusals import listed
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
@@ -46,10 +47,8 @@ def read(source: Path, number: str | None = None) -> World:
     if number is None and len(worlds) == 1:
         number = next(iter(worlds))
     if number is None or number not in worlds:
-        names = [" ".join(name.split())[:20] for name in worlds]
-        more = f" and {len(names) - 20} more" if len(names) > 20 else ""
         told = "holds several worlds" if number is None else f"has no world {number}"
-        raise SceneError(f"{source}: it {told}; give --world with one of {', '.join(names[:20])}{more}")
+        raise SceneError(f"{source}: it {told}; give --world with one of {listed([*worlds], 20)}")
     where, world = f"{source}: world {number}", worlds[number]
     obstacles = world.get("obstacles") if isinstance(world, dict) else None
     if not isinstance(obstacles, list) or not obstacles:

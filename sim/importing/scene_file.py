@@ -90,22 +90,20 @@ def import_world(
     why = why_unreadable(source)
     if why is not None:
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
-    _check_target(source, target)
-    mapped = not moves and suffix in ros_map.SUFFIXES
-    if decompose != (suffix in meshes.SUFFIXES):
-        if decompose:
-            raise OptionError(
-                f"--decompose is for meshes, whose names end in {', '.join(meshes.SUFFIXES)}; leave it out"
-            )
-        raise OptionError(
-            f"{source}: MuJoCo collides with the convex hull of a mesh; add --decompose for its convex parts"
-        )
-    if without and (moves or mapped or decompose):
-        raise OptionError(f"{source}: only models of a Gazebo world can be left out by name")
-    if unknown is not None and not mapped:
-        raise OptionError(f"--unknown is for maps, whose names end in {' or '.join(ros_map.SUFFIXES)}; leave it out")
-    if number is not None and not moves:
-        raise OptionError("--world is for files of motions, of which --motion tells; leave it out")
+    if target.suffix.lower() != ".xml":
+        raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
+    if target.exists() and target.samefile(source):
+        raise SceneError(f"{target}: this is the world itself; choose another name")
+    mapped, meshed = not moves and suffix in ros_map.SUFFIXES, suffix in meshes.SUFFIXES
+    for wrong, words in (
+        (decompose and not meshed, f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
+        (meshed and not decompose, f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts"),
+        (without and (moves or mapped or meshed), f"{source}: only models of a Gazebo world can be left out by name"),
+        (unknown and not mapped, f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
+        (number and not moves, "--world is for files of motions, of which --motion tells; leave it out"),
+    ):
+        if wrong:
+            raise OptionError(words)
     if suffix in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
     if moves:
@@ -119,20 +117,10 @@ def import_world(
     else:
         world = read_sdf(source, folders=models, without=without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
-    geoms, notes = len(world.solids) + len(world.bodies), world.notes
-    if mapped or decompose:
-        notes += (f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another",)
     obstacles, movers = _write(scene, source, target, world.notes)
+    geoms, turns = len(world.solids) + len(world.bodies), "which turns almost on the spot; a command may name another"
+    notes = (*world.notes, *([f"{target}: its robot is the {ROVER}, {turns}"] if mapped or decompose else []))
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
-
-
-def _check_target(source: Path, target: Path) -> None:
-    if target.suffix.lower() != ".xml":
-        raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
-    if not target.parent.is_dir():
-        raise SceneError(f"{target}: there is no folder {target.parent}; make it first")
-    if target.is_dir() or (target.exists() and target.samefile(source)):
-        raise SceneError(f"{target}: this is a folder or the world itself; choose another name")
 
 
 def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:

@@ -23,6 +23,7 @@ from sim.importing.sdf_files import read_world
 from sim.importing.sdf_poses import Scope, is_true, label_of, numbers
 from sim.importing.solids import Solid, World, part_solid
 from sim.mjcf.limits import FARTHEST, FINEST
+from sim.mjcf.refusals import listed
 
 _SHAPES = {
     "box": (("size", 3),),
@@ -33,7 +34,6 @@ _SHAPES = {
 }  # geometry -> its measures and how many numbers each has
 _LEVEL = 1e-6  # how far a ground plane may be off [m] and [1]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets [m]
-_LISTED = 5  # names in a note
 _NOTES = {
     "moving": "not static in Gazebo, here obstacles that stay where they start (or leave them out by name): ",
     "actors": "actors have no collisions and are left out: ",
@@ -80,10 +80,10 @@ class _Reader:
                     solids += self._solids(" ".join(name.split()), link, collision, geometry)
         unknown = self.without.difference(self.noted["left"])
         if unknown:
-            names = _listed([part.get("name", "") for part in self.scope.element.findall("model")])
-            self.scope.refuse(f"there is no model {_listed(sorted(unknown))} to leave out; models are {names}")
+            names = listed([part.get("name", "") for part in self.scope.element.findall("model")])
+            self.scope.refuse(f"there is no model {listed(sorted(unknown))} to leave out; models are {names}")
         notes = tuple(
-            words.format(max(self.noted[note].values())) + _listed([*self.noted[note]])
+            words.format(max(self.noted[note].values())) + listed([*self.noted[note]])
             for note, words in _NOTES.items()
             if self.noted[note]
         )
@@ -123,11 +123,6 @@ class _Reader:
                 self.noted["low"][name] = 0.0
             else:
                 yield solid
-
-
-def _listed(names: Sequence[str]) -> str:
-    names = [" ".join(name.split())[:60] for name in names]
-    return ", ".join(names[:_LISTED]) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
 
 
 def _geometry(link: Scope, collision: ET.Element) -> ET.Element:

@@ -60,14 +60,10 @@ def parse(path: Path) -> mujoco.MjSpec:
     why = why_unreadable(path)
     if why is not None:
         raise SceneError(f"{path}: this {why}; give the path of an MJCF file that may be read")
-    if path.suffix.lower() != ".xml":
-        raise SceneError(f"{path}: MuJoCo reads MJCF from files that end in .xml; rename it")
+    if path.suffix.lower() != ".xml" or any("\ud800" <= c <= "\udfff" for c in str(path)):
+        raise SceneError(f"{path}: MuJoCo reads MJCF from files that end in .xml and whose names are text; rename it")
     if path.stat().st_size == 0:
         raise SceneError(f"{path}: the file is empty; write an MJCF model with a <worldbody>")
-    try:
-        str(path).encode()
-    except UnicodeEncodeError:
-        raise SceneError(f"{path}: MuJoCo opens files whose names are UTF-8 text; rename it") from None
     limits.check(path)
     if not path.resolve().is_relative_to(models_folder()):
         _tried(path, path.stat().st_mtime_ns, path.stat().st_size)

@@ -23,14 +23,16 @@ FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a do
 FINEST = 1e-6  # of any measure of an imported file [m]
 LARGEST_TEXT, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes; worlds of the BARN data set have one megabyte
 MOST_PARTS = 60_000  # bodies, geoms and sites of an MJCF file with all that it includes: MuJoCo takes 7 s for them
-MOST_COPIES = 10_000  # by one element: 3 s
+MOST_OF = {b"count": 10_000, b"dim": 10**6, b"nrow": 2**24, b"ncol": 2**24, b"width": 2**26, b"height": 2**26}
 MOST_PLACES = 100_000  # where named files are searched
 MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED = 300_000, 256, 32  # of an SDF world with all that it includes
 MOST_NODES, MOST_TRIANGLES = 10_000, 1_000_000  # of a COLLADA file
 MOST_PIXELS = 25_000_000  # of a map: 250 m square at 0.05 m; a pixel takes 64 bytes on the way
 MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this process has, and seconds
 
-_NAMED = re.compile(rb"""\b(file\w*|count|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
+_NAMED = re.compile(
+    rb"""\b(file\w*|count|dim|nrow|ncol|width|height|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')"""
+)
 _READ = "read"
 
 
@@ -55,9 +57,11 @@ def check(path: Path) -> None:
         content = content_of(file, "the path of an MJCF file", "write large meshes to files of their own")
         for key, *value in _NAMED.findall(content):
             text = unescape(b"".join(value).decode(errors="surrogateescape"))
-            if key == b"count":
-                if prod(max(1, int(word)) for word in text.split() if word.isdecimal()) > MOST_COPIES:
-                    raise SceneError(f'{file}: count="{printable(text[:40])}" is too much; write {MOST_COPIES} at most')
+            if key in MOST_OF:
+                if prod(max(1, int(word)) for word in text.split() if word.isdecimal()) > MOST_OF[key]:
+                    raise SceneError(
+                        f'{file}: {key.decode()}="{printable(text[:40])}" is too much; write {MOST_OF[key]} at most'
+                    )
             elif key.startswith(b"file"):
                 names.setdefault(text, file)
             else:

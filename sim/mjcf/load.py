@@ -137,8 +137,13 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     )
     if margin and 0.0 < (left := margin - shortfall(values)) <= margin:
         return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
-    _leave_only(model, mask, mine)
-    _place(model, data, robot, values.start)
+    model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches obstacles alone
+    model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
+    model.key_qpos[0] = robot.rest
+    states = robot.system.states
+    place = np.array([values.start[POSE.index(name)] if name in POSE else 0.0 for name in states])
+    stance_of(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+    model.key_qpos[0] = data.qpos
     with prefixed(f"{path}: "):
         _check_start(model, data, mask, moving, concave)
         check_start(values)
@@ -187,24 +192,6 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
             f"the scene has {counted(model.nu - own, 'actuator')}{f' ({called})' if called else ''}; only the robot "
             "may have some: remove them, or load it with --freeze"
         )
-
-
-def _leave_only(model: mujoco.MjModel, obstacles: Mask, robot: Mask) -> None:
-    """Let the robot touch obstacles and nothing else, without margins, which the planner does not know."""
-    bystanders = ~(obstacles | robot)
-    model.geom_contype[bystanders] = 0
-    model.geom_conaffinity[bystanders] = 0
-    model.geom_margin[:] = 0
-    model.geom_gap[:] = 0
-
-
-def _place(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, start: Array) -> None:
-    """Make the keyframe the robot at rest at the start."""
-    model.key_qpos[0] = robot.rest
-    states = robot.system.states
-    state = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-    stance_of(model, states).place(data, state, np.zeros(2), np.zeros(model.nu))
-    model.key_qpos[0] = data.qpos
 
 
 def _defaults(spec: mujoco.MjSpec) -> dict[str, float]:

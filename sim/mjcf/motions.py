@@ -15,7 +15,7 @@ from pirrht.geometry.obstacle import Motion, Mover, Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
 from sim.mjcf.obstacles import MOTION, Mask
-from sim.mjcf.refusals import refuse_far
+from sim.mjcf.refusals import listed, refuse_far
 
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
@@ -29,43 +29,34 @@ def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
     rows = {n.name: np.array(list(n.data)) for n in spec.numerics if n.name.startswith(MOTION)}
     texts = {t.name: str(t.data) for t in spec.texts if t.name.startswith(MOTION)}
     for name, text in texts.items():
-        if name not in rows:
-            known = ", ".join(f'"{one}"' for one in rows)
-            there = f"the motions here are {known}: give it the name of one" if known else "remove it"
+        if name not in rows or text != "repeat":
+            known = listed([f'"{one}"' for one in rows]) or "none"
             raise SceneError(
-                f'custom text "{name}" repeats a motion that is not there; {there}, or add <numeric name="{name}" '
-                'data="0 x y yaw  t x y yaw ..."/>'
-            )
-        if text != "repeat":
-            raise SceneError(
-                f'custom text "{name}" is "{text}"; write "repeat", or remove it: then the body stops at the last row'
+                f'custom text "{name}" is "{text}"; write "repeat" for one of the motions here, which are {known}, add '
+                f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/>, or remove it: a body stops at its last row'
             )
     motions = {}
     for name, data in rows.items():
-        _check_body(spec, name)
-        motions[name.removeprefix(MOTION)] = _motion(f'custom numeric "{name}"', data, name in texts)
+        called = name.removeprefix(MOTION)
+        _check_body(spec, f'custom numeric "{name}"', called)
+        motions[called] = _motion(f'custom numeric "{name}"', data, name in texts)
     return motions
 
 
-def _check_body(spec: mujoco.MjSpec, name: str) -> None:
-    label, called = f'custom numeric "{name}"', name.removeprefix(MOTION)
-    body, remedy = spec.body(called), f'<body name="{called}" mocap="true" ...>'
+def _check_body(spec: mujoco.MjSpec, label: str, called: str) -> None:
+    body, why = spec.body(called), ""
     if body is None:
-        known = ", ".join(f'"{b.name}"' for b in spec.bodies if b.mocap and b.name)
-        there = f"bodies that can move are {known}" if known else "none in this scene is a mocap body"
+        why = "is not there"
+    elif joints := body.find_all(mujoco.mjtObj.mjOBJ_JOINT):
+        why = f'has joint "{joints[0].name}"' if joints[0].name else "has a joint"
+    elif not body.mocap:
+        why = "is no mocap body"
+    if why:
+        known = listed([f'"{b.name}"' for b in spec.bodies if b.mocap and b.name]) or "none"
         raise SceneError(
-            f'{label} moves a body "{called}", which is not there; {there}: write {remedy} in the worldbody or name '
-            "another"
+            f'{label} moves body "{called}", which {why}; write <body name="{called}" mocap="true" ...> without joints '
+            f"in the worldbody, or name another; bodies that can move are {known}"
         )
-    joints = body.find_all(mujoco.mjtObj.mjOBJ_JOINT)
-    if joints:
-        joint = f'joint "{joints[0].name}"' if joints[0].name else "a joint"
-        raise SceneError(
-            f'{label} moves body "{called}", which has {joint}; what moves by rows has no joints: remove them and '
-            f"write {remedy}"
-        )
-    if not body.mocap:
-        raise SceneError(f'{label} moves body "{called}", which is no mocap body; write {remedy} in the worldbody')
 
 
 def _motion(label: str, data: Array, repeat: bool) -> Motion:

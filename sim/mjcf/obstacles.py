@@ -132,11 +132,8 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
 
 
 def _check_floor(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
-    label, height = geom_label(model, geom), float(data.geom_xpos[geom, 2])
-    if not _faces_up(data)[geom]:
-        raise SceneError(f"{label} is a plane that is not a horizontal floor; write a box instead")
-    if height > _TOUCH:
-        raise SceneError(f"{label} is a floor at height {height:g}; robots stand at 0: move it there")
+    if not _faces_up(data)[geom] or data.geom_xpos[geom, 2] > _TOUCH:
+        raise SceneError(f"{geom_label(model, geom)} is a plane, but no horizontal floor at 0; move it, or write a box")
 
 
 def _faces_up(data: mujoco.MjData) -> Mask:

@@ -22,7 +22,7 @@ def prefixed(words: str) -> Iterator[None]:
     try:
         yield
     except SceneError as error:
-        raise SceneError(f"{words}{error}") from None
+        raise SceneError(f"{words}{str(error).removeprefix(words)}") from None
 
 
 class Faults:
@@ -46,10 +46,10 @@ class Faults:
             raise SceneError("; also, ".join(self._found[:SHOWN]) + (f"; and {more} more" if more > 0 else ""))
 
 
-def listed(names: Sequence[str]) -> str:
-    """Join names by commas, not all of many."""
-    more = len(names) - SHOWN
-    return ", ".join(names[:SHOWN]) + (f" and {more} more" if more > 0 else "")
+def listed(names: Sequence[str], most: int = SHOWN) -> str:
+    """Join names by commas, each in one line, not all of many."""
+    more = len(names) - most
+    return ", ".join(" ".join(name.split()) for name in names[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def refuse_far(label: str, *numbers: Array) -> None:

@@ -74,7 +74,9 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
             _widen(body, foot, margin)
     model = compile_spec(spec, path)
     with prefixed(f"{path}: "):
-        (_check_wheels if rolls(model) else _check_joints)(model, moved)
+        root = model.body("robot")
+        at_origin = np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])
+        (_check_wheels if rolls(model) else _check_joints)(model, moved, at_origin)
         if system is None:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
             check_actuators(model, moved)
         return Robot(
@@ -163,15 +165,10 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     return data.reshape(nu, twists)
 
 
-def _at_origin(model: mujoco.MjModel) -> bool:
-    body = model.body("robot")
-    return np.allclose(body.pos, 0) and np.allclose(body.quat, [1, 0, 0, 0])
-
-
-def _check_joints(model: mujoco.MjModel, system: System) -> None:
+def _check_joints(model: mujoco.MjModel, system: System, at_origin: bool) -> None:
     count = len(system.joints)
     types = [_JOINT.mjJNT_HINGE if name == "heading" else _JOINT.mjJNT_SLIDE for name in system.joints]
-    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0) and _at_origin(model)
+    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0) and at_origin
     if not (good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])):
         raise SceneError(
             'body "robot" must stand at the origin and have these joints, without ref, for the states '
@@ -180,19 +177,21 @@ def _check_joints(model: mujoco.MjModel, system: System) -> None:
         )
 
 
-def _check_wheels(model: mujoco.MjModel, system: System) -> None:
+def _check_wheels(model: mujoco.MjModel, system: System, at_origin: bool) -> None:
     if len(system.joints) != 3:
         raise SceneError(
             f'a robot with a free joint has a heading, and {system.name} has none: it moves as a "unicycle"; name that '
             "as its dynamics"
         )
-    if int(model.jnt_bodyid[0]) != model.body("robot").id or not _at_origin(model):
+    if int(model.jnt_bodyid[0]) != model.body("robot").id or not at_origin:
         raise SceneError('body "robot" must stand at the origin and have the free joint itself')
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
-    if ground < 0 or model.geom_type[ground] != _GEOM.mjGEOM_PLANE or np.any(model.geom_pos[ground]):
-        raise SceneError(f'a robot on wheels needs a plane geom "{GROUND}" of its own, at the origin')
-    if model.geom_contype[ground] or model.geom_conaffinity[ground]:
-        raise SceneError(f'geom "{GROUND}" must meet the wheels in contact pairs; write contype="0" conaffinity="0"')
+    plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
+    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
+        raise SceneError(
+            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
+            "which wheels meet in contact pairs"
+        )
     driven = model.jnt_type[model.actuator_trnid[:, 0]]
     if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(driven != _JOINT.mjJNT_HINGE):
         raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
@@ -238,15 +237,14 @@ def _checked_reach(model: mujoco.MjModel) -> float:
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:
     """Distance from `centre` to the farthest point of the geom, or a bound of it [m]."""
     kind, size = _GEOM(int(model.geom_type[geom])), model.geom_size[geom]
-    offset = np.abs((centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3))
-    across = np.hypot(*offset[:2])
+    offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
     if kind == _GEOM.mjGEOM_MESH:
-        offset = (centre - data.geom_xpos[geom]) @ data.geom_xmat[geom].reshape(3, 3)
         return float(np.linalg.norm(mesh_of(model, geom)[0] - offset, axis=1).max())
+    x, y, z = offset = np.abs(offset)
     if kind == _GEOM.mjGEOM_BOX:
         return float(np.linalg.norm(offset + size))
     if kind == _GEOM.mjGEOM_CYLINDER:
-        return float(np.hypot(across + size[0], offset[2] + size[1]))
+        return float(np.hypot(np.hypot(x, y) + size[0], z + size[1]))
     if kind == _GEOM.mjGEOM_CAPSULE:
-        return float(np.hypot(across, offset[2] + size[1]) + size[0])
+        return float(np.hypot(np.hypot(x, y), z + size[1]) + size[0])
     return float(np.linalg.norm(offset) + size.max())

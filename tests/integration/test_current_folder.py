@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from repository import ROOT, environment
+from repository import environment
 
 from pirrht.errors import OptionError
 from sim import system_import
@@ -45,11 +45,6 @@ def executed(project: Path) -> list[str]:
     return mark.read_text().splitlines() if mark.exists() else []
 
 
-def test_the_traps_of_these_tests_work(project: Path):
-    subprocess.run([sys.executable, "-c", "import rerun_cli, numba, socket"], check=True)
-    assert executed(project)[:2] == ["rerun_cli", "numba"]
-
-
 def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_m(project: Path):
     script = project.parent / "command.py"  # as installed: a script in a folder of its own
     script.write_text("import sys\nfrom sim.cli import main\nif __name__ == '__main__':\n    sys.exit(main())\n")
@@ -60,12 +55,6 @@ def test_processes_of_a_sweep_import_nothing_from_there_and_neither_does_python_
         assert executed(project) == []
         if (project / "sim").exists():
             (project / "sim").rename(project / "other")  # Python itself looks there for what `-m` names
-
-
-def test_python_m_works_where_the_package_lies_in_the_current_folder(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.delenv("PYTHONPATH", raising=False)
-    command = [sys.executable, "-m", "sim.cli", "--version"]
-    assert subprocess.run(command, cwd=ROOT, capture_output=True).returncode == 0
 
 
 def test_viewer_and_server_import_nothing_from_there(project: Path, monkeypatch: pytest.MonkeyPatch):

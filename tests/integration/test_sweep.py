@@ -6,14 +6,12 @@ import json
 from collections import Counter
 from pathlib import Path
 
-import numpy as np
 import pytest
 from mjcf_samples import WALL
 
 from sim.cli import main
-from sim.cli.commands import error_lines
 from sim.mjcf import load
-from sim.sweeps import grid, runs
+from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.parts import RESULTS, key_of
 
@@ -74,16 +72,6 @@ def test_a_run_that_crashes_is_a_row_and_the_others_go_on(tmp_path, capsys, monk
     assert shown.err.splitlines() == ["1 run ended with an error:", "  1 x ZeroDivisionError: a wheel came off"]
 
 
-def test_of_many_errors_the_most_frequent_are_reported():
-    errors = ["a", "b", "c", "c\nmore", "d", "e", "d"]
-    assert error_lines(errors, stored=True) == [
-        "7 runs ended with an error:",
-        *("  2 x c", "  2 x d", "  1 x a", "  and 2 other errors"),
-        "the same command with --again repeats them",
-    ]
-    assert error_lines([], stored=True) == []
-
-
 def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again(tmp_path, capsys):
     wall = tmp_path / "wall.xml"
     wall.write_text(WALL)
@@ -135,27 +123,3 @@ def test_a_bad_sweep_is_refused_before_anything_is_written(words, culprit, tmp_p
     assert told.count("\n") == 1
     assert culprit in told
     assert not list(tmp_path.iterdir())
-
-
-def test_a_tree_without_room_on_disk_stays_at_hand(tmp_path):
-    planned = runs.Planned(tree=b"tree")
-    assert runs.unpacked(planned, tmp_path / "nowhere", 0) is planned
-    assert Path(str(runs.unpacked(planned, tmp_path, 0).tree)).read_bytes() == b"tree"
-
-
-def test_files_of_one_name_are_told_apart(tmp_path):
-    paths = [tmp_path / name / "wall.xml" for name in ("a", "b")]
-    for path in paths:
-        path.parent.mkdir()
-        path.write_text(WALL)
-    assert grid.labels(["slit", *map(str, paths)]) == ["slit", *map(str, paths)]
-    assert grid.labels(["slit", str(paths[0])]) == ["slit", "wall"]
-
-
-def test_a_packed_tree_has_the_references_that_it_had(slit, slit_tree):
-    tree = runs.unpack(slit, runs.pack(slit_tree))
-    assert (tree.size, tree.node_count) == (slit_tree.size, slit_tree.node_count)
-    for x in (slit.start, slit.start + np.array([0.5, 0.9])):
-        for mine, theirs in zip(tree.references(x), slit_tree.references(x), strict=True):
-            assert mine.winding == theirs.winding
-            assert mine.cost == theirs.cost

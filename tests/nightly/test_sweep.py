@@ -166,12 +166,3 @@ def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path,
     assert main(["sweep", str(folder / "wall.xml"), *words]) == 2
     assert "another wall" in capsys.readouterr().err
     assert written(tmp_path / "sweep") == 1
-
-
-def test_a_clock_that_is_set_back_and_forth_changes_nothing(long_sweep, tmp_path, monkeypatch):
-    words, expected = long_sweep
-    hands = random.Random(0)
-    monkeypatch.setattr(time, "time", lambda: hands.uniform(0.0, 4e9))
-    few = [*words[: words.index("--seeds")], "--seeds", "0:20", *words[words.index("--seeds") + 2 :]]
-    assert main(["sweep", *few, "-o", str(tmp_path / "sweep")]) == 0
-    assert rows(tmp_path / "sweep") == [row for row in expected if row["seed"] < 20]

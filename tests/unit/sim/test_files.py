@@ -76,26 +76,6 @@ def test_standard_output_takes_json_after_earlier_lines(tmp_path, piped):
         assert (ran.stdout if piped else out.read()) == b"line\n[\n  1\n]\n"
 
 
-@linux
-def test_a_file_larger_than_allowed_leaves_the_old_one(file):
-    script = (
-        "import resource; from pathlib import Path; from sim.files import write_json\n"
-        "resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))\n"
-        f"write_json(Path({str(file)!r}), list(range(10_000)))"
-    )
-    ran = subprocess.run([sys.executable, "-c", script], env=environment(), capture_output=True, text=True, check=False)
-    assert "OptionError" in ran.stderr
-    assert "File too large" in ran.stderr
-    assert file.read_bytes() == b"old"
-    assert list(file.parent.iterdir()) == [file]
-
-
-def test_a_name_may_be_as_long_as_the_system_allows(tmp_path):
-    check_writable(tmp_path / ("x" * 250 + ".json"), "--json")
-    write(tmp_path / ("x" * 250 + ".json"))
-    assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"new"]
-
-
 @pytest.mark.parametrize(
     ("name", "what"),
     [

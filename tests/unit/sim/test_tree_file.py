@@ -44,15 +44,6 @@ def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(nam
     assert_equal_references(tree, copy, scenario.start)
 
 
-@pytest.mark.parametrize("settings", [{"classes": 0, "limit": 0.9}, {"classes": 1}, {"limit": 1.6}])
-def test_any_limits_survive(slit: Scenario, settings):
-    tree = grown(slit, 80, **settings)
-    copy = again(tree)
-    tree.grow(160)
-    copy.grow(160)
-    assert_equal_trees(tree, copy)
-
-
 @pytest.mark.parametrize("bits", [np.random.PCG64DXSM, np.random.MT19937, np.random.Philox, np.random.SFC64])
 def test_every_source_of_randomness_goes_on_where_it_was(slit: Scenario, bits):
     tree = HomologyTree(slit.space, StraightLine(), rng=np.random.Generator(bits(3)))
@@ -65,23 +56,10 @@ def test_every_source_of_randomness_goes_on_where_it_was(slit: Scenario, bits):
     np.testing.assert_array_equal(tree.rng.random(5), copy.rng.random(5))
 
 
-def test_a_tree_of_roots_alone_survives(slit: Scenario):
-    tree = HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0))
-    assert_equal_trees(tree, again(tree))
-
-
 def test_equal_trees_are_equal_bytes_and_hold_no_pickles(slit: Scenario, saved: bytes):
     assert packed(grown(slit, 200)) == saved
     with np.load(BytesIO(saved), allow_pickle=False) as file:
         assert all(file[name].dtype != object for name in file.files)
-
-
-def test_a_path_a_stream_and_bytes_are_all_the_same(slit: Scenario, saved: bytes, tmp_path: Path):
-    tree = tree_file.load(BytesIO(saved), slit.space, StraightLine())
-    for path in (tmp_path / "tree.npz", str(tmp_path / "other.tree")):
-        tree_file.save(tree, path)
-        assert Path(path).read_bytes() == saved
-        assert_equal_trees(tree, tree_file.load(path, slit.space, StraightLine()))
 
 
 def test_loading_asks_neither_for_the_start_nor_for_the_noise(slit: Scenario, saved: bytes):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import signal
 
 import pytest
-from tasks import Task, gone, held, process_of, square, threads_of
+from tasks import Task, gone, held, square, threads_of
 
-from sim.sweeps.engine import ENVIRONMENT, Agenda, Pool, Stop, _hand_out, in_turn, interruptible
+from sim.sweeps.engine import ENVIRONMENT, Agenda, Pool, Stop, in_turn, interruptible
 
 TASKS = [Task(scene, number) for scene in ("a", "b", "c") for number in range(4)]
 
@@ -23,44 +23,12 @@ def test_everything_is_done_once_in_processes_and_in_turn():
     assert sorted(in_turn(square, Agenda(TASKS), Stop())) == expected
 
 
-def test_two_processes_keep_to_scenes_of_their_own_while_there_are_some():
-    done = results(process_of, TASKS)
-    switches = 0
-    for pid in {pid for _, pid in done}:
-        scenes = [scene for scene, own in done if own == pid]
-        switches += sum(a != b for a, b in zip(scenes, scenes[1:], strict=False))
-    assert switches <= 2  # three scenes and two processes: one more scene each at most
-
-
 def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
     for name in ENVIRONMENT:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv(ENVIRONMENT[0], "3")
     assert results(threads_of, TASKS[:1]) == [["3", *["1"] * (len(ENVIRONMENT) - 1)]]
     assert threads_of(TASKS[0]) == ["3", *[None] * (len(ENVIRONMENT) - 1)]
-
-
-class Hand:
-    """A process that is idle after an item of a scene, and takes note of what it is given."""
-
-    def __init__(self, scene: str) -> None:
-        self.item, self.last = None, (scene,)
-
-    def give(self, work, item):
-        self.item, self.last = item, item.point
-
-
-def test_who_is_idle_at_the_same_time_keeps_its_scene():
-    hands = [Hand("a"), Hand("b")]
-    _hand_out(hands, square, Agenda([task for task in TASKS if task.scene != "a"]), Stop())
-    assert [hand.last for hand in hands] == [("c",), ("b",)]
-
-
-def test_an_item_goes_to_a_point_that_nobody_is_at():
-    agenda = Agenda(TASKS)
-    assert agenda.take(None, [("a",)]).scene == "b"
-    assert agenda.take(("b",), [("a",)]).scene == "b"
-    assert agenda.take(("x",), [("a",), ("b",)]).scene == "c"
 
 
 def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import heapq
 import io
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from zlib import crc32
@@ -110,15 +109,6 @@ def test_every_run_has_one_record_and_there_are_no_more_trees_than_workers_and_o
     assert flow.trees == 0
 
 
-def test_two_workers_grow_two_trees_at_a_time_and_the_first_record_comes_before_the_last_tree():
-    flow, seen = Pipeline(jobs(4), None), []
-    for record in flow.run(simulated(2, lambda item: 5.0 if isinstance(item, Survey) else 1.0)):
-        seen.append((flow.grown, record is not None))
-    first = next(grown for grown, is_record in seen if is_record)
-    assert first <= 2
-    assert flow.grown == flow.places == 4
-
-
 def test_a_tree_that_cannot_be_had_costs_its_own_runs_only(monkeypatch):
     def survey(wish):
         planned = Planned(error="no way") if wish.job.scene == "s0" else Planned(tree=TREE)
@@ -135,13 +125,6 @@ def test_a_tree_that_cannot_be_had_costs_its_own_runs_only(monkeypatch):
     errors = {(r["scene"], r["method"], r["seed"]): r["error"] for r in found if r is not None}
     assert {key for key, error in errors.items() if error} == {("s0", "pi-rrht", seed) for seed in range(3)}
     assert len(errors) == 12
-
-
-def test_what_ends_every_process_is_a_record_and_a_tree_that_does_an_error_of_its_runs():
-    job = jobs(1)[0]
-    assert sweep.given_up(Errand(job=job), "it died")["error"] == "it died"
-    lost = sweep.given_up(Survey(job=job), "it died")
-    assert (lost.place, lost.planned.error) == (job.place, "it died")
 
 
 class Terminal(io.StringIO):
@@ -161,16 +144,3 @@ def test_a_terminal_sees_runs_done_goals_and_trees_and_a_pipe_nothing(terminal, 
     told = stream.getvalue()
     assert not terminal or all(part in told for part in ("trees 1/2", "5/8", "goal 75%", "runs"))
     assert terminal or told == ""
-
-
-def test_the_clock_of_a_sweep_goes_on_while_one_run_takes_long(monkeypatch):
-    stream = Terminal()
-    monkeypatch.setattr("sys.stderr", stream)
-    monkeypatch.setattr(sweep, "SECOND", 0.01)
-    with Progress(3, [], 1):
-        before = len(stream.getvalue())
-        deadline = time.monotonic() + 30.0
-        while len(stream.getvalue()) == before and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert "trees 0/1" in stream.getvalue()[:before]
-        assert len(stream.getvalue()) > before

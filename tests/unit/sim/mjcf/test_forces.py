@@ -9,13 +9,9 @@ import pytest
 from mjcf_samples import ROBOT, refusal, robot_mjcf
 
 from pirrht.errors import OptionError
-from pirrht.jit.jit import jitable
-from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import load, models_folder
 from sim.scenario import prepare
-from sim.systems import System, registry
 
 HOVER = (models_folder() / "robots" / "hover.xml").read_text()
 MOTORS = '<motor name="x" joint="x"/>\n    <motor name="y" joint="y"/>'
@@ -100,33 +96,11 @@ def test_forces_are_not_tuned_to_the_physics_step(tmp_path):
     np.testing.assert_array_equal(load(scene, robot="hover").model.actuator_gainprm[:, 0], 1.0)
 
 
-@jitable
-def _surging(x, p, out):  # type: ignore[no-untyped-def]
-    out[:] = 0.0
-    out[0] = x[2]
-
-
-class Surge(Dynamics):
-    """A mass that is told by a speed of its own."""
-
-    n, m, states, parameters = 4, 2, ("x", "y", "surge", "sway"), np.zeros(0)
-    drift = staticmethod(_surging)
-    control_block, diffusion_block = np.eye(2), 0.1 * np.eye(2)
-
-    def twist(self, x, rate):
-        return rate
-
-
-def test_a_state_that_the_robot_has_not_is_refused_by_name_and_driven_by_the_equation(monkeypatch):
-    monkeypatch.setattr(registry, "_known", dict(registry._known))
-    system = System(
-        name="surge", dynamics=lambda s: Surge(), steering=lambda p: MassSteering(), R=2.0 * np.eye(2),
-        states=("x", "y", "surge", "sway"),
-    )  # fmt: skip
-    message = refused("slit", robot="hover", system=system)
-    assert "this robot has no surge, which is a state of surge" in message
-    assert "x, y, heading, vx, vy: drive it with --plant sde" in message
-    assert len(prepare("slit", robot="hover", system=system, given={"plant": "sde"}).plant().state) == 4
+def test_a_state_that_the_robot_has_not_is_refused_by_name_and_driven_by_the_equation():
+    message = refused("slit", robot="diffdrive", system="second_order_car")
+    assert "this robot has no speed, which is a state of car" in message
+    assert "x, y, heading: drive it with --plant sde" in message
+    assert len(prepare("slit", robot="diffdrive", system="second_order_car", given={"plant": "sde"}).plant().state) == 4
 
 
 def test_a_robot_of_ones_own_is_driven_by_motors_in_twenty_lines(tmp_path):
@@ -137,9 +111,3 @@ def test_a_robot_of_ones_own_is_driven_by_motors_in_twenty_lines(tmp_path):
     scenario = prepare("slit", robot=robot(tmp_path, text=text))
     assert isinstance(scenario.problem.dynamics, DoubleIntegrator)
     np.testing.assert_array_equal(scenario.plant().state, [1.0, 2.5, 0.0, 0.0])
-
-
-def test_scenes_for_other_robots_leave_a_hover_its_noise_and_pace():
-    s = prepare("clutter", robot="hover").settings
-    assert (s.noise, s.period, s.samples, s.vertices) == (0.1, 0.05, 300, 2000)
-    assert s.limit == 0.8  # a scene's windings are its own

@@ -54,7 +54,7 @@ def test_files_that_are_too_large_or_include_themselves_are_refused(write, tmp_p
 COUNTS = {
     "texture": ('<asset><texture name="t" type="2d" builtin="flat" width="40000" height="40000"/></asset>', ""),
     "hfield": ('<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/></asset>', ""),
-    "user": ('<sensor><user dim="1000000000"/></sensor>', ""),
+    'dim="1000000000"': ('<sensor><user dim="1000000000"/></sensor>', ""),
     'count="1000000"': ("", '<replicate count="1000000" offset="1 0 0"><geom size="0.1"/></replicate>'),
     'count="1000 1000 2"': ("", '<body><flexcomp name="f" type="grid" count="1000 1000 2" dim="3"/></body>'),
 }

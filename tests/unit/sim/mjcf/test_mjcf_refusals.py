@@ -32,7 +32,7 @@ BAD_SCENES: list[tuple[str | bytes, str]] = [
     (mjcf(SITES.replace("5 5 1", '5 5 1" euler="0 0 20')), 'site "workspace"'),
     (mjcf(SITES + PLANE.format('euler="90 0 0"')), 'geom "side"'),
     (mjcf(SITES + PLANE.format('pos="0 0 1" euler="180 0 0"')), "side"),
-    (mjcf(SITES + PLANE.format('pos="0 0 0.1"')), 'geom "side" is a floor at height 0.1'),
+    (mjcf(SITES + PLANE.format('pos="0 0 0.1"')), 'geom "side"'),
     (mjcf(SITES + '<geom name="hill" type="hfield" hfield="hills"/>', head=FIELD), 'geom "hill"'),
     (mjcf(SITES + '<geom type="hfield" hfield="hills"/>', head=FIELD), "geom number 0"),
     (mjcf(SITES + JOINT), 'body "swing" moves by joint "hinge"'),

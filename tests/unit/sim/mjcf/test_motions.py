@@ -105,9 +105,9 @@ REFUSED = [  # world, custom, words of the message
         ('body "b"', "has a joint;", 'mocap="true"'),
     ),
     (DISC, '<numeric name="pirrht_motion_b" size="8"/>', (CUSTOM, "8 numbers that are all 0")),
-    (HANGING, rows("b", GOING), ('body "b"', 'joint "arm"', "remove")),
+    (HANGING, rows("b", GOING), ('body "b"', 'joint "arm"', "without joints")),
     (DISC, rows("c", GOING), ('"pirrht_motion_c"', 'body "c"', 'move are "b"', 'mocap="true"')),
-    (FIXED, rows("c", GOING), ('body "c"', "none")),
+    (FIXED, rows("c", GOING), ('body "c"', "move are none")),
     (FIXED, rows("b", GOING), (CUSTOM, "no mocap body", 'mocap="true"')),
     (INNER, rows("b", GOING), (CUSTOM, "no mocap body")),
     (
@@ -119,7 +119,7 @@ REFUSED = [  # world, custom, words of the message
     (
         DISC,
         rows("b", "0 2 0 0 1 3 0 0") + '<text name="pirrht_motion_d" data="repeat"/>',
-        ('text "pirrht_motion_d"', f"the motions here are {CUSTOM}"),
+        ('text "pirrht_motion_d"', f"motions here, which are {CUSTOM}"),
     ),
     (DISC, rows("b", "0 2 0 0", repeat=True), (CUSTOM, "two or more")),
     (GHOST, rows("b", GOING), ('body "b"', "contype", "remove")),

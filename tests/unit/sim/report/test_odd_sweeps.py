@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from report_samples import ASKED, record, stored
+from report_samples import record, stored
 
 from sim.cli import main
 from sim.report import wording
@@ -26,17 +26,6 @@ def test_a_sweep_of_errors_alone_tells_how_many_there_were_of_each(tmp_path, cap
         assert "<img" not in shown
 
 
-def test_a_scene_of_errors_alone_takes_no_picture_from_another(tmp_path):
-    pytest.importorskip("matplotlib")
-    from sim.report.plots import pictures
-
-    asked = {"methods": ["pi-rrht"], "noise": {"a": [0.1], "b": [0.1]}, "seeds": [0, 3]}
-    records = [record("pi-rrht", seed, scene="a") for seed in range(3)]
-    records += [record("pi-rrht", seed, None, scene="b", error="no way") for seed in range(3)]
-    drawn = [picture.text.split()[0] for picture in pictures(report(stored(tmp_path / "two", records, asked)))]
-    assert drawn == ["Success", "Cost", "Homology", "Step"]
-
-
 @pytest.mark.parametrize(("seeds", "hopeless"), [(5, True), (6, True), (7, False)])
 def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, tmp_path):
     """Two questions: twice McNemar's 2 / 2^n falls below 0.05 from n = 7 on."""
@@ -46,31 +35,6 @@ def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, t
     told = " ".join(wording.findings(known))
     assert "None of 2 comparisons" in told
     assert ("It takes at least 7 pairs" in told) == hopeless
-
-
-def test_no_runs_are_not_missing_methods(tmp_path):
-    empty = report(stored(tmp_path / "sweep", []))
-    assert wording.findings(empty) == ["No comparison: there are no runs."]
-
-
-def test_one_is_singular(tmp_path):
-    asked = {**ASKED, "methods": ["pi-rrht"], "seeds": [0, 1]}
-    failed = report(stored(tmp_path / "sweep", [record("pi-rrht", 0, None, error="no way")], asked))
-    assert wording.lead(failed)[:2] == [
-        "1 of 1 run asked for is there.",
-        "1 run ended with an error and counts in no figure:",
-    ]
-
-
-def test_a_file_in_place_of_a_folder_is_called_a_file(dataset, tmp_path, capsys):
-    file = tmp_path / "letter.txt"
-    file.write_text("dear")
-    for words in ([str(file)], [str(dataset.folder), "-o", str(file)]):
-        assert main(["report", *words]) == 2
-        told = capsys.readouterr().err
-        assert told.count("\n") == 1
-        assert "letter.txt is a file; give" in told
-    assert file.read_text() == "dear"
 
 
 def test_an_unfinished_sweep_is_reported_as_such(tmp_path, capsys):
@@ -120,19 +84,3 @@ def test_rows_that_no_sweep_wrote_are_refused_by_run_and_column(changes, what, t
     told = capsys.readouterr().err
     assert told.count("\n") == 1
     assert what in told
-
-
-def test_step_times_that_were_not_taken_are_left_out(tmp_path):
-    records = [record("pi-rrht", seed) for seed in range(3)]
-    records[0]["step_ms"] = {"median": None, "p95": float("nan"), "max": None}
-    point = report(stored(tmp_path / "sweep", records)).points[0]
-    assert (point.step_ms.value, point.step_p95_ms.value, point.runs) == (2.0, 3.0, 3)
-
-
-@pytest.mark.parametrize(("words", "culprit"), [("nowhere", "no sweep"), (".", "no sweep"), ("", "DIR")])
-def test_a_folder_without_a_sweep_costs_one_line(words, culprit, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main(["report", *words.split()]) == 2
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1
-    assert culprit in told

@@ -10,7 +10,6 @@ import pytest
 from report_samples import SETTINGS, record, stored
 
 from sim.cli import main
-from sim.report import wording
 from sim.report.summary import ALL, report
 
 
@@ -122,59 +121,3 @@ def test_without_matplotlib_the_report_has_no_pictures_and_says_so(dataset, caps
     assert told.count("\n") == 1
     assert "matplotlib" in told
     assert "<img" not in (dataset.folder / "report.html").read_text()
-
-
-def test_step_times_stand_at_an_axis_of_plain_numbers():
-    pyplot = pytest.importorskip("matplotlib.pyplot")
-    from sim.report.plots import _logarithmic
-
-    for values in ([2.1, 2.3], [0.5, 300.0]):
-        figure, axes = pyplot.subplots()
-        axes.plot(values)
-        _logarithmic(axes)
-        figure.canvas.draw()
-        low, high = axes.get_ylim()
-        shown = [tick.label1.get_text() for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
-        assert len(shown) > 1
-        assert all(re.fullmatch(r"[0-9.]+", text) for text in shown)
-        pyplot.close(figure)
-
-
-def test_columns_have_names_of_their_own_and_a_ratio_to_the_optimum_only_if_there_is_one(dataset, tmp_path):
-    known = wording.tables(report(dataset))
-    for table in known:
-        assert len(set(table.header)) == len(table.header)
-        assert all(len(row) == len(table.header) for row in table.rows)
-    assert {"p goals", "p cost"} <= set(known[3].header)
-    assert "cost over optimal" in known[1].header
-    alone = report(stored(tmp_path / "alone", [record("pi-rrht", 0)]))
-    assert "optimal" not in wording.markdown(alone).replace("passive", "")
-    assert all(len(row) == len(table.header) for table in wording.tables(alone) for row in table.rows)
-
-
-def test_the_folder_of_a_report_is_made_with_its_parents(dataset, tmp_path):
-    assert main(["report", str(dataset.folder), "-o", str(tmp_path / "a" / "b")]) == 0
-    assert (tmp_path / "a" / "b" / "report.md").exists()
-
-
-def test_who_watches_is_passed_every_interval_comparison_and_picture(dataset):
-    pytest.importorskip("matplotlib")
-    from sim.report.plots import pictures
-
-    told: list[tuple[str, int]] = []
-
-    def watch(what, items):
-        told.append((what, len(items)))
-        return items
-
-    pictures(report(dataset, watch), watch)
-    assert told == [("intervals", 3), ("comparisons", 3), ("pictures", 5)]
-
-
-def test_a_question_without_pairs_does_not_weigh_on_the_others(tmp_path):
-    """No passive run arrives, so that its cost cannot be compared; one question is left, and p stays what it is."""
-    records = [record("pi-rrht", seed) for seed in range(8)]
-    records += [record("passive", seed, "collision") for seed in range(8)]
-    known = report(stored(tmp_path / "sweep", records))
-    assert known.questions == 1
-    assert known.comparisons[0].success_adjusted == known.comparisons[0].success_p == 2 * 0.5**8

@@ -51,13 +51,6 @@ def test_a_folder_of_something_else_and_a_file_are_refused(tmp_path):
         Dataset(tmp_path / "letter.txt").check({}, {})
 
 
-@pytest.mark.parametrize("content", ["", "{", "[]", '{"format": 99}', "[" * 100_000, "\udcff", '{"format": 1}'])
-def test_a_damaged_manifest_costs_one_line(dataset, content):
-    (dataset.folder / "manifest.json").write_text(content, errors="surrogateescape")
-    with pytest.raises(OptionError, match=r"manifest\.json"):
-        Dataset(dataset.folder).check(SETTINGS, SCENES)
-
-
 ODD = [
     *({name: None} for name in ("version", "libraries", "settings", "scenes", "asked")),
     {"settings": []},
@@ -85,13 +78,6 @@ def test_an_odd_manifest_costs_one_line_and_status_2(dataset, capsys, change, co
     assert error.count("\n") == 1
     assert "manifest.json is damaged: " in error
     assert next(iter(change)) in error
-
-
-def test_rows_without_a_key_are_a_damaged_file(dataset, capsys):
-    dataset.add({**record(0), "method": None})
-    dataset.flush()
-    assert main(["report", str(dataset.folder)]) == 2
-    assert "part-000000.parquet cannot be read (it has rows without method)" in capsys.readouterr().err
 
 
 def test_a_damaged_file_of_rows_is_named_with_the_remedy(dataset):
@@ -157,28 +143,3 @@ def test_a_disk_that_stays_full_ends_the_sweep_and_says_how_many_runs_wait(datas
     with pytest.raises(Unwritable, match="No space left on device; 1 finished runs could not be written"):
         wait_for_ever()
     assert clock.time <= 1000.0 + module.PATIENCE + 2 * module.CHUNK_SECONDS + 2.0
-
-
-@pytest.mark.root
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root mounts file systems")
-def test_a_file_system_that_is_full_keeps_its_whole_files(tmp_path, clock):
-    small = tmp_path / "small"
-    small.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(small)]
-    if subprocess.run(mount, capture_output=True).returncode != 0:
-        pytest.skip("mounting is not allowed here")
-    try:
-        dataset = Dataset(small / "sweep", clock)
-        dataset.begin(SETTINGS, SCENES, ASKED)
-        dataset.add(record(0))
-        dataset.flush()
-        (small / "ballast").write_bytes(b"x" * (os.statvfs(small).f_bavail * 4096 - 4096))
-        dataset.add(record(1))
-        with pytest.raises(Unwritable, match="No space left"):
-            dataset.flush()
-        assert dataset.records() == [record(0)]
-        (small / "ballast").unlink()
-        dataset.flush()
-        assert dataset.records() == [record(0), record(1)]
-    finally:
-        subprocess.run(["umount", "--lazy", str(small)], check=True)  # a helper may still be at its end there

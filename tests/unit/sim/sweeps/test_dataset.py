@@ -2,21 +2,12 @@
 
 from __future__ import annotations
 
-import errno
-import json
-import os
-import subprocess
-import sys
-
-import pytest
-from repository import environment
 from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
-from pirrht.errors import OptionError
 from sim.sweeps import dataset as module
 from sim.sweeps.dataset import Dataset
-from sim.sweeps.manifests import wished, wishes
-from sim.sweeps.parts import COLUMNS, KEY, RESULTS, key_of, record_of, row_of
+from sim.sweeps.manifests import wished
+from sim.sweeps.parts import COLUMNS, key_of, record_of, row_of
 
 
 def test_a_record_comes_back_as_it_was():
@@ -89,30 +80,6 @@ def test_files_of_others_are_never_overwritten(dataset, clock):
     assert [r["seed"] for r in dataset.records()] == [1, 2, 10, 11, 12, 30]
 
 
-def test_processes_that_write_at_once_lose_nothing(dataset):
-    script = "import sys\nfrom pathlib import Path\nfrom sim.sweeps.dataset import Dataset\n"
-    script += f"d, known = Dataset(Path({str(dataset.folder)!r})), {record(0)!r}\n"
-    script += "for seed in range(int(sys.argv[1]), int(sys.argv[1]) + 20):\n"
-    script += "    d.add({**known, 'seed': seed})\n    d.flush()\n"
-    command = [sys.executable, "-c", script]
-    writers = [subprocess.Popen([*command, str(first)], env=environment()) for first in (0, 100)]
-    assert [writer.wait() for writer in writers] == [0, 0]
-    assert sorted(r["seed"] for r in dataset.records()) == [*range(20), *range(100, 120)]
-    assert len(dataset.files()) == 40
-
-
-def test_without_hard_links_and_locks_files_are_still_not_overwritten(dataset, monkeypatch):
-    def refused(*_: object) -> None:
-        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
-
-    monkeypatch.setattr(os, "link", refused)
-    for seed in range(2):
-        later = Dataset(dataset.folder)
-        later.add(record(seed))
-        later.flush()
-    assert [r["seed"] for r in dataset.records()] == [0, 1]
-
-
 def test_runs_are_replaced_by_what_was_added(dataset):
     for seed in range(4):
         dataset.add(record(seed))
@@ -122,16 +89,6 @@ def test_runs_are_replaced_by_what_was_added(dataset):
         dataset.add(record(seed, cost=99.0))
     dataset.replace({key_of(record(seed)) for seed in (1, 2)})
     assert {r["seed"]: r["cost"] for r in dataset.records()} == {0: 8.0, 1: 99.0, 2: 99.0, 3: 11.0}
-
-
-def test_another_may_ask_while_a_sweep_is_under_way(dataset):
-    (dataset.folder / ".trees-x").mkdir()
-    (dataset.runs / ".part-1").write_bytes(b"PAR1 half")
-    Dataset(dataset.folder).ask(SETTINGS, SCENES, wishes("mine", "slit", 0.1, [3, 4, 7]))
-    assert (dataset.folder / ".trees-x").exists()
-    assert (dataset.runs / ".part-1").exists()
-    assert wished(dataset.manifest()["asked"]) == 9 + 3
-    assert [wish["seeds"] for wish in dataset.manifest()["asked"][1:]] == [[3, 5], [7, 8]]
 
 
 def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
@@ -153,52 +110,3 @@ def test_runs_that_ended_with_an_error_can_be_forgotten(dataset):
     dataset.forget_errors()
     assert dataset.records() == [record(0), record(3)]
     assert len(dataset.files()) == 2
-
-
-def test_the_key_is_part_of_the_results_and_timings_are_not():
-    assert set(KEY) < set(RESULTS)
-    assert key_of(record(4))[4] == 4
-    assert not [name for name in RESULTS if "second" in name or "_ms" in name]
-    json.dumps(record(4))
-
-
-@pytest.mark.parametrize("which", [".lock", "runs/part-000000.parquet", "manifest.json"])
-def test_a_pipe_in_the_folder_is_refused_by_name(dataset, which):
-    file = dataset.folder / which
-    file.unlink(missing_ok=True)
-    os.mkfifo(file)
-
-    def touch() -> None:
-        with dataset.locked():
-            dataset.manifest()
-            dataset.records()
-
-    with pytest.raises(OptionError, match=f"{file.name}.*is a pipe"):
-        touch()
-
-
-def test_runs_that_are_a_pipe_are_refused(dataset):
-    dataset.runs.rmdir()
-    os.mkfifo(dataset.runs)
-    assert dataset.records() == []
-    with pytest.raises(OptionError, match="--output"):
-        dataset.begin(SETTINGS, SCENES, ASKED)
-
-
-def test_a_name_that_is_none_is_refused(tmp_path):
-    with pytest.raises(OptionError, match=r"--output .*\\ud800"):
-        Dataset(tmp_path / "\ud800").check(SETTINGS, SCENES)
-
-
-def test_many_runs_are_counted_without_a_list_of_them():
-    wish = {"methods": ["single", "mppi"], "noise": {"slit": [0.1], "u_trap": [0.1, 0.2]}}
-    seeds = [[0, 10_000_000], [5_000_000, 12_000_000], [20_000_000, 20_000_001], [3, 3]]
-    assert wished([{**wish, "seeds": stretch} for stretch in seeds]) == 6 * 12_000_001
-
-
-def test_a_manifest_of_too_many_combinations_is_damaged(dataset):
-    many = {"methods": ["single"] * 2000, "noise": {"slit": [0.1] * 2000}, "seeds": [0, 1]}
-    file = dataset.folder / "manifest.json"
-    file.write_text(json.dumps({**dataset.manifest(), "asked": [many]}))
-    with pytest.raises(OptionError, match="4000000 ways"):
-        dataset.manifest()

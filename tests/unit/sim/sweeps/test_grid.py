@@ -9,21 +9,9 @@ from hypothesis import strategies as st
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.settings import SEED
-from sim.sweeps.grid import MOST_RUNS, Grid, noises_of, parse, seeds_of
+from sim.sweeps.grid import MOST_RUNS, Grid, parse, seeds_of
 
 levels = st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=6, unique=True)
-
-
-@given(start=st.integers(0, SEED - 1), more=st.integers(1, 10**9))
-def test_a_range_of_seeds_is_read_back_from_its_text(start, more):
-    stop = min(start + more, SEED + 1)
-    assert seeds_of(f"{start}:{stop}") == range(start, stop)
-    assert seeds_of(str(start)) == range(start, start + 1)
-
-
-@given(levels)
-def test_noise_levels_are_read_back_from_their_text(noises):
-    assert list(noises_of(",".join(map(repr, noises)))) == noises
 
 
 @given(st.text(max_size=12) | st.from_regex(r"[-0-9:_e.,]{1,8}", fullmatch=True))
