@@ -22,7 +22,6 @@ from sim.drawing.colors import Color
 Floats = NDArray[np.float32]
 Indices = NDArray[np.int64]
 DEAD = "dead"
-FINE = 0.02  # distance of points on arcs that are then thinned out [m]
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 
 
@@ -31,34 +30,6 @@ def at_most(points: Array, count: int) -> Array:
     if len(points) <= count:
         return points
     return points[np.rint(np.linspace(0, len(points) - 1, count)).astype(np.int64)]
-
-
-def rounded(points: Array, most: int, turn: float = np.deg2rad(12.0)) -> Array:
-    """A polyline (k, 2) thinned out where it turns by little: its corners stay corners, and its loops round.
-
-    Args:
-        most: so many points at most, if need be by coarser turns.
-        turn: left out between two points [rad].
-    """
-    if len(points) <= 3:
-        return points
-    steps = np.diff(points, axis=0)
-    heading = np.arctan2(steps[:, 1], steps[:, 0])
-    bend = np.abs((np.diff(heading) + np.pi) % (2.0 * np.pi) - np.pi)
-    turned = np.concatenate([[0.0], np.cumsum(bend)])
-    while True:
-        new = np.floor(turned[1:] / turn) > np.floor(turned[:-1] / turn)
-        keep = np.concatenate([[True], new, [True]])
-        if keep.sum() <= most:
-            kept: Array = points[keep]
-            return kept
-        turn *= 1.3
-
-
-def fine(reference: Reference) -> Array:
-    """The path of a reference as a polyline (k, 2) [m] whose loops are round."""
-    lines = reference.path.points(FINE)
-    return np.vstack([lines[0], *(line[1:] for line in lines[1:])])
 
 
 def timed(reference: Reference, now: float) -> Array:

@@ -1,7 +1,4 @@
-"""A drive as a film: MuJoCo's scene with references, driven path and what is foreseen of bodies that move drawn in.
-
-It runs at the pace of the drive.
-"""
+"""A run as a film: MuJoCo's scene with references, samples, driven path and predicted moving obstacles drawn in."""
 
 from __future__ import annotations
 
@@ -36,48 +33,42 @@ FRESH = 0.1  # after which other samples are drawn [s]
 SAMPLED = 800  # points of samples in a picture
 FEWEST, ROWS = 0.005, 6  # share of psi from which a class is in the list, and classes in it at most
 INK: Color = (240, 240, 236)
-GROUND: Color = (206, 209, 207)  # into which what is foreseen fades
+GROUND: Color = (206, 209, 207)  # into which predicted outlines fade
 FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
 
 
 class Film:
-    """Collects the frames of a drive and draws them afterwards.
+    """Collects the frames of a run and draws them afterwards.
 
     Args:
         video: the film's file, .mp4.
         still: the file of its last picture, .png.
-        size: of pictures that nobody writes to a file but `shots`, width and height.
+        size: of pictures that `shots` returns, width and height.
 
     Raises:
         OptionError: files that cannot be made, for want of a library, of graphics or of the right ending.
     """
 
     def __init__(
-        self,
-        loaded: Loaded,
-        *,
-        video: Path | None = None,
-        still: Path | None = None,
+        self, loaded: Loaded, *, video: Path | None = None, still: Path | None = None,
         size: tuple[int, int] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
         if video is not None:
             _check(video, "--video", ".mp4", "av")
         if still is not None:
             _check(still, "--png", ".png", "PIL")
-        option = "--png" if video is None else "--video"
-        self._eye = Offscreen(loaded.model, width=wide, height=high, option=option)
-        extent, lower = loaded.scene.upper - loaded.scene.lower, loaded.scene.lower
+        self._eye = Offscreen(loaded.model, width=wide, height=high, option="--png" if video is None else "--video")
+        self._scene = scene = loaded.scene
+        extent = scene.upper - scene.lower
         across = max(float(extent[1]), float(extent[0]) * high / wide)
-        center = np.array([*(lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more room
+        center = np.array([*(scene.lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more of the picture
         self._thick = max(1.0, across / 6.0)  # of lines
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
-        self._scene = loaded.scene
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
         self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
-        movers = self._scene.movers
-        self._movers, self._mocap = movers, Mocap(loaded.model, movers) if movers else None
+        self._mocap = Mocap(loaded.model, scene.movers) if scene.movers else None
         self._states: list[Array] = []
         self._times: list[Array] = []
         self._plans: list[tuple[float, Plan]] = []
@@ -89,16 +80,19 @@ class Film:
         Args:
             path_integral: that drew the samples of its plan; without it none are shown.
         """
-        states = frame.advance.states
+        plan, states = frame.plan, frame.advance.states
         if not self._plans:
-            self._states.append(frame.plan.state[None])
+            self._states.append(plan.state[None])
             self._times.append(np.zeros(1))
         self._states.append(states)
         self._times.append(frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states)))
-        self._plans.append((frame.time, frame.plan))
+        self._plans.append((frame.time, plan))
         if not self._fans or frame.time >= self._fans[-1][0] + FRESH - 1e-9:
-            self._fans.append((frame.time, _samples(frame.plan, path_integral)))
-        self._colors.meet(frame.plan.ids)
+            found = {}
+            if path_integral is not None and plan.estimate is not None:
+                found = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
+            self._fans.append((frame.time, found))
+        self._colors.meet(plan.ids)
 
     @property
     def length(self) -> int:
@@ -106,11 +100,11 @@ class Film:
         return 1 + int(self._times[-1][-1] * RATE) + round(HOLD * RATE)
 
     def shots(self, times: Sequence[float]) -> list[Picture]:
-        """Pictures (height, width, 3) at times of the drive [s], the last one for any later time."""
+        """Pictures (height, width, 3) at times of the run [s], the last one for any later time."""
         return [self._picture(time) for time in times]
 
     def save(self, progress: Callable[[int], None]) -> None:
-        """Draw everything and write the files; `progress` is told each picture drawn.
+        """Draw everything and write the files; `progress` is called for each picture.
 
         Raises:
             OptionError: a file cannot be written.
@@ -141,62 +135,41 @@ class Film:
 
     def _picture(self, time: float) -> Picture:
         states, times = np.concatenate(self._states), np.concatenate(self._times)
-        now = int(np.searchsorted(times, time + 1e-9, side="right")) - 1
-        nu = self._model.nu
-        self._stance.place(self._data, states[now], np.zeros(2), np.zeros(nu))
+        row = int(np.searchsorted(times, time + 1e-9, side="right")) - 1
+        now, eye, scene = float(times[row]), self._eye, self._scene
+        self._stance.place(self._data, states[row], np.zeros(2), np.zeros(self._model.nu))
         if self._mocap is not None:
-            self._mocap.place(self._data, float(times[now]))
+            self._mocap.place(self._data, now)
         mujoco.mj_forward(self._model, self._data)
-        self._eye.pose(self._data)
-        self._eye.ground(self._scene.lower, self._scene.upper)
-        begun = [began for began, _ in self._plans]
-        plan = self._plans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1]
-        self._references(plan)
-        self._threads(time)
-        self._eye.note(self._shares(plan, float(times[now])))
-        self._bodies(plan, float(times[now]))
-        self._eye.line(_raised(at_most(states[: now + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
-        return self._eye.draw()
-
-    def _references(self, plan: Plan) -> None:
+        eye.pose(self._data)
+        eye.ground(scene.lower, scene.upper)
+        plan = _latest(self._plans, time)
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
             points = at_most(reference.trajectory.points, REFERENCE_POINTS)
-            self._eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
-
-    def _threads(self, time: float) -> None:
-        """Draw the samples of the plan at a time [s], the heavier the stronger; grey ones do not arrive."""
-        begun = [began for began, _ in self._fans]
-        for name, fan in self._fans[int(np.searchsorted(begun, time + 1e-9, side="right")) - 1][1].items():
+            eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
+        for name, fan in _latest(self._fans, time).items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
             rgba = np.column_stack([np.tile(np.array(color) / 255.0, (len(opacity), 1)), opacity])
-            self._eye.thin(fan.strips, rgba.astype(np.float32))
-
-    def _shares(self, plan: Plan, time: float) -> list[tuple[str, Color]]:
-        """Return the time, and the classes with their shares of the weight, heaviest first."""
-        weights = plan.estimate.class_weights if plan.estimate else {}
-        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda name: -weights[name])[:ROWS]
+            eye.thin(fan.strips, rgba.astype(np.float32))
+        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
-        return [(f"{time:.1f} s", INK), *rows]
-
-    def _bodies(self, plan: Plan, time: float) -> None:
-        """Draw names of few moving obstacles, and outlines of where the plan predicts them to be soon."""
-        for mover in self._movers if len(self._movers) <= NAMED else ():
+        eye.note([(f"{now:.1f} s", INK), *rows])
+        for mover in scene.movers if len(scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
-            self._eye.label(np.array([*mover.motion.pose(time)[:2], top]), mover.name.replace("_", " "))
-        if time < self._times[-1][-1]:
-            for one in foreseen(plan.movers, plan.time):
-                if one.after > 0.0:
-                    shade = mix(GROUND, FORESEEN, one.strength)
-                    self._eye.line(_raised(one.ring, 0.01), shade, 0.008 * self._thick)
+            eye.label(np.array([*mover.motion.pose(now)[:2], top]), mover.name.replace("_", " "))
+        for one in foreseen(plan.movers, plan.time) if now < self._times[-1][-1] else ():
+            if one.after > 0.0:
+                eye.line(_raised(one.ring, 0.01), mix(GROUND, FORESEEN, one.strength), 0.008 * self._thick)
+        eye.line(_raised(at_most(states[: row + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
+        return eye.draw()
 
 
-def _samples(plan: Plan, path_integral: PathIntegral | None) -> dict[str, Fan]:
-    if path_integral is None or plan.estimate is None:
-        return {}
-    return fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
+def _latest(rows: Sequence[tuple[float, Any]], time: float) -> Any:
+    """Return what belongs to the last row that has begun at a time [s]."""
+    return rows[int(np.searchsorted([begun for begun, _ in rows], time + 1e-9, side="right")) - 1][1]
 
 
 def _raised(points: Array, z: float) -> Array:

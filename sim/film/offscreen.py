@@ -21,7 +21,7 @@ from sim.mjcf.dressed import FLOOR, dress, has_floor, has_sky
 Picture = NDArray[np.uint8]  # (height, width, 3)
 
 BACKENDS = ("egl", "osmesa")
-CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have heeded it when they were imported
+CHOSEN = os.environ.get("MUJOCO_GL")  # by the user; MuJoCo's bindings have read it when they were imported
 SKY: Color = (204, 216, 228)  # behind what has no sky
 MOST = 6000  # shapes in a picture
 DEEP, SUNK = 0.02, 0.002  # half of a floor's thickness, and how far below 0 it begins, so that marks are seen on it [m]
@@ -29,10 +29,11 @@ THIN = 1.5  # width of thin lines [px]
 INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts in a picture 720 pixels high [px]
 PANEL = (0.08, 0.09, 0.10, 0.85)  # behind them
 SLICES, STACKS = 28, 8  # corners of round shapes
+ORIGIN, AXES = np.zeros(3), np.eye(3).ravel()
 
 
 class Offscreen:
-    """Draws one model, with lines of capsules added to it.
+    """Draws one model, with lines and texts added to it.
 
     Raises:
         OptionError: there is no way to draw; names the option that asked for it.
@@ -66,49 +67,41 @@ class Offscreen:
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(self._model, data, self._options, None, self._camera, everything, self._scene)
 
+    def _add(self, kind: mujoco.mjtGeom, size: Array, center: Array, rgba: Any) -> Any:
+        """Return one more shape; None where there are enough."""
+        if self._scene.ngeom == MOST:
+            return None
+        shape = self._scene.geoms[self._scene.ngeom]
+        mujoco.mjv_initGeom(shape, kind, size, center, AXES, np.array(rgba, np.float32))
+        self._scene.ngeom += 1
+        return shape
+
     def ground(self, lower: Array, upper: Array) -> None:
         """Lay a floor between two corners (2,) [m] where the model has none."""
-        if self._floor or self._scene.ngeom == MOST:
-            return
-        shape, half = self._scene.geoms[self._scene.ngeom], (upper - lower) / 2
-        center, size = np.array([*(lower + half), -DEEP]), np.array([*half, DEEP - SUNK])
-        rgba = np.array(FLOOR, np.float32)
-        mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_BOX, size, center, np.eye(3).ravel(), rgba)
-        self._scene.ngeom += 1
+        if not self._floor:
+            half = (upper - lower) / 2
+            center = np.array([*(lower + half), -DEEP])
+            self._add(mujoco.mjtGeom.mjGEOM_BOX, np.array([*half, DEEP - SUNK]), center, FLOOR)
 
     def line(self, points: Array, color: Color, radius: float) -> None:
         """Add a polyline (k, 3)."""
-        rgba = np.array([*color, 255], np.float32) / 255
-        for a, b in zip(points[:-1], points[1:], strict=True):
-            if self._scene.ngeom == MOST:
-                return
-            shape = self._scene.geoms[self._scene.ngeom]
-            mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-            mujoco.mjv_connector(shape, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, a, b)
-            shape.emission = 0.2
-            self._scene.ngeom += 1
-
-    def label(self, place: Array, text: str) -> None:
-        """Add a text at a place (3,)."""
-        if self._scene.ngeom == MOST:
-            return
-        shape = self._scene.geoms[self._scene.ngeom]
-        ink = np.ones(4, np.float32)
-        mujoco.mjv_initGeom(shape, mujoco.mjtGeom.mjGEOM_LABEL, np.zeros(3), place, np.eye(3).ravel(), ink)
-        shape.label = text
-        self._scene.ngeom += 1
+        self._join(points, mujoco.mjtGeom.mjGEOM_CAPSULE, radius, np.array([*color, 255]) / 255, 0.2)
 
     def thin(self, strips: NDArray[np.float32], colors: NDArray[np.float32]) -> None:
         """Add thin polylines (s, k, 3) in colours (s, 4), from 0 to 1."""
-        for strip, rgba in zip(strips, colors, strict=True):
-            for a, b in zip(strip[:-1], strip[1:], strict=True):
-                if self._scene.ngeom == MOST:
-                    return
-                shape, kind = self._scene.geoms[self._scene.ngeom], mujoco.mjtGeom.mjGEOM_LINE
-                mujoco.mjv_initGeom(shape, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
-                mujoco.mjv_connector(shape, kind, THIN, a.astype(float), b.astype(float))
-                shape.emission = 0.6
-                self._scene.ngeom += 1
+        for strip, rgba in zip(strips.astype(float), colors, strict=True):
+            self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, rgba, 0.6)
+
+    def _join(self, points: Array, kind: mujoco.mjtGeom, width: float, rgba: Any, emission: float) -> None:
+        for a, b in zip(points[:-1], points[1:], strict=True):
+            if (shape := self._add(kind, ORIGIN, ORIGIN, rgba)) is not None:
+                mujoco.mjv_connector(shape, kind, width, a, b)
+                shape.emission = emission
+
+    def label(self, place: Array, text: str) -> None:
+        """Add a text at a place (3,)."""
+        if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, ORIGIN, place, np.ones(4))) is not None:
+            shape.label = text
 
     def note(self, rows: Sequence[tuple[str, Color]]) -> None:
         """Write rows of text into the upper left corner, each in its colour, until other ones are given."""
@@ -160,7 +153,7 @@ def _context(width: int, height: int, option: str) -> Any:
             context = module.GLContext(width, height)
             context.make_current()
             return context
-        except Exception as error:  # whatever a driver and its bindings come up with
+        except Exception as error:  # whatever a driver and its bindings raise
             reasons.append(f"{name or chosen}: {str(error).splitlines()[0][:80]}")
             if name:
                 _forget_bindings()
@@ -171,7 +164,7 @@ def _context(width: int, height: int, option: str) -> Any:
 
 
 def _forget_bindings() -> None:
-    """PyOpenGL serves one backend only, until it is imported anew."""
+    """Unload PyOpenGL, which serves one backend only."""
     for variable in ("MUJOCO_GL", "PYOPENGL_PLATFORM"):
         os.environ.pop(variable, None)
     for name in list(sys.modules):

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
@@ -61,7 +62,8 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
     body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
-    return hull((body @ obstacle.rotation.T + obstacle.position)[:, :2])
+    points = (body @ obstacle.rotation.T + obstacle.position)[:, :2]
+    return np.asarray(points[ConvexHull(points).vertices])
 
 
 def surface(kind: Kind, size: Array) -> Array:
@@ -79,23 +81,3 @@ def surface(kind: Kind, size: Array) -> Array:
         shift = np.array([0.0, 0.0, size[1]])
         return np.vstack([size[0] * ball + shift, size[0] * ball - shift])
     return np.asarray(ball * (size if kind is Kind.ELLIPSOID else size[0]))
-
-
-def hull(points: Array) -> Array:
-    """Return the corners (k, 2) of the convex hull of points (l, 2), counterclockwise (Andrew's monotone chain)."""
-    ordered = np.unique(points, axis=0).tolist()
-    return np.array(_half(ordered)[:-1] + _half(ordered[::-1])[:-1])
-
-
-def _half(points: list[list[float]]) -> list[list[float]]:
-    chain: list[list[float]] = []
-    for x, y in points:
-        while len(chain) > 1 and _left(chain[-2], chain[-1], x, y) <= 0.0:
-            chain.pop()
-        chain.append([x, y])
-    return chain
-
-
-def _left(a: list[float], b: list[float], x: float, y: float) -> float:
-    """Return a positive number where (x, y) lies to the left of the line from a to b."""
-    return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])

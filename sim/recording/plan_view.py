@@ -55,10 +55,9 @@ class Pictures:
         self._now = step, time
         subject, estimate = self._subject, plan.estimate
         self._words |= words_of(plan, subject.path_integral, subject.names)
-        fine = [strokes.fine(r) for r in plan.references]
-        lines = [strokes.rounded(line, REFERENCE_POINTS) for line in fine]
+        lines = [strokes.at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
         soon = foreseen(plan.movers, plan.time) if subject.moves else []
-        self._references(plan, fine, lines)
+        self._references(plan, lines)
         means = self._means(plan)
         fans: dict[str, strokes.Fan] = {}
         if estimate is not None and subject.look.samples != "none":
@@ -157,13 +156,13 @@ class Pictures:
         self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
         return [means[name] for name in names]
 
-    def _references(self, plan: Plan, fine: Sequence[Array], flat: Sequence[Array]) -> None:
+    def _references(self, plan: Plan, lines: Sequence[Array]) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}
         weight = np.array([weights.get(name, 0.0) for name in plan.ids])
         colors = [self._colors[name] for name in plan.ids]
         radii = (0.008 + 0.024 * np.sqrt(weight)).astype(np.float32)
-        self._strips("/world/references", [lift(line, 0.05) for line in flat], colors, radii)
-        pairs = zip(plan.references[:LIFTED], fine, strict=False)
+        self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
+        pairs = zip(plan.references[:LIFTED], lines, strict=False)
         chosen = [(r, strokes.even(line, LIFTED_POINTS)) for r, line in pairs]
         texts = [f"class {title(n)}: cost {r.cost:.2f}" for n, (r, _) in zip(plan.ids, chosen, strict=False)]
         homology, turn = self._subject.space.homology, self._subject.turn

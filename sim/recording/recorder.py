@@ -31,7 +31,7 @@ from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
 from sim.recording.static import TREE_EDGES
 from sim.recording.step_row import Row
-from sim.recording.stream import Stream, Target, ToFile, ToViewer
+from sim.recording.stream import Stream, ToFile, ToViewer
 from sim.recording.subject import Subject
 from sim.recording.writer import Writer
 from sim.systems import POSE
@@ -48,7 +48,7 @@ DEFAULT = Look()
 class Sink:
     """Takes rows in and writes them to a target, which is opened when the first one comes."""
 
-    def __init__(self, subject: Subject, target: Target) -> None:
+    def __init__(self, subject: Subject, target: ToFile | ToViewer) -> None:
         self.dropped = 0
         self._target = target
         self._stream = Stream(subject.application, subject.id, orderly=target.lossless)

@@ -1,8 +1,7 @@
-"""A control step as a recording sees it, and what happens: classes come, obstacles are passed closely."""
+"""A control step as a recording sees it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
 
@@ -11,14 +10,9 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
-from sim.drawing.colors import title
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
 from sim.recording.reasons import arriving
-
-CLOSE, APART = 0.5, 2.0  # a passage is close below this share of the robot's radius, and over above this multiple of it
-HEAVY = 0.01  # weight from which on a class is reported
-NAMED = 4  # classes named in one line at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,45 +75,3 @@ class Row:
             favourite=plan.favourite if estimate else None, plan_seconds=frame.plan_seconds, outcome=frame.outcome,
             plan=plan if drawn else None, news=news, growth=growth,
         )  # fmt: skip
-
-
-class EventDetector:
-    """Watches the steps of a run.
-
-    Args:
-        radius: of the robot [m].
-        nearest: names what is nearest to the robot at a step.
-        said: puts a class into words; empty where there are none yet.
-    """
-
-    def __init__(self, radius: float, nearest: Callable[[Row], str], said: Callable[[str], str]) -> None:
-        self._close, self._nearest, self._said = CLOSE * radius, nearest, said
-        self._seen: set[str] = set()  # classes that have weighed something
-        self._passage: Row | None = None  # the closest step of a passage that goes on
-        self._favourite: str | None = None
-
-    def add(self, row: Row) -> list[tuple[Row, str]]:
-        """Take a step in; what is to be reported, each at the step that it is about."""
-        found = []
-        new = [name for name in row.ids if row.weights.get(name, 0.0) >= HEAVY and name not in self._seen]
-        if new:
-            more = f"; and {len(new) - NAMED} more" if len(new) > NAMED else ""
-            listed = "; ".join(f"{title(n)} ({w})" if (w := self._said(n)) else title(n) for n in new[:NAMED])
-            start = "new" if self._seen else f"{len(row.ids)} classes, of weight"
-            found.append((row, f"{start}: {listed}{more}"))
-            self._seen |= set(new)
-        before, self._favourite = self._favourite, row.favourite or self._favourite
-        if before not in (None, self._favourite) and (words := self._said(self._favourite or "")):
-            found.append((row, f"now {words}"))
-        return [*found, *self._passages(row)]
-
-    def _passages(self, row: Row) -> list[tuple[Row, str]]:
-        if row.clearance < self._close and (self._passage is None or row.clearance < self._passage.clearance):
-            self._passage = row
-        closest = self._passage
-        if closest is None or (row.clearance <= APART * self._close and row.outcome is None):
-            return []
-        self._passage = None
-        if row.outcome is Outcome.COLLISION:
-            return []
-        return [(closest, f"passes {self._nearest(closest)} with {100 * max(0.0, closest.clearance):.1f} cm to spare")]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 from zlib import crc32
 
 import rerun as rr
@@ -93,29 +93,8 @@ def _native(application: str, recording_id: str) -> rr.RecordingStream:
     )
 
 
-class Target(Protocol):
-    """Destination of one stream, used by one thread: `ToFile` or `ToViewer`."""
-
-    lossless: bool  # whether it takes everything, in order, however long that takes
-
-    def open(self, stream: Stream) -> None:
-        """Lead the stream there."""
-
-    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
-        """Return once everything logged has left; `last` returns whether no more will come."""
-
-    def end(self, stream: Stream) -> None:
-        """Complete what was opened, and close the stream."""
-
-    def abandon(self, stream: Stream, error: Exception) -> bool:
-        """Clear up after an error; whether the stream can never be let go of."""
-
-    def failed(self, error: Exception) -> OptionError:
-        """Put an error into the user's words."""
-
-
 class ToFile:
-    """Everything, in the order in which it was logged; links are followed, a device is written straight to."""
+    """Target that takes everything, in order, however long that takes; a device is written straight to."""
 
     lossless = True
 
@@ -134,7 +113,10 @@ class ToFile:
         stream.native.save(file, default_blueprint=self._blueprint)
 
     def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
-        """Make sure that it is written, and that it is there under the file's name.
+        """Return once everything logged is written, and is there under the file's name.
+
+        Args:
+            last: returns whether no more will come.
 
         Raises:
             OSError: it cannot be written.
@@ -158,7 +140,7 @@ class ToFile:
                 self._old.unlink()
 
     def abandon(self, stream: Stream, error: Exception) -> bool:
-        """Put back what was there before."""
+        """Put back what was there before; whether the stream can never be let go of."""
         stuck = isinstance(error, OSError) and self._draft is not None
         if stuck:
             rr.unregister_shutdown()
@@ -208,7 +190,7 @@ def _set_aside(file: Path) -> Path:
 
 
 class ToViewer:
-    """As much as a viewer can take."""
+    """Target that takes as much as a viewer can."""
 
     lossless = False
 

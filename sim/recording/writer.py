@@ -20,7 +20,7 @@
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
 /tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
               that it has gained since the picture before, those of its first ones being static
-/log          what happened; `happenings` below it: new classes, close passages
+/log          what happened
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
 
@@ -47,7 +47,7 @@ from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
 from sim.recording.static import branches, mover_path, properties, stage
-from sim.recording.step_row import EventDetector, Row
+from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
@@ -82,7 +82,6 @@ class Writer:
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         self._robot, self._eye = RobotPoses(subject.loaded), Following(scene)
-        self._events = EventDetector(scene.robot_radius, self._nearest, self._pictures.said)
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
 
@@ -144,18 +143,12 @@ class Writer:
         self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
         for row in rows:
             if row.news is not None:
-                self._tell("/log", row, row.news)
+                for line in wrap(row.news, LINE):
+                    self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
-            for about, text in self._events.add(row):
-                self._tell("/log/happenings", about, text)
             for (_, path, _), ends in zip(self._subject.lifted, row.growth, strict=False):
                 self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, ends))
-
-    def _tell(self, path: str, row: Row, text: str) -> None:
-        """Log a text of a step in lines that the viewer shows whole."""
-        for line in wrap(text, LINE):
-            self.stream.log(path, row.step, row.time, rr.TextLog(line, level="INFO"))
 
     def _poses(self, rows: Sequence[Row]) -> None:
         """Log robot, control, eye and driven path."""
@@ -203,10 +196,6 @@ class Writer:
         """Return poses (movers, k, 7) at times (k,) [s]; quaternions have w last, which MuJoCo writes first."""
         places, turns = mocap.poses(np.array(times))
         return np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2).transpose(1, 0, 2)
-
-    def _nearest(self, row: Row) -> str:
-        movers = self._subject.space.scene.movers
-        return self._subject.surroundings.nearest(movers, row.state[None, :2], np.array([row.time]))[0]
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from drives import Drive, columns, record
+from drives import Drive, record
 from rerun.chunk import RrdReader
 
 from sim.mjcf import load
@@ -11,7 +11,6 @@ from sim.recording.camera import pixels_per_metre
 from sim.recording.layout import layout
 from sim.recording.options import Look
 from sim.recording.subject import Subject
-from sim.recording.writer import LINE
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +48,3 @@ def test_a_file_opens_at_its_first_plan_and_a_viewer_follows():
     )
     states = {live: layout(subject, live=live).time_panel.play_state for live in (False, True)}
     assert states == {False: "paused", True: "following"}
-
-
-def test_what_happened_is_said_in_lines_that_a_viewer_shows_whole(recorded):
-    lines = [line for cell in columns(recorded[0])["/log/happenings"]["TextLog:text"] for line in cell]
-    assert len(lines) > 1
-    assert max(map(len, lines)) <= LINE

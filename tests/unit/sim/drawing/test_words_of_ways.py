@@ -75,21 +75,6 @@ def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
         assert names[drive.space.homology.key(drive.space.homology.winding(line))] == name
 
 
-def test_loops_are_round_and_corners_stay():
-    angle = np.linspace(0.0, 2.0 * np.pi, 400)
-    loop = 0.3 * np.column_stack([np.cos(angle), np.sin(angle)])
-    corner = np.array([(0.3, -2.0), (0.3, 0.0)])
-    line = np.vstack([corner[:1], loop, [(5.0, 0.0)]])
-    drawn = strokes.rounded(line, 64)
-    assert len(drawn) <= 64
-    middles = 0.5 * (drawn[2:-2] + drawn[1:-3])
-    assert np.hypot(*middles.T).min() > 0.98 * 0.3  # an octagon has 0.92
-    assert {tuple(p) for p in ((0.3, -2.0), (5.0, 0.0))} <= {tuple(p) for p in drawn}
-    bent = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
-    np.testing.assert_array_equal(strokes.rounded(bent, 64), bent)
-    assert len(strokes.rounded(line, 12)) <= 12
-
-
 def test_methods_have_colours_that_no_early_class_has():
     classes = {nth_color(k) for k in range(EARLY)}
     assert len({method_color(k) for k in range(9)} - classes) == 9

@@ -1,9 +1,8 @@
-"""Why, in words: what classes cost and how many of their samples die and where, and what happens on the way."""
+"""Why, in words: what classes cost and how many of their samples die and where."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from drives import Drive
 
 from pirrht.outcome import Outcome
 from sim.recording.reasons import BORDER, Reason, Surroundings, arriving, fate, page, reasons, sentence, share, words_of
-from sim.recording.step_row import EventDetector
 from sim.recording.subject import called
 
 WALLS = ("upper wall", "lower wall")
@@ -138,44 +136,3 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     assert "Exact value 8.50" in page(known, [], 0.0)
     alone = replace(next(iter(found.values())), value=8.25, error=float("inf"))
     assert "8.25 by one sample" in page(plan, [alone], 0.0)
-
-
-def step(time, weights, clearance=1.0, outcome=None):
-    return SimpleNamespace(
-        step=round(100 * time),
-        time=time,
-        ids=tuple(weights),
-        weights=weights,
-        favourite=max(weights, key=weights.get, default=None),
-        clearance=clearance,
-        outcome=outcome,
-    )
-
-
-def told(rows):
-    watch = EventDetector(0.1, lambda row: "the lamp", lambda name: f"past {name}")
-    return [(row.time, text) for one in rows for row, text in watch.add(one)]
-
-
-def test_a_close_passage_is_told_of_once_at_its_closest_step():
-    room = [0.5, 0.08, 0.04, 0.02, 0.03, 0.06, 0.2, 0.045, 0.5]
-    rows = [step(0.1 * k, {"0": 1.0}, clearance) for k, clearance in enumerate(room)]
-    assert [(round(t, 1), text) for t, text in told(rows)][1:] == [
-        (0.3, "passes the lamp with 2.0 cm to spare"),
-        (0.7, "passes the lamp with 4.5 cm to spare"),
-    ]
-
-
-def test_a_switch_is_told_in_words_and_a_fallback_in_between_is_none():
-    rows = [
-        step(0.0, {"0": 0.7, "1": 0.3}),
-        step(0.1, {}),
-        step(0.2, {"0": 0.6, "1": 0.4}),
-        step(0.3, {"0": 0.4, "1": 0.6}),
-    ]
-    assert told(rows) == [(0.0, "2 classes, of weight: 0 (past 0); 1 (past 1)"), (0.3, "now past 1")]
-
-
-def test_what_is_hit_was_not_passed():
-    rows = [step(0.0, {"0": 1.0}, 0.03), step(0.1, {"0": 1.0}, 0.01, Outcome.COLLISION)]
-    assert not any("passes" in text for _, text in told(rows))
