@@ -1,8 +1,8 @@
 """Scenes and robots from MJCF files, joined and read by convention; there are no side files.
 
-docs/own-map.md and docs/own-robot.md say what such files declare: a scene the sites `goal`, `start` and `workspace`,
-geoms whose contact bits match the robot's, and custom elements `pirrht_...`; a robot the body `robot` with the geom
-`footprint`, actuators, and the custom elements `pirrht_dynamics` and `pirrht_command`.
+A scene has the sites `goal` (its first size is the radius), `start` (its x-axis is the heading) and `workspace` (a box,
+else the floor plane bounds the robot's centre). Custom elements `pirrht_...` are defaults of options, the robot that it
+is meant for, and what it is about (docs/own-map.md). Robot files: `sim.mjcf.robot`.
 
 The joined model takes timestep and looks from the scene; gravity, contact model, integrator, flags and medium
 (none) from the robot, whose servos are carried over to the timestep. The robot's elements get the prefix

@@ -1,4 +1,12 @@
-"""Robot files: what they must declare, and how a radius and a physics step are applied to them."""
+"""Robot files: what they must declare, and how a radius and a physics step are applied to them.
+
+Body `robot` is the root, at the origin. Slides along x and y [and a hinge about z] move it, whose positions are the
+state; or a free joint and wheels, which touch the robot's own infinite plane `ground` by contact pairs. The sphere
+geom `footprint` has the radius and height with which the robot plans: if it collides, another radius scales the whole
+robot, else whatever collides must lie inside it. Actuators are velocity servos tuned for the file's own timestep, or
+motors where velocities are states. The text `pirrht_dynamics` names a registered system; the numeric `pirrht_command`
+is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
+"""
 
 from __future__ import annotations
 
