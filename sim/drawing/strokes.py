@@ -126,21 +126,19 @@ def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, le
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
 
-def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> Array:
+def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
 
     Args:
         most: so many at most.
-        since: only those of vertices from this number on.
 
     Returns:
         ends (k, 2, 3) [m, m, turns] with k at most `most`.
     """
     graph, size = tree.graph, tree.size
     width = graph.parent.shape[1]
-    live = np.arange(width) < graph.nodes[since:size, None]
-    vertex, slot = np.nonzero(live & (graph.parent[since:size] != ROOT))
-    vertex += since
+    live = np.arange(width) < graph.nodes[:size, None]
+    vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
     if len(vertex) > most:
         keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
         vertex, slot = vertex[keep], slot[keep]

@@ -16,12 +16,10 @@ from types import TracebackType
 
 import rerun as rr
 
-from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drawing import strokes
 from sim.drive.clock import URGENT
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
@@ -29,7 +27,6 @@ from sim.mjcf import Loaded
 from sim.recording import truth_view, viewer
 from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
-from sim.recording.static import TREE_EDGES
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream, ToFile, ToViewer
 from sim.recording.subject import Subject
@@ -170,8 +167,6 @@ class Recorder:
         if look.truth:
             known["truth"] = True
         subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known, grid=grid)
-        self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
-        self._tree, self._size = tree, 0 if tree is None else tree.size
         path_integral.warm_up()
         if grid is not None:
             truth_view.warm_up(grid)
@@ -218,18 +213,11 @@ class Recorder:
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
-        row = Row.of(frame, drawn, news, truth, self._growth() if drawn else ())
+        row = Row.of(frame, drawn, news, truth)
         for sink in self._live:
             sink.put(row)
         if self._file is not None:
             self._file.put(row)
-
-    def _growth(self) -> tuple[Array, ...]:
-        """Edges of the vertices that the tree has gained since the last picture, per obstacle that it is lifted by."""
-        if self._tree is None or self._tree.size == self._size or not self._lifted:
-            return ()
-        since, self._size = self._size, self._tree.size
-        return tuple(strokes.tree_edges(self._tree, k, TREE_EDGES, since=since) for k in self._lifted)
 
     def close(self) -> None:
         """Write what is left and close everything.

@@ -18,8 +18,7 @@
               last, where it is known, the exact one
 /why/optimum  control: the length of u's standard error, and |u - u*|;
               value: one standard error below and above the estimate's error, that error, and 0 for the exact one
-/tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
-              that it has gained since the picture before, those of its first ones being static
+/tree/K       tree lifted by the H of obstacle K: references from the state
 /log          what happened
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
@@ -46,7 +45,7 @@ from sim.recording.columns import components
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
-from sim.recording.static import branches, mover_path, properties, stage
+from sim.recording.static import mover_path, properties, stage
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
@@ -147,8 +146,6 @@ class Writer:
                     self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
-            for (_, path, _), ends in zip(self._subject.lifted, row.growth, strict=False):
-                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, ends))
 
     def _poses(self, rows: Sequence[Row]) -> None:
         """Log robot, control, eye and driven path."""

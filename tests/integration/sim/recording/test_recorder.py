@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -12,9 +10,7 @@ from drives import MAX_TIME, Drive, columns, record, rerun
 from rerun.chunk import RrdReader
 
 from sim.drawing import strokes
-from sim.drive.episode import run
 from sim.recording import geoms
-from sim.recording.step_row import Row
 from sim.recording.subject import telling
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
@@ -43,15 +39,6 @@ def test_every_step_is_a_row_with_the_numbers_of_its_frame(recorded):
         named = dict(zip(steps["classes"][i], steps["weights"][i], strict=True))
         assert named == frame.plan.estimate.class_weights
         assert steps["ess"][i] == list(frame.plan.estimate.class_ess.values())
-
-
-def test_a_value_known_without_samples_is_recorded_without_error(recorded):
-    _, frames, _ = recorded
-    plan = replace(frames[0].plan, estimate=None, instead=frames[0].plan.tape, law=None)
-    for exact, value, error in ((8.5, 8.5, 0.0), (None, np.inf, np.inf)):
-        row = Row.of(replace(frames[0], plan=replace(plan, exact=exact)), False, None)
-        assert (row.value, row.value_error) == (value, error)
-        assert np.all(row.control_error == error)
 
 
 def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
@@ -125,25 +112,6 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
             assert height[0] == reference.signature[k]
             assert height[-1] == pytest.approx(1.0 + homology.base(line[-1])[k], abs=1e-9)
             assert np.abs(np.diff(height)).max() < 0.25
-
-
-def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
-    drive, file = Drive(), tmp_path / "grown.rrd"
-    before = drive.tree.size
-    with drive.recorder(file) as recorder:
-        for frame in run(drive.plant, drive.controller, drive.scene.start, drive.plant_rng, max_time=0.6, grow=3):
-            recorder.log(frame)
-            size = frame.vertices
-    assert size > before
-    for k in (0, 1):
-        rows = columns(file)[f"/tree/{k + 1}/growth"]["LineStrips3D:strips"]
-        ends = strokes.tree_edges(drive.tree, k, 10_000, since=before)
-        gained = {tuple(tail) for tail in strokes.lift(ends[:, 0, :2], 0.0)[:, :2]}
-        drawn = [{tuple(strip[0, :2]) for strip in np.array(row)} for row in rows]
-        assert 2 <= len(rows) <= 5  # pictures are drawn five times a second
-        assert set().union(*drawn) <= gained
-        assert len(set().union(*drawn)) == sum(len(tails) for tails in drawn)
-        assert sum(len(tails) for tails in drawn) > 0.8 * len(gained)
 
 
 def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_one_chooses(tmp_path):
