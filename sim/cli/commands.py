@@ -192,7 +192,7 @@ def report(arguments: argparse.Namespace) -> int:
 def import_world(arguments: argparse.Namespace) -> int:
     """Turn a Gazebo world, a ROS map or a file of motions into a scene."""
     from sim.importing import scene_file
-    from sim.importing.model_paths import folders_of
+    from sim.importing.sdf_files import folders_of
 
     check_outputs(arguments, "output")
     names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")

@@ -208,12 +208,28 @@ class Planner:
     def _ahead(self, share: SharedPlan, last: TimedPlan, begin: float, origin: float) -> TimedPlan:
         """Return the plan for the period that begins at `begin` [s]."""
         driven = [share.driven.popleft() for _ in range(len(share.driven))]
-        time, x = share.seen
+        seen = share.seen
         if driven:
-            self.policy.observe(np.vstack(driven), 0.0, time)
-        states = predicted(self.policy, last, (time, x), begin, self.period / PIECES)
+            self.policy.observe(np.vstack(driven), 0.0, seen[0])
+        states = self.predicted(last, seen, begin)
         self.policy.expect(states, begin - last.begin)
         return self._made(states[-1], begin=begin, zero=origin)
+
+    def predicted(self, last: TimedPlan, seen: tuple[float, Array], until: float) -> Array:
+        """Return states (k, n) from a time and state that was seen until a time [s], under a plan's law without noise.
+
+        They end before they enter the goal or a wall, where nothing can be planned.
+        """
+        (time, x), space, dynamics = seen, self.policy.space, self.policy.problem.dynamics
+        pieces = min(max(0, math.ceil((until - time) / self.period * PIECES - 1e-9)), MOST_PIECES)
+        h, states = (until - time) / max(1, pieces), [x]
+        for i in range(pieces):
+            u = last.plan.at(x, max(0.0, time + i * h - last.begin))
+            x = dynamics.step(x, u, np.zeros(dynamics.m), h)
+            if space.scene.goal.contains(x[:2]) or clearance(space.field, x[0], x[1]) <= 0.0:
+                break
+            states.append(x)
+        return np.array(states)
 
     def _made(self, x: Array, *, begin: float, zero: float) -> TimedPlan:
         """Return a plan at x (n,), made in the period before `begin`; `zero` is the run's start on the clock [s]."""
@@ -242,23 +258,6 @@ class Planner:
             more = clock.now() - before - self._vertex
             self._vertex += (QUICKLY if more > 0.0 else SLOWLY) * more
             added += 1
-
-
-def predicted(policy: Policy, last: TimedPlan, seen: tuple[float, Array], until: float, step: float) -> Array:
-    """States (k, n) from a time [s] and its state (n,) until another under a plan's law without noise.
-
-    They end before they enter the goal or a wall, where nothing can be planned.
-    """
-    (time, x), space, dynamics = seen, policy.space, policy.problem.dynamics
-    pieces = min(max(0, int(np.ceil((until - time) / step - 1e-9))), MOST_PIECES)
-    h, states = (until - time) / max(1, pieces), [x]
-    for i in range(pieces):
-        u = last.plan.at(x, max(0.0, time + i * h - last.begin))
-        x = dynamics.step(x, u, np.zeros(dynamics.m), h)
-        if space.scene.goal.contains(x[:2]) or clearance(space.field, x[0], x[1]) <= 0.0:
-            break
-        states.append(x)
-    return np.array(states)
 
 
 @contextmanager

@@ -18,8 +18,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.meshes import MeshKey, split
-from sim.importing.model_paths import ModelPaths
-from sim.importing.sdf_files import read_world
+from sim.importing.sdf_files import ModelPaths, read_world
 from sim.importing.sdf_poses import Scope, is_true, label_of, numbers
 from sim.importing.solids import Solid, World, part_solid
 from sim.mjcf.limits import FARTHEST, FINEST

@@ -25,10 +25,19 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import stance_of
 from sim.mjcf.edits import freeze, leave_out, loosen
-from sim.mjcf.hulls import concave_meshes, use_hulls
 from sim.mjcf.library import compile_spec, find, parse, robot_names
 from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers, shortfall
-from sim.mjcf.obstacles import MOTION, Mask, geom_label, read_obstacles, read_workspace, root_name, site_of
+from sim.mjcf.obstacles import (
+    MOTION,
+    Mask,
+    concave_meshes,
+    geom_label,
+    read_obstacles,
+    read_workspace,
+    root_name,
+    site_of,
+    use_hulls,
+)
 from sim.mjcf.refusals import Faults, listed, prefixed
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options import NUMERICS

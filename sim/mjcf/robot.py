@@ -13,8 +13,8 @@ from pirrht.errors import SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, rolls, turn_to
 from sim.mjcf.forces import check_actuators
-from sim.mjcf.hulls import mesh_of
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.obstacles import mesh_of
 from sim.mjcf.refusals import prefixed
 from sim.systems import System, named, names
 from sim.text import counted

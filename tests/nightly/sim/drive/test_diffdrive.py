@@ -7,7 +7,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from plants import QUIET, WALL, problem_of, scene_file
+from plants import QUIET, WALL, hold, problem_of, scene_file
 
 from pirrht.outcome import Outcome
 from pirrht.systems.unicycle import Unicycle
@@ -22,15 +22,11 @@ def wheeled(
     return loaded, Executor(loaded, problem_of(loaded, Unicycle(V=V, b=b)), period=period)
 
 
-def steady(value: float):
-    return lambda x, s: np.array([value])
-
-
 @pytest.mark.parametrize("timestep", [0.002, 0.01])
 @pytest.mark.parametrize(("V", "turn"), [(1.0, 0.0), (1.0, 0.5), (1.0, 1.5), (1.0, 3.0), (1.0, -3.0), (0.5, 2.0)])
 def test_speed_and_turn_rate_are_tracked_within_a_percent(tmp_path, V, turn, timestep):
     _, plant = wheeled(tmp_path, V=V, option=f'<option timestep="{timestep}" gravity="0 0 0"/>')
-    states = plant.advance(steady(turn), np.random.default_rng(0)).states
+    states = plant.advance(hold(turn), np.random.default_rng(0)).states
     steps = np.diff(states[len(states) // 4 :], axis=0) / timestep
     assert np.hypot(steps[:, 0], steps[:, 1]).mean() == pytest.approx(V, rel=0.01)
     assert steps[:, 2].mean() == pytest.approx(turn, rel=0.01, abs=1e-3)
@@ -48,7 +44,7 @@ def test_heading_diffuses_as_the_equation_says(tmp_path):
     turned, due = np.empty(count), np.empty(count)
     for k in range(count):
         plant.reset(np.zeros(3))
-        advance = plant.advance(steady(0.0), rng)
+        advance = plant.advance(hold(0.0), rng)
         turned[k], due[k] = advance.states[-1, 2], b * advance.noise.sum()
     assert np.mean(turned**2) == pytest.approx(np.mean(due**2), rel=0.1)
     assert np.mean(turned**2) == pytest.approx(b**2 * t, rel=3 * np.sqrt(2 / count))
@@ -75,14 +71,14 @@ def test_it_starts_settled_and_at_speed(tmp_path):
 
 def test_a_wall_is_a_collision_and_the_floor_is_none(tmp_path):
     floor = '<geom name="floor" type="plane" size="0 0 0.1"/>'
-    for low, wall in ((0.0, WALL), (0.0, WALL.replace('0.3"', '0.004"').replace("0 0.3", "0 0.004"))):
+    for wall in (WALL, WALL.replace('0.3"', '0.004"').replace("0 0.3", "0 0.004")):
         loaded, plant = wheeled(tmp_path, world=floor + wall)
         assert [o.name for o in loaded.scene.obstacles] == ["wall"]
-        end = plant.advance(steady(low), np.random.default_rng(0))
+        end = plant.advance(hold(0.0), np.random.default_rng(0))
         assert end.outcome is Outcome.COLLISION
         assert 0.6 - loaded.scene.robot_radius < end.states[-1, 0] < 0.6
     _, plant = wheeled(tmp_path, world=floor)
-    assert plant.advance(steady(0.7), np.random.default_rng(0)).outcome is None
+    assert plant.advance(hold(0.7), np.random.default_rng(0)).outcome is None
     assert plant.data.ncon == 4
 
 

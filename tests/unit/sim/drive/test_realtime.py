@@ -25,7 +25,7 @@ from sim.drive import episode
 from sim.drive.clock import URGENT, Clock, PlannerPriority
 from sim.drive.episode import Frame
 from sim.drive.plant import Analytic
-from sim.drive.realtime import BEHIND, MOST_PIECES, Planner, SharedPlan, TimedPlan, predicted
+from sim.drive.realtime import BEHIND, MOST_PIECES, Planner, SharedPlan, TimedPlan
 from sim.recording.stream import Stream
 from sim.scenario import Scenario, prepare
 
@@ -176,7 +176,7 @@ def test_predictions_end_before_the_goal_and_have_few_steps_where_a_plant_is_lat
 
     def ahead(speed: float, time: float, x: Array, until: float) -> Array:
         ready = TimedPlan(plan=plan(x, speed), begin=0.0, seconds=0.0, slack=0.0, vertices=0, run=None)
-        return predicted(policy, ready, (time, x), until, 0.01)
+        return Planner(policy, policy.clock, PERIOD, None).predicted(ready, (time, x), until)
 
     late = ahead(0.01, 0.0, slit.start, 1.0)
     assert len(late) == MOST_PIECES + 1
