@@ -1,23 +1,17 @@
 """Contents of a recording, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose of its root; as an arrow where the control would take it, as a second one, where it is known, the
-              optimal control; one row more for the end
+/world/robot  pose of its root; arrows where the control would take it and, if known, the optimal control
 /world/eyes/following    an eye that follows the robot
-/world/scene/movers/NAME  pose of a moving obstacle, at every step as long as it moves; one row more for the end
-/world/foreseen  predicted outlines of moving obstacles
-/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
+/world/scene/movers/NAME  pose of a moving obstacle, as long as it moves; `/world/foreseen` its predicted outlines
 /world/path   position after every physics step
-/why/weight   of all other classes and of each of a few classes as they gain weight; `switch` below it where another
-              class has come to weigh most
-/why/ess      effective sample size of the same classes
-/why/arriving share of the samples drawn around each of them that arrive
-/why/clearance, /why/control, /why/cost  clearance, u, and the cost so far without and with the value
+/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
+/why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
+              and of each of a few; `/why/weight/switch` where another class has come to weigh most
+/why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one
+/why/clearance, /why/control, /why/cost   clearance, u, and the cost so far without and with the value
+/why/optimum  control: standard error of u, and |u - u*|; value: the error with its standard error around it
 /why/page     the argument of the plan in words, where a picture is due
-/why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
-              last, where it is known, the exact one
-/why/optimum  control: the length of u's standard error, and |u - u*|;
-              value: one standard error below and above the estimate's error, that error, and 0 for the exact one
 /tree/K       tree lifted by the H of obstacle K: references from the state
 /log          what happened
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill

@@ -123,7 +123,7 @@ def folder(tmp_path, monkeypatch, drive):
 @pytest.mark.parametrize(
     ("typed", "reason"),
     [
-        ("none.rrd -o a.npz", "no such file"),
+        ("none.rrd -o a.npz", "does not exist"),
         (". -o a.npz", "a folder"),
         ("text.rrd -o a.npz", "no Rerun recording"),
         ("empty.rrd -o a.npz", "no Rerun recording"),

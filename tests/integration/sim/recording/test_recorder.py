@@ -11,7 +11,9 @@ from rerun.chunk import RrdReader
 
 from sim.drawing import strokes
 from sim.recording import geoms
-from sim.recording.subject import telling
+from sim.recording.layout import layout
+from sim.recording.options import Look
+from sim.recording.subject import Subject, telling
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
 
@@ -60,17 +62,6 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
-
-
-def test_class_weights_are_lines_that_add_up_to_one(recorded):
-    file, frames, _ = recorded
-    lines = np.array(columns(file)["/why/weight"]["Scalars:scalars"])
-    assert len(lines) == len(frames)
-    for frame, shares in zip(frames, lines, strict=True):
-        drawn = shares[np.isfinite(shares)]
-        assert drawn.sum() == pytest.approx(1.0, abs=1e-4)
-        weights = [w for name, w in frame.plan.estimate.class_weights.items() if name != "other"]
-        assert np.allclose(np.sort(drawn[1:]), np.sort(weights), atol=1e-4)
 
 
 def test_the_page_tells_the_moment_of_its_plan(recorded):
@@ -151,3 +142,28 @@ def test_meshes_have_entity_paths_of_their_own_whatever_their_names(capfd):
         assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
         stream.log(f"/world/{path}", solid)
     assert "WARN" not in capfd.readouterr().err
+
+
+def static(file, path, column):
+    """What is said once of an entity."""
+    for chunk in RrdReader(str(file)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.is_static and chunk.entity_path == path and column in batch.schema.names:
+            return batch.column(column).to_pylist()[0]
+    raise AssertionError(path)
+
+
+def test_a_key_names_what_the_map_numbers(recorded):
+    (key,) = static(recorded[0], "/key", "TextDocument:text")
+    names = static(recorded[0], "/world/scene/names", "Points3D:labels")
+    assert names == ["goal", "1 upper wall", "2 lower wall"]
+    assert all(f"**{sign}** {name}" in key for sign, name in ((1, "upper wall"), (2, "lower wall")))
+
+
+def test_a_file_opens_at_its_first_plan_and_a_viewer_follows():
+    drive = Drive()
+    subject = Subject(
+        loaded=drive.loaded, tree=drive.tree, path_integral=drive.controller.path_integral, look=Look(), settings={}
+    )
+    states = {live: layout(subject, live=live).time_panel.play_state for live in (False, True)}
+    assert states == {False: "paused", True: "following"}

@@ -132,19 +132,6 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     np.testing.assert_allclose(heights, rise(drive) * np.array(times), atol=1e-5)
 
 
-def test_samples_go_up_from_where_the_robot_is_and_arrive_at_the_goal(recorded):
-    table, drive, frames = recorded
-    known, goal = table["/spacetime/samples"], drive.scene.goal
-    counted = 0
-    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
-        for line in strips(cells or []):
-            counted += 1
-            np.testing.assert_allclose(line[0], [*frame.plan.state, rise(drive) * frame.time], atol=2 * ROUNDING)
-            assert np.all(np.diff(line[:, 2]) >= 0.0)
-            assert np.linalg.norm(line[-1, :2] - goal.center) < goal.radius + 0.15
-    assert counted > 20
-
-
 def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for(recorded):
     _, drive, _ = recorded
     assert tabs(subject_of(drive)) == ["Drive", "Why", "Space-time", "About"]
