@@ -153,22 +153,11 @@ class Writer:
         pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
         if self._pictures.in_time is not None:
-            self._in_time(self._pictures.in_time, rows)
+            self._pictures.in_time.follow(rows)
         last = rows[-1]
         if last.outcome is not None and len(last.states):
             pose = _transforms(self._robot.at(last.states[-1:]))
             self.stream.columns("/world/robot", [last.step + 1], [last.time + last.duration], pose)
-
-    def _in_time(self, in_time: spacetime.SpaceTime, rows: Sequence[Row]) -> None:
-        """Log the path in space and time, and where the robot is on it, to the end of the last step."""
-        steps, times, last = [r.step for r in rows], [r.time for r in rows], rows[-1]
-        ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
-        pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
-        in_time.thread(steps, times, pieces)
-        at = [piece[0] for piece in pieces]
-        if last.outcome is not None:
-            steps, at = [*steps, last.step + 1], [*at, ends[-1]]
-        in_time.steps(steps, [place[2] for place in at], np.array(at))
 
     def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
         last = rows[-1]
