@@ -51,11 +51,13 @@ def even(points: Array, count: int) -> Array:
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
-    """For each of several lines (k, d) the index of its point farthest from the others: room for a name."""
-    found = []
+    """For each of several lines (k, d) the index of a point far from the others and from earlier such points."""
+    found: list[int] = []
     for i, line in enumerate(lines):
         others = np.vstack([other for j, other in enumerate(lines) if j != i] or [line[[0, -1]]])
         gap = np.linalg.norm(line[:, None] - others, axis=-1).min(axis=1)
+        for other, k in zip(lines, found, strict=False):
+            gap += 0.5 * np.minimum(np.linalg.norm(line - other[k], axis=-1), 0.3 * np.ptp(others[:, :2]))
         found.append(int(np.argmax(gap)))
     return found
 
