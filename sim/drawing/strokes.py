@@ -51,11 +51,13 @@ def even(points: Array, count: int) -> Array:
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
-    """For each of several lines (k, d) the index of its point farthest from the others: room for a name."""
-    found = []
+    """For each of several lines (k, d) the index of a point far from the others and from earlier such points."""
+    found: list[int] = []
     for i, line in enumerate(lines):
         others = np.vstack([other for j, other in enumerate(lines) if j != i] or [line[[0, -1]]])
         gap = np.linalg.norm(line[:, None] - others, axis=-1).min(axis=1)
+        for other, k in zip(lines, found, strict=False):
+            gap += 0.5 * np.minimum(np.linalg.norm(line - other[k], axis=-1), 0.3 * np.ptp(others[:, :2]))
         found.append(int(np.argmax(gap)))
     return found
 
@@ -126,21 +128,19 @@ def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, le
     return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
 
-def tree_edges(tree: HomologyTree, obstacle: int, most: int, *, since: int = 0) -> Array:
+def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
 
     Args:
         most: so many at most.
-        since: only those of vertices from this number on.
 
     Returns:
         ends (k, 2, 3) [m, m, turns] with k at most `most`.
     """
     graph, size = tree.graph, tree.size
     width = graph.parent.shape[1]
-    live = np.arange(width) < graph.nodes[since:size, None]
-    vertex, slot = np.nonzero(live & (graph.parent[since:size] != ROOT))
-    vertex += since
+    live = np.arange(width) < graph.nodes[:size, None]
+    vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
     if len(vertex) > most:
         keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
         vertex, slot = vertex[keep], slot[keep]

@@ -64,15 +64,3 @@ def classes(axes: Any, lines: Sequence[Array], labels: Sequence[str], title: str
             handles[::-1], texts[::-1], title=title, fontsize=8, title_fontsize=8, frameon=False, loc="upper left",
             bbox_to_anchor=(1.01, 1.0),
         )  # fmt: skip
-
-
-def arrow(axes: Any, tail: Array, head: Array) -> None:
-    """Draw an arrow from one point (2,) to another [m]."""
-    axes.annotate(
-        "", tuple(head), tuple(tail), arrowprops={"arrowstyle": "-|>", "lw": 1.4, "color": "#222222"}, zorder=6
-    )
-
-
-def dot(axes: Any, place: Array) -> None:
-    """Draw a dot at a point (2,) [m]."""
-    axes.plot(place[0], place[1], "o", ms=5, color="#222222", zorder=6)

@@ -43,9 +43,10 @@ def plan(drawn: Plan, samples: int, axes: Any) -> Any:
     labels = [f"{formatting.turns(id)}: {formatting.share(by[id]) if id in by else '-'}" for id in drawn.ids]
     pairs = list(zip(drawn.references, labels, strict=False))
     lines.classes(axes, [one.trajectory.points for one, _ in pairs], [label for _, label in pairs], "class: weight")
-    lines.dot(axes, drawn.state)
+    axes.plot(*drawn.state[:2], "o", ms=5, color=ground.INK, zorder=6)
     if len(drawn.control) == 2:
-        lines.arrow(axes, drawn.state[:2], drawn.state[:2] + ARROW * drawn.control)
+        look = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": ground.INK}, "zorder": 6}
+        axes.annotate("", tuple(drawn.state[:2] + ARROW * drawn.control), tuple(drawn.state[:2]), **look)
     axes.set_title(f"{drawn.space.scene.name} at {drawn.time:.2f} s", fontsize=10)
     return axes
 

@@ -65,20 +65,17 @@ class Following:
         """Places (k, 3) [m] and quaternions (k, 4), w last, as the robot is at points (k, 2) [m] for durations [s]."""
         places, turns = np.empty((len(points), 3)), np.empty((len(points), 4))
         for k, (point, dt) in enumerate(zip(points, durations, strict=True)):
-            self._follow(point, float(dt))
+            off, seconds = point - self._place, float(dt)
+            distance = hypot(*off)
+            if distance > 0.02 * self.back:
+                turn = (atan2(off[1], off[0]) - self._course + np.pi) % (2.0 * np.pi) - np.pi
+                eager = min(1.0, distance / (0.25 * self.back))
+                self._course += eager * (1.0 - exp(-seconds / SETTLE)) * float(turn)
+            self._place = self._place + (1.0 - exp(-seconds / DELAY)) * off
             behind = self.back * np.array([cos(self._course), sin(self._course)])
             places[k] = *(self._place - behind), self.up
             turns[k] = _looking(self._course, atan2(self.up, self.back) - 0.1)
         return places, turns
-
-    def _follow(self, point: Array, dt: float) -> None:
-        off = point - self._place
-        distance = hypot(*off)
-        if distance > 0.02 * self.back:
-            turn = (atan2(off[1], off[0]) - self._course + np.pi) % (2.0 * np.pi) - np.pi
-            eager = min(1.0, distance / (0.25 * self.back))
-            self._course += eager * (1.0 - exp(-dt / SETTLE)) * float(turn)
-        self._place = self._place + (1.0 - exp(-dt / DELAY)) * off
 
 
 def _looking(course: float, down: float) -> Array:

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import json
 import os
-import stat
 import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass
 from math import nan
 from pathlib import Path
@@ -24,7 +22,7 @@ from rerun.chunk import RrdReader
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.drawing.colors import title
-from sim.files import checked_name, path_text, replaced
+from sim.files import path_text, replaced, why_unreadable
 from sim.recording.columns import CLASSES, COLUMNS, Column, described, of_states
 from sim.systems import POSE
 
@@ -40,7 +38,7 @@ Table = dict[str, Array]
 class Recording:
     """Numbers of a run, as its recording holds them."""
 
-    settings: dict[str, Any]  # what the drive was made with
+    settings: dict[str, Any]  # of the run
     steps: list[tuple[int, float, Cells]]  # number, simulated time [s] and values of each control step, in order
     plan_ms: dict[int, float]  # wall time of a step's plan [ms]
 
@@ -51,7 +49,7 @@ class Recording:
 
     @property
     def whole(self) -> bool:
-        """Return whether the drive was recorded to its end."""
+        """Return whether the run was recorded to its end."""
         return bool(self.steps[-1][2].get("outcome"))
 
 
@@ -59,9 +57,10 @@ def read(file: Path) -> Recording:
     """Read a recording.
 
     Raises:
-        OptionError: the file is not there, is no recording, or holds no drive or several.
+        OptionError: the file is not there, is no recording, or holds no run or several.
     """
-    _check_readable(file)
+    if (why := why_unreadable(file)) is not None:
+        raise OptionError(f"{path_text(file)} {why}; name a recording, FILE.rrd")
     settings: dict[str, Any] = {}
     written: dict[int, tuple[float, Cells]] = {}
     early: dict[int, tuple[float, Cells]] = {}
@@ -72,34 +71,19 @@ def read(file: Path) -> Recording:
         if chunk.entity_path == SETTINGS:
             settings = {name: cells[0][0] for name, cells in table.items() if isinstance(cells[0], list)}
             continue
-        for step, time, cells in _rows(table):
+        for i, step in enumerate(table["step"]):
+            cells = {name: values[i] for name, values in table.items() if isinstance(values[i], list)}
+            time = table["sim_time"][i].total_seconds()
             if "Scalars:scalars" in cells:
                 plan_ms[step] = cells["Scalars:scalars"][0]
             elif chunk.entity_path == TIMING:
                 early[step] = time, cells
             elif written.setdefault(step, (time, cells))[1] is not cells:
-                raise OptionError(f"{file}: holds more than one drive; export the recordings that it was merged from")
+                raise OptionError(f"{file}: holds more than one run; export the recordings that it was merged from")
     known = {**early, **written}
     if not known:
         raise OptionError(f"{file}: holds no control steps; name a recording made by `pirrht run --record`")
     return Recording(settings=settings, steps=[(step, *known[step]) for step in sorted(known)], plan_ms=plan_ms)
-
-
-def _check_readable(file: Path) -> None:
-    found = checked_name(file, "recording")
-    if found is None:
-        raise OptionError(f"{path_text(file)}: no such file; name a recording, FILE.rrd")
-    if not stat.S_ISREG(found.st_mode):
-        what = "a folder" if stat.S_ISDIR(found.st_mode) else "not a file"
-        raise OptionError(f"{path_text(file)}: {what}; name a recording, FILE.rrd")
-    if not os.access(file, os.R_OK):
-        raise OptionError(f"{path_text(file)} may not be read; fix its permissions")
-
-
-def _rows(table: Cells) -> Iterator[tuple[int, float, Cells]]:
-    for i, step in enumerate(table["step"]):
-        cells = {name: values[i] for name, values in table.items() if isinstance(values[i], list)}
-        yield step, table["sim_time"][i].total_seconds(), cells
 
 
 def _chunks(file: Path) -> list[Any]:

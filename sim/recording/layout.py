@@ -108,7 +108,7 @@ def _tree(subject: Subject, path: str, title: str) -> rrb.View:
     (x, y), z = 0.5 * (scene.lower + scene.upper), 0.75 * turn
     eye = _eye((x + 0.45 * far, y - far, z + 0.55 * far), (x, y, z))
     contents = [f"{path}/**", "/world/scene/**", "- /world/scene/names"]
-    return _space(title, "/", contents, eye, {f"{path}/growth": _so_far()})
+    return _space(title, "/", contents, eye, {})
 
 
 def _space_time(subject: Subject) -> rrb.Container:

@@ -30,7 +30,7 @@ REFERENCE_POINTS = 64
 NAMED = 0.005  # share of psi from which a class bears its name on the map
 MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from this share on
 BY = 4  # points of a line before and after its label
-LONG = 36  # letters that a label may have for the words of a class
+LONG = 24  # letters that a label may have for the words of a class
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
 

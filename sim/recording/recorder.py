@@ -12,16 +12,13 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from contextlib import nullcontext, suppress
-from types import TracebackType
 
 import rerun as rr
 
-from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drawing import strokes
 from sim.drive.clock import URGENT
 from sim.drive.episode import Frame
 from sim.drive.truth import Truth
@@ -29,7 +26,6 @@ from sim.mjcf import Loaded
 from sim.recording import truth_view, viewer
 from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
-from sim.recording.static import TREE_EDGES
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream, ToFile, ToViewer
 from sim.recording.subject import Subject
@@ -54,7 +50,7 @@ class Sink:
         self._stream = Stream(subject.application, subject.id, orderly=target.lossless)
         self._writer = Writer(self._stream, subject)
         self._writer.begin()  # kept in memory until the target is open
-        self._rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
+        self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
         self._kept = self._taken = 0  # size of rows put in, and taken out [bytes]
@@ -72,21 +68,16 @@ class Sink:
         self._check()
         if self._failure is None and not self._full():
             self._kept += row.size
-            self._rows.append(row)
+            self.rows.append(row)
         else:
             self.dropped += 1
-
-    @property
-    def waiting(self) -> int:
-        """Rows that will be written, and are not yet."""
-        return 0 if self._done.is_set() else len(self._rows)
 
     def _later(self) -> bool:
         """Return whether rows are kept until the run is over."""
         return self._target.lossless and URGENT.clocked and self._kept - self._taken < KEPT
 
     def _full(self) -> bool:
-        return len(self._rows) >= ROOM and not self._later()
+        return len(self.rows) >= ROOM and not self._later()
 
     def close(self) -> None:
         """Let the thread finish; a viewer gets little time for it.
@@ -98,7 +89,7 @@ class Sink:
         self._done.wait(None if self._target.lossless else GRACE)
         if not self._target.lossless:
             finished = self._done.is_set() and self._failure is None
-            self.dropped += len(self._rows) + (0 if finished else self._under_way)
+            self.dropped += len(self.rows) + (0 if finished else self._under_way)
             if not finished:  # Rerun's last attempt to reach a viewer may take forever
                 rr.unregister_shutdown()
         self._check()
@@ -121,17 +112,17 @@ class Sink:
 
     def _write(self) -> None:
         opened = False
-        while self._rows or not self._closing.is_set():
+        while self.rows or not self._closing.is_set():
             if opened and self._target.lossless and self._writer.secure():
                 self._target.deliver(self._stream, last=self._closing.is_set)
-            if not self._rows or self._later():
+            if not self.rows or self._later():
                 time.sleep(NAP)
                 continue
             if not opened:
                 self._target.open(self._stream)
                 opened = True
             self._under_way += 1
-            row = self._rows.popleft()
+            row = self.rows.popleft()
             self._taken += row.size
             if self._writer.add(row):  # what cannot be delivered must not pile up: one batch at a time
                 self._target.deliver(self._stream, last=self._closing.is_set)
@@ -159,8 +150,7 @@ class Recorder:
 
     def __init__(
         self, loaded: Loaded, tree: HomologyTree | None, path_integral: PathIntegral, sinks: Sinks,
-        look: Look = DEFAULT, *,
-        settings: Mapping[str, object], grid: Desirability | None = None,
+        look: Look = DEFAULT, *, settings: Mapping[str, object], grid: Desirability | None = None,
     ) -> None:  # fmt: skip
         look.check(path_integral.space)
         sinks.check()
@@ -170,8 +160,6 @@ class Recorder:
         if look.truth:
             known["truth"] = True
         subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known, grid=grid)
-        self._lifted = [obstacle for obstacle, _, _ in subject.lifted]
-        self._tree, self._size = tree, 0 if tree is None else tree.size
         path_integral.warm_up()
         if grid is not None:
             truth_view.warm_up(grid)
@@ -187,11 +175,9 @@ class Recorder:
         """The recorder itself."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Close, however the run ended; what ended it is reported first."""
-        with suppress(OptionError) if error is not None else nullcontext():
+        with suppress(OptionError) if kind is not None else nullcontext():
             self.close()
 
     @property
@@ -202,7 +188,7 @@ class Recorder:
     @property
     def waiting(self) -> int:
         """Steps that are still to be written to the file."""
-        return 0 if self._file is None else self._file.waiting
+        return 0 if self._file is None else len(self._file.rows)
 
     @property
     def dropped(self) -> int:
@@ -218,18 +204,11 @@ class Recorder:
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
-        row = Row.of(frame, drawn, news, truth, self._growth() if drawn else ())
+        row = Row.of(frame, drawn, news, truth)
         for sink in self._live:
             sink.put(row)
         if self._file is not None:
             self._file.put(row)
-
-    def _growth(self) -> tuple[Array, ...]:
-        """Edges of the vertices that the tree has gained since the last picture, per obstacle that it is lifted by."""
-        if self._tree is None or self._tree.size == self._size or not self._lifted:
-            return ()
-        since, self._size = self._size, self._tree.size
-        return tuple(strokes.tree_edges(self._tree, k, TREE_EDGES, since=since) for k in self._lifted)
 
     def close(self) -> None:
         """Write what is left and close everything.

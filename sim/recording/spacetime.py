@@ -27,6 +27,7 @@ from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
 from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
 from sim.plotting.ground import outline
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
+from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
@@ -112,17 +113,18 @@ class SpaceTime:
         shades = fade(MOVER, FLOOR, np.array([one.strength for one in soon]))
         self._stream.log(f"{FOLDER}/foreseen", *now, rr.LineStrips3D(rings, colors=packed(shades), radii=0.012))
 
-    def steps(self, steps: Sequence[int], times: Sequence[float], states: Array) -> None:
-        """Log where the robot is at control steps, in states (k, n)."""
-        up = np.column_stack([np.zeros((len(times), 2)), self._subject.rise * np.asarray(times)])
-        self._stream.columns(NOW, steps, times, rr.Transform3D.columns(translation=up))
-        flat = np.column_stack([states[:, :2], np.zeros(len(states))])
-        self._stream.columns(f"{NOW}/robot", steps, times, rr.Transform3D.columns(translation=flat))
-
-    def thread(self, steps: Sequence[int], times: Sequence[float], pieces: Sequence[Array]) -> None:
-        """Log what was driven in control steps, each (k, 3) [m, m, s]."""
+    def follow(self, rows: Sequence[Row]) -> None:
+        """Log what was driven in control steps, and where the robot is at each, to the end of the last one."""
+        steps, times, last = [r.step for r in rows], [r.time for r in rows], rows[-1]
+        ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
+        pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
         strips = [self._raised(piece) for piece in pieces]
         self._stream.columns(PATH, steps, times, rr.LineStrips3D.columns(strips=strips))
+        at = np.array([*(piece[0] for piece in pieces), *([ends[-1]] if last.outcome is not None else [])])
+        steps, moments = [*steps, last.step + 1][: len(at)], at[:, 2].tolist()
+        up, flat = (at * scale for scale in ((0.0, 0.0, self._subject.rise), (1.0, 1.0, 0.0)))
+        self._stream.columns(NOW, steps, moments, rr.Transform3D.columns(translation=up))
+        self._stream.columns(f"{NOW}/robot", steps, moments, rr.Transform3D.columns(translation=flat))
 
     def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: Now) -> None:
         """Log the heaviest of each class that arrived."""

@@ -182,7 +182,9 @@ def _tiles(lower: Array, upper: Array) -> rr.Boxes3D:
 def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     """A lifted tree, levels of H along the far sides, and a line over the obstacle that is counted."""
     assert subject.tree is not None
-    log(f"{path}/edges", branches(subject, strokes.tree_edges(subject.tree, obstacle, TREE_EDGES)))
+    ends = strokes.tree_edges(subject.tree, obstacle, TREE_EDGES)
+    raised = lift(ends, ends[..., 2] * subject.turn)
+    log(f"{path}/edges", rr.LineStrips3D(raised, radii=0.004, colors=[BRANCH]))
     (x0, y0), (x1, y1) = subject.space.scene.lower, subject.space.scene.upper
     far = np.array([(x0, y0), (x0, y1), (x1, y1)])
     levels = np.stack([lift(far, level * subject.turn) for level in LEVELS])
@@ -194,8 +196,3 @@ def _tree(subject: Subject, obstacle: int, path: str, log: Log) -> None:
     marker = subject.space.homology.markers[obstacle]
     line = lift(np.array([marker, marker]), np.array([0.0, LEVELS[-1] * subject.turn]))
     log(f"{path}/marker", rr.LineStrips3D(line[None], radii=0.01, colors=[CONTROL]))
-
-
-def branches(subject: Subject, ends: Array) -> rr.LineStrips3D:
-    """Edges of a lifted tree, of ends (k, 2, 3) [m, m, turns]."""
-    return rr.LineStrips3D(lift(ends, ends[..., 2] * subject.turn), radii=0.004, colors=[BRANCH])

@@ -44,7 +44,6 @@ class Row:
     outcome: Outcome | None
     plan: Plan | None  # where a picture is due
     news: str | None
-    growth: tuple[Array, ...] = ()  # edges of the tree since the last picture, per obstacle that it is lifted by
 
     @property
     def size(self) -> int:
@@ -56,9 +55,7 @@ class Row:
         return sum(array.nbytes for array in arrays)
 
     @classmethod
-    def of(
-        cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None, growth: tuple[Array, ...] = ()
-    ) -> Row:
+    def of(cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None = None) -> Row:
         """The row of a frame."""
         plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
         value, value_error = (inf, inf) if plan.exact is None else (plan.exact, 0.0)
@@ -73,5 +70,5 @@ class Row:
             control_error=estimate.control_error if estimate else np.full(advance.noise.shape[1], value_error),
             doubtful=estimate is not None and estimate.doubtful, truth=truth,
             favourite=plan.favourite if estimate else None, plan_seconds=frame.plan_seconds, outcome=frame.outcome,
-            plan=plan if drawn else None, news=news, growth=growth,
+            plan=plan if drawn else None, news=news,
         )  # fmt: skip

@@ -1,25 +1,18 @@
 """Contents of a recording, batch by batch: numbers at every step, pictures where they are due.
 
 /steps        a row per control step, described in `columns.py`
-/world/robot  pose of its root; as an arrow where the control would take it, as a second one, where it is known, the
-              optimal control; one row more for the end
+/world/robot  pose of its root; arrows where the control would take it and, if known, the optimal control
 /world/eyes/following    an eye that follows the robot
-/world/scene/movers/NAME  pose of a moving obstacle, at every step as long as it moves; one row more for the end
-/world/foreseen  predicted outlines of moving obstacles
-/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
+/world/scene/movers/NAME  pose of a moving obstacle, as long as it moves; `/world/foreseen` its predicted outlines
 /world/path   position after every physics step
-/why/weight   of all other classes and of each of a few classes as they gain weight; `switch` below it where another
-              class has come to weigh most
-/why/ess      effective sample size of the same classes
-/why/arriving share of the samples drawn around each of them that arrive
-/why/clearance, /why/control, /why/cost  clearance, u, and the cost so far without and with the value
+/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
+/why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
+              and of each of a few; `/why/weight/switch` where another class has come to weigh most
+/why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one
+/why/clearance, /why/control, /why/cost   clearance, u, and the cost so far without and with the value
+/why/optimum  control: standard error of u, and |u - u*|; value: the error with its standard error around it
 /why/page     the argument of the plan in words, where a picture is due
-/why/value    -lambda log psi of all paths, one standard error below and above it, then of each of those classes;
-              last, where it is known, the exact one
-/why/optimum  control: the length of u's standard error, and |u - u*|;
-              value: one standard error below and above the estimate's error, that error, and 0 for the exact one
-/tree/K       tree lifted by the H of obstacle K: references from the state, and in `growth` the edges of the vertices
-              that it has gained since the picture before, those of its first ones being static
+/tree/K       tree lifted by the H of obstacle K: references from the state
 /log          what happened
 /timing/plan  wall time of a plan [ms]; rows of `/steps` a second time where their batch took long to fill
 """
@@ -46,7 +39,7 @@ from sim.recording.columns import components
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
-from sim.recording.static import branches, mover_path, properties, stage
+from sim.recording.static import mover_path, properties, stage
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
@@ -147,8 +140,6 @@ class Writer:
                     self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
-            for (_, path, _), ends in zip(self._subject.lifted, row.growth, strict=False):
-                self.stream.log(f"{path}/growth", row.step, row.time, branches(self._subject, ends))
 
     def _poses(self, rows: Sequence[Row]) -> None:
         """Log robot, control, eye and driven path."""
@@ -162,22 +153,11 @@ class Writer:
         pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
         if self._pictures.in_time is not None:
-            self._in_time(self._pictures.in_time, rows)
+            self._pictures.in_time.follow(rows)
         last = rows[-1]
         if last.outcome is not None and len(last.states):
             pose = _transforms(self._robot.at(last.states[-1:]))
             self.stream.columns("/world/robot", [last.step + 1], [last.time + last.duration], pose)
-
-    def _in_time(self, in_time: spacetime.SpaceTime, rows: Sequence[Row]) -> None:
-        """Log the path in space and time, and where the robot is on it, to the end of the last step."""
-        steps, times, last = [r.step for r in rows], [r.time for r in rows], rows[-1]
-        ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
-        pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
-        in_time.thread(steps, times, pieces)
-        at = [piece[0] for piece in pieces]
-        if last.outcome is not None:
-            steps, at = [*steps, last.step + 1], [*at, ends[-1]]
-        in_time.steps(steps, [place[2] for place in at], np.array(at))
 
     def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
         last = rows[-1]

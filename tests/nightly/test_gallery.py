@@ -84,21 +84,6 @@ def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
         assert np.ptp(brightness) < 20.0  # all of them show the same scene
 
 
-@pytest.mark.thorough
-def test_the_script_draws_both_noise_levels_and_the_value(tmp_path):
-    image = pytest.importorskip("PIL.Image")
-    pytest.importorskip("matplotlib")
-    words = ["opening", "closing_door-noise", "value", "-o", str(tmp_path), "--shots", "2", "--max-time", "0.05"]
-    assert gallery.main(words) == 0
-    for pair in gallery.PAIRS:
-        with image.open(tmp_path / f"{pair}.webp") as opening:
-            assert opening.n_frames == 2
-            assert opening.size[0] == 760
-    with image.open(tmp_path / "value.webp") as value:
-        colors = np.asarray(value.convert("RGB")).reshape(-1, 3)
-    assert len(np.unique(colors // 16, axis=0)) > 50  # a map, and no blank page
-
-
 def test_the_recording_in_the_documents_is_small_and_can_be_read():
     """A hosted viewer takes some 2 MB; it is a whole drive around the walls of `slit`."""
     file = ROOT / "docs" / "recordings" / "slit.rrd"

@@ -123,7 +123,7 @@ def folder(tmp_path, monkeypatch, drive):
 @pytest.mark.parametrize(
     ("typed", "reason"),
     [
-        ("none.rrd -o a.npz", "no such file"),
+        ("none.rrd -o a.npz", "does not exist"),
         (". -o a.npz", "a folder"),
         ("text.rrd -o a.npz", "no Rerun recording"),
         ("empty.rrd -o a.npz", "no Rerun recording"),
@@ -163,15 +163,6 @@ def test_columns_of_classes_bear_the_titles_of_tables_and_keep_the_whole_id_besi
     for title, whole in zip(titles, ids, strict=True):
         assert schema.field(f"weight:{title}").metadata[b"class"].decode() == whole
         assert about["columns"][f"ess:{title}"]["class"] == whole
-
-
-def test_a_column_that_no_step_has_is_left_out_only_if_drives_may_do_without_it():
-    table = export.table(export.Recording(settings={}, steps=[(0, 0.0, {"state": [1.0, 2.0, 0.5, 7.0]})], plan_ms={}))
-    assert table["state_4"] == 7.0
-    assert np.isnan(table["end_state_4"])
-    assert "exact_value" not in table
-    assert table["outcome"].tolist() == [""]
-    assert all(described(name).text for name in table)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import mujoco
 import numpy as np
 import pytest
@@ -12,10 +10,10 @@ from drives import MAX_TIME, Drive, columns, record, rerun
 from rerun.chunk import RrdReader
 
 from sim.drawing import strokes
-from sim.drive.episode import run
 from sim.recording import geoms
-from sim.recording.step_row import Row
-from sim.recording.subject import telling
+from sim.recording.layout import layout
+from sim.recording.options import Look
+from sim.recording.subject import Subject, telling
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
 
@@ -45,15 +43,6 @@ def test_every_step_is_a_row_with_the_numbers_of_its_frame(recorded):
         assert steps["ess"][i] == list(frame.plan.estimate.class_ess.values())
 
 
-def test_a_value_known_without_samples_is_recorded_without_error(recorded):
-    _, frames, _ = recorded
-    plan = replace(frames[0].plan, estimate=None, instead=frames[0].plan.tape, law=None)
-    for exact, value, error in ((8.5, 8.5, 0.0), (None, np.inf, np.inf)):
-        row = Row.of(replace(frames[0], plan=replace(plan, exact=exact)), False, None)
-        assert (row.value, row.value_error) == (value, error)
-        assert np.all(row.control_error == error)
-
-
 def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
     file, frames, news = recorded
     table = columns(file)
@@ -73,17 +62,6 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
-
-
-def test_class_weights_are_lines_that_add_up_to_one(recorded):
-    file, frames, _ = recorded
-    lines = np.array(columns(file)["/why/weight"]["Scalars:scalars"])
-    assert len(lines) == len(frames)
-    for frame, shares in zip(frames, lines, strict=True):
-        drawn = shares[np.isfinite(shares)]
-        assert drawn.sum() == pytest.approx(1.0, abs=1e-4)
-        weights = [w for name, w in frame.plan.estimate.class_weights.items() if name != "other"]
-        assert np.allclose(np.sort(drawn[1:]), np.sort(weights), atol=1e-4)
 
 
 def test_the_page_tells_the_moment_of_its_plan(recorded):
@@ -127,25 +105,6 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
             assert np.abs(np.diff(height)).max() < 0.25
 
 
-def test_a_tree_that_grows_is_drawn_vertex_by_vertex_and_none_twice(tmp_path):
-    drive, file = Drive(), tmp_path / "grown.rrd"
-    before = drive.tree.size
-    with drive.recorder(file) as recorder:
-        for frame in run(drive.plant, drive.controller, drive.scene.start, drive.plant_rng, max_time=0.6, grow=3):
-            recorder.log(frame)
-            size = frame.vertices
-    assert size > before
-    for k in (0, 1):
-        rows = columns(file)[f"/tree/{k + 1}/growth"]["LineStrips3D:strips"]
-        ends = strokes.tree_edges(drive.tree, k, 10_000, since=before)
-        gained = {tuple(tail) for tail in strokes.lift(ends[:, 0, :2], 0.0)[:, :2]}
-        drawn = [{tuple(strip[0, :2]) for strip in np.array(row)} for row in rows]
-        assert 2 <= len(rows) <= 5  # pictures are drawn five times a second
-        assert set().union(*drawn) <= gained
-        assert len(set().union(*drawn)) == sum(len(tails) for tails in drawn)
-        assert sum(len(tails) for tails in drawn) > 0.8 * len(gained)
-
-
 def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart_or_by_what_one_chooses(tmp_path):
     drive = Drive()
     x = drive.scene.start[:2]
@@ -183,3 +142,28 @@ def test_meshes_have_entity_paths_of_their_own_whatever_their_names(capfd):
         assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
         stream.log(f"/world/{path}", solid)
     assert "WARN" not in capfd.readouterr().err
+
+
+def static(file, path, column):
+    """What is said once of an entity."""
+    for chunk in RrdReader(str(file)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.is_static and chunk.entity_path == path and column in batch.schema.names:
+            return batch.column(column).to_pylist()[0]
+    raise AssertionError(path)
+
+
+def test_a_key_names_what_the_map_numbers(recorded):
+    (key,) = static(recorded[0], "/key", "TextDocument:text")
+    names = static(recorded[0], "/world/scene/names", "Points3D:labels")
+    assert names == ["goal", "1 upper wall", "2 lower wall"]
+    assert all(f"**{sign}** {name}" in key for sign, name in ((1, "upper wall"), (2, "lower wall")))
+
+
+def test_a_file_opens_at_its_first_plan_and_a_viewer_follows():
+    drive = Drive()
+    subject = Subject(
+        loaded=drive.loaded, tree=drive.tree, path_integral=drive.controller.path_integral, look=Look(), settings={}
+    )
+    states = {live: layout(subject, live=live).time_panel.play_state for live in (False, True)}
+    assert states == {False: "paused", True: "following"}

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drives import Drive, Moving, columns, record, timed
+from drives import Drive, Moving, columns, timed
 from moving_scenes import body, moving_scene, rows
-from rerun.chunk import RrdReader
 
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
@@ -88,14 +86,6 @@ def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
             np.testing.assert_allclose(ring[:-1, :2], outline(solid), atol=ROUNDING)
 
 
-def test_every_picture_has_its_braids_their_names_and_samples(recorded):
-    table, _, frames = recorded
-    steps = table["/world/references"]["step"]
-    for path in PICTURED:
-        assert table[path]["step"] == steps, path
-    assert steps == [k for k, frame in enumerate(frames) if frame.step in steps]
-
-
 def test_braids_are_the_references_of_all_classes_with_their_times_upward(recorded):
     table, drive, frames = recorded
     known = table["/spacetime/braids"]
@@ -128,19 +118,6 @@ def test_the_tube_of_a_body_is_where_it_is_at_every_time(recorded):
         assert gap.max() < 2 * ROUNDING
 
 
-def test_tubes_walls_and_seconds_reach_above_every_braid(recorded):
-    table, drive, _ = recorded
-    top = max(line[-1][2] for cells in table["/spacetime/braids"]["LineStrips3D:strips"] for line in cells)
-    for path in ("/spacetime/bodies/door", "/spacetime/walls", "/spacetime/goal"):
-        corners = np.vstack([np.array(cell) for cell in table[path]["Mesh3D:vertex_positions"]])
-        assert corners[:, 2].max() >= top - ROUNDING, path
-    labels = [label for cell in table["/spacetime/axis/names"]["Points3D:labels"] for label in cell]
-    assert labels[0] == "0 s"
-    assert len(labels) > 3
-    marks = np.vstack([np.array(cell) for cell in table["/spacetime/axis/names"]["Points3D:positions"]])
-    np.testing.assert_allclose(marks[:, 2], [rise(drive) * float(label[:-2]) for label in labels], atol=ROUNDING)
-
-
 def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     table, drive, frames = recorded
     known = table["/spacetime/path"]
@@ -155,33 +132,11 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     np.testing.assert_allclose(heights, rise(drive) * np.array(times), atol=1e-5)
 
 
-def test_samples_go_up_from_where_the_robot_is_and_arrive_at_the_goal(recorded):
-    table, drive, frames = recorded
-    known, goal = table["/spacetime/samples"], drive.scene.goal
-    counted = 0
-    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
-        for line in strips(cells or []):
-            counted += 1
-            np.testing.assert_allclose(line[0], [*frame.plan.state, rise(drive) * frame.time], atol=2 * ROUNDING)
-            assert np.all(np.diff(line[:, 2]) >= 0.0)
-            assert np.linalg.norm(line[-1, :2] - goal.center) < goal.radius + 0.15
-    assert counted > 20
-
-
 def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for(recorded):
     _, drive, _ = recorded
     assert tabs(subject_of(drive)) == ["Drive", "Why", "Space-time", "About"]
     assert tabs(subject_of(drive, lift=(1,))) == ["Drive", "Why", "Space-time", "Tree", "About"]
     assert tabs(subject_of(Drive())) == ["Drive", "Why", "Tree", "About"]
-
-
-def test_a_recording_of_what_stands_has_nothing_of_it(tmp_path):
-    record(tmp_path / "slit.rrd")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        paths = {chunk.entity_path for chunk in RrdReader(str(tmp_path / "slit.rrd")).stream()}
-    assert "/world/references" in paths
-    assert not [path for path in paths if path.startswith("/spacetime") or "foreseen" in path or "movers" in path]
 
 
 def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_path):

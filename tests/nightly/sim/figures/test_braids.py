@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from discs import disc
-from figures import braids, ground, snapshots
+from figures import braids, snapshots
 from figures.effort import Effort
-from moving import hall, moved
+from moving import moved
 
 from sim.drawing.strokes import timed
 from sim.drawing.tubes import tubes
@@ -70,29 +70,6 @@ def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
         point = np.array([3.0, 3.0, 2.0]) + off * towards
         assert bool(braids.hidden(point[None], [tube], 5.0)[0]) is behind
     assert not braids.hidden(np.array([[1.0, 3.0, 2.0], [3.0, 4.0, 4.9]]), [tube], 5.0).any()
-
-
-def test_the_map_shows_bodies_where_they_are_at_the_time():
-    scene = hall("h", [moved("m", ROWS, disc("d", 0, 0, 0.3))])
-    for time in (0.0, 2.5):
-        for draws in (map_of.draw, ground.draw):
-            axes = plt.figure().add_subplot()
-            draws(axes, scene, time)
-            (corners,) = filled(axes)
-            (solid,) = scene.movers[0].at(time)
-            np.testing.assert_allclose(corners, outline(solid))
-
-
-def test_the_map_outlines_where_bodies_are_going_to_be():
-    scene = hall("h", [moved("m", ROWS, disc("d", 0, 0, 0.3))])
-    axes = plt.figure().add_subplot()
-    ground.draw(axes, scene, 1.0, scene.movers)
-    found = outlined(axes)
-    assert len(found) == len(map_of.MOMENTS)
-    for (corners, _), after in zip(found, map_of.MOMENTS, strict=True):
-        np.testing.assert_allclose(corners.mean(axis=0), [3.0, 2.0 + after], atol=1e-6)
-    strengths = [strength for _, strength in found]
-    assert strengths == sorted(strengths, reverse=True)
 
 
 def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it():

@@ -35,13 +35,6 @@ def within(axes: Any) -> list[Any]:
     return [text for text in axes.texts if text.get_color() == MOVER]
 
 
-def test_no_number_covers_another(door):
-    axes, _ = drawn(*door)
-    places = np.array([text.xy for text in axes.texts])
-    apart = np.hypot(*(places[:, None] - places[None]).T) + 9.0 * np.eye(len(places))
-    assert apart.min() >= figures.APART * np.ptp(axes.get_xlim())
-
-
 def test_numbers_stand_where_references_are_at_these_seconds(door):
     scenario, references = door
     axes, step = drawn(scenario, references)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from figures import gallery, lengths, lifted, shares, snapshots, style
+from figures import gallery, lifted, snapshots, style
 from figures.effort import Effort
 from repository import ROOT
 from thoroughly import first
@@ -109,35 +108,6 @@ def test_a_snapshot_has_a_reference_per_class_in_its_colour_and_weights_that_fil
         assert axes.get_xlabel() == "$x$ [m]"
     assert figure.axes[0].get_ylabel() == "$y$ [m]"
     assert figure.axes[1].get_title(loc="left") == f"(b) $b$ = 0.3, $t$ = {drive.frames[drive.shown[1]].time:.1f} s"
-
-
-def test_lengths_never_rise_and_end_at_or_above_those_of_the_references():
-    shown = lengths.work(SMALL, lambda: None)
-    figure = lengths.draw(plt, shown)
-    left, right = figure.axes
-    assert "iteration" in left.get_xlabel()
-    assert left.get_ylabel().endswith("[m]")
-    assert right.get_aspect() == 1.0
-    ids = [reference.id for reference in shown.references]
-    assert len(legend(figure)) == len(ids) > 0
-    assert set(colored(left)) == set(palette(ids))
-    for reference in shown.references:
-        history = shown.history(reference)
-        known = history[np.isfinite(history)]
-        assert np.all(np.diff(known) <= 0)
-        assert known[-1] >= reference.length - 1e-6
-
-
-def test_shares_of_the_classes_sum_to_one_and_only_a_solved_grid_is_shown():
-    found = shares.work(SMALL, lambda: None)
-    assert np.allclose(found.sampled.sum(axis=1), 1.0, atol=0.02)  # the rest belongs to paths that wind more
-    assert np.all(np.isnan(found.exact[0]))  # a grid fine enough for b = 0.05 is refused
-    assert found.exact[1].sum() == pytest.approx(1.0, abs=0.05)
-    figure = shares.draw(plt, found)
-    axes = figure.axes[0]
-    assert "b" in axes.get_xlabel()
-    assert "probability" in axes.get_ylabel()
-    assert [line.get_color() for line in axes.get_lines() if len(line.get_xdata()) == 2] == palette(found.ids)
 
 
 def script(*arguments, **options):

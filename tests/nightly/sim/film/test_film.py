@@ -146,12 +146,6 @@ def test_a_file_that_cannot_be_made_is_refused_before_the_drive(tmp_path, monkey
     assert reason in said.err
 
 
-def test_a_missing_library_is_named_with_the_extra_that_brings_it(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(sys.modules, "av", None)
-    assert main([*SHORT, "--video", str(tmp_path / "a.mp4")]) == 2
-    assert "pirrht[video]" in capsys.readouterr().err
-
-
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is one way of drawing")
 def test_without_graphics_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
     pytest.importorskip("PIL")

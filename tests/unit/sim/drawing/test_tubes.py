@@ -6,13 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block, disc
+from discs import block
 from moving import moved, oblique
 
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.moving.collision import radius_of
-from sim.drawing.tubes import CORNERS, MOST, TURN, foreseen, tubes
+from sim.drawing.tubes import CORNERS, TURN, foreseen, tubes
 from sim.plotting.ground import MOMENTS, outline
 
 PATROL = moved("patrol", [(0, 1, 1, 0), (1, 3, 1, 2), (1.5, 3, 2, 2)], block("b", 0.2, 0, (0.5, 0.1)), repeat=True)
@@ -58,18 +58,3 @@ def test_outlines_ahead_are_where_the_motion_leads_and_the_later_the_weaker():
         (solid,) = mover.at(now + one.after)
         np.testing.assert_allclose(one.ring[0], one.ring[-1])
         assert gap(one.ring[:-1], outline(solid)) < 1e-9
-
-
-def test_what_stands_by_then_is_outlined_once_where_it_comes_to_stand():
-    mover = moved("m", [(0, 1, 1, 0), (1.2, 2, 1, 0)], disc("d", 0, 0, 0.2))
-    assert [one.after for one in foreseen([mover], 0.0)] == [0.0, 0.5, 1.0, 1.5]
-    assert [one.after for one in foreseen([mover], 5.0)] == [0.0]
-    np.testing.assert_allclose(foreseen([mover], 0.0)[-1].ring.mean(axis=0)[0], 2.0, atol=0.02)
-
-
-def test_many_bodies_have_no_more_corners_than_a_picture_may_take():
-    rows = [(0, 1, 1, 0), (9, 10, 1, 0)]
-    few, many = (foreseen([moved(f"{k}", rows, disc("d", 0, 0, 0.2)) for k in range(n)], 0.0) for n in (2, 24))
-    assert sum(len(one.ring) - 1 for one in many) <= MOST
-    assert len({one.after for one in many}) >= 3
-    assert len(few[0].ring) > len(many[0].ring)

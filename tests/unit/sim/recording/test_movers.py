@@ -9,7 +9,6 @@ from moving_scenes import body, moving_scene, rows
 
 from pirrht.arrays import Array
 from sim.drawing.colors import MOVER
-from sim.film.film import Film
 
 MAX_TIME = 0.4
 FOLDER = "/world/scene/movers"
@@ -96,26 +95,3 @@ def test_moving_obstacles_have_a_colour_of_their_own_and_nothing_hides_the_robot
     assert tuple(moving[:3]) == MOVER
     assert tuple(standing[:3]) == (153, 102, 51)
     assert max(standing[3], moving[3]) < 220
-
-
-def test_a_film_shows_a_body_where_it_is(tmp_path):
-    pytest.importorskip("PIL")
-    from PIL import Image
-
-    pictures = []
-    world = body("b", 'type="box" size="5 5 .2" rgba="1 0 0 1"', "-20 8 0.1")
-    for end in ("-20 8", "20 8"):
-        drive = Moving(moving_scene(tmp_path, world, rows("b", f"0 -20 8 0  {MAX_TIME} {end} 0")))
-        film = Film(drive.loaded, still=tmp_path / "last.png")
-        for frame in drive.frames(MAX_TIME):
-            film.add(frame)
-        film.save(lambda k: None)
-        pictures.append(np.asarray(Image.open(tmp_path / "last.png"), dtype=int))
-    columns_of_red = []
-    for picture in pictures:
-        red = picture[..., 0] - picture[..., 1:].max(axis=-1) > 30
-        assert red.sum() > 50
-        columns_of_red.append(np.flatnonzero(red.any(axis=0)).mean())
-    middle = pictures[0].shape[1] / 2
-    assert columns_of_red[0] < middle - 100
-    assert columns_of_red[1] > middle + 100

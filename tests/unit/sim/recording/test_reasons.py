@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from drives import Drive
 
-from pirrht.outcome import Outcome
-from sim.recording.reasons import BORDER, Reason, Surroundings, arriving, fate, page, reasons, sentence, share, words_of
+from sim.recording.reasons import BORDER, Reason, Surroundings, fate, page, reasons, sentence, share, words_of
 from sim.recording.subject import called
 
 WALLS = ("upper wall", "lower wall")
@@ -52,21 +51,6 @@ def test_the_error_of_a_class_is_what_repeated_estimates_scatter_by():
         values.append(one.value)
         errors.append(one.error)
     assert np.std(values) == pytest.approx(np.mean(errors), rel=0.5)
-
-
-def test_samples_that_die_are_counted_where_they_were_drawn(planned):
-    _, plan, found = planned
-    alive = arriving(plan.estimate, plan.ids)
-    for h, name in enumerate(plan.ids):
-        lost = 0.0
-        count = 0
-        for part in plan.estimate.parts:
-            own = slice(part.tables.first[h], part.tables.first[h + 1])
-            arrived = part.paths.outcome[own] == Outcome.GOAL
-            lost += np.sum(~arrived) + np.sum(1.0 - np.exp(part.paths.log_survival[own][arrived]))
-            count += len(arrived)
-        assert found[name].dying + found[name].late == pytest.approx(lost / count)
-        assert alive[name] == pytest.approx(1.0 - lost / count)
 
 
 def test_what_samples_hit_is_the_wall_beside_their_way(planned):
