@@ -93,7 +93,7 @@ def error_of(values: Array) -> float:
 
 
 def is_the_grids(values: Array) -> bool:
-    """Within three standard errors and 1 %: the clearance field never tells too much, so obstacles are a little wider."""
+    """Within 3 standard errors and 1 %: the clearance field never tells too much, so obstacles are a little wider."""
     return bool(abs(values.mean() - 1.0) < 3.0 * error_of(values) + 0.01)
 
 

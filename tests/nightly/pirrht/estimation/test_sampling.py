@@ -20,7 +20,7 @@ from sim.scenario import Scenario
 
 
 def assert_cautious(estimates: list[Estimate]) -> None:
-    """Errors of v, u_1, u_2 count the largest term several times: no less than the spread, which 300 plans tell to 4 %."""
+    """Errors of v and u count the largest term several times: no less than the spread, which 300 plans tell to 4 %."""
     found = np.array([[e.value, *e.control] for e in estimates])
     errors = np.array([[e.value_error, *e.control_error] for e in estimates])
     ratio = np.sqrt(np.mean(errors**2, axis=0)) / found.std(axis=0, ddof=1)

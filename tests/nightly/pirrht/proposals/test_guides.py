@@ -1,4 +1,4 @@
-"""Guides of any system: their gains are Riccati's where all is linear, derivatives are exact, steps gain what is expected.
+"""Guides of any system: their gains are Riccati's where all is linear, derivatives are exact, steps gain as expected.
 
 A mass (`DoubleIntegrator`) is the linear case, a car that accelerates the other one.
 """
