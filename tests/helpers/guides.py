@@ -1,11 +1,20 @@
-"""The best guide of a class, as a controller's first plan or the one after it has it."""
+"""Guides as a controller has them, and what samples around proposals say of psi."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import combinations
+
+import numpy as np
+
 from pirrht.arrays import Array
+from pirrht.estimation.sampler import PathIntegral
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
+from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
 from pirrht.steering.motion import Trajectory
+
+Found = tuple[float, float, float]  # log psi, its standard error and the share of effective samples
 
 
 def best(
@@ -15,3 +24,29 @@ def best(
     """The best local optimum from x (n,), started from a guide made `elapsed` [s] ago if there is one."""
     found = guidance.optima(guidance.query(x, times, key, time), trajectory, [] if last is None else [last], elapsed)
     return found[0] if found else None
+
+
+def valid(integral: PathIntegral, x: Array, times: Array, winding: tuple[int, ...], trajectory: Trajectory) -> DDPGuide:
+    """The best guide of a class, which must be valid."""
+    assert isinstance(integral.guidance, DDPGuidance)
+    guide = best(integral.guidance, x, times, integral.space.homology.key(winding), trajectory)
+    assert guide is not None
+    assert guide.valid
+    return guide
+
+
+def psi_around(
+    integral: PathIntegral, x: Array, times: Array, leads: Sequence[ProposalControl], count: int, seed: int
+) -> Found:
+    """What `count` samples around each of some proposals say together."""
+    proposals = tuple(Proposal(lead=lead, count=count) for lead in leads)
+    log_weight = integral.rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight
+    w = np.exp(log_weight - log_weight.max())
+    error = float(w.std() / w.mean() / np.sqrt(len(w)))
+    return float(log_weight.max() + np.log(w.mean())), error, float(w.mean() ** 2 / (w**2).mean())
+
+
+def assert_alike(found: Sequence[Found]) -> None:
+    """Every two agree within 3 standard errors."""
+    for (one, its, _), (other, error, _) in combinations(found, 2):
+        assert abs(one - other) < 3.0 * np.hypot(its, error)

@@ -1,8 +1,4 @@
-"""psi of a point against the grid: with any guide, with split steps, with walls that end paths or weigh them.
-
-Where psi is said to be that of the grid, its mean over independent seeds (0, 1, ...) lies within three standard errors
-and 1 %: the clearance field never tells too much clearance, so obstacles are a little wider than they are.
-"""
+"""psi of a point against the grid: with split steps, with walls that cost little."""
 
 from __future__ import annotations
 
@@ -12,33 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import kstest
-from solved import Solved, around_corner, around_post, in_channel
+from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 
-WIDER = 0.01  # of psi that obstacles may take too much
-
-
 FINE = {"steps": "uniform", "dt": 0.1 / 64}
-
-
-def shares(known: Solved, found: list[Estimate]) -> Array:
-    """psi by the grid's."""
-    return np.exp([e.log_psi - known.truth.log_psi(known.x) for e in found])
-
-
-def error_of(values: Array) -> float:
-    return float(values.std(ddof=1) / np.sqrt(len(values)))
-
-
-def is_the_grids(values: Array) -> bool:
-    return bool(abs(values.mean() - 1.0) < 3.0 * error_of(values) + WIDER)
 
 
 def passive(integral: PathIntegral, x: Array, count: int) -> Batch:
@@ -48,17 +27,9 @@ def passive(integral: PathIntegral, x: Array, count: int) -> Batch:
     return Batch(state=x, times=times, proposals=(still,))
 
 
-# -- split steps -------------------------------------------------------------------------------------------------
-
-
-def near_goal(b: float) -> Solved:
-    """A tenth of a meter from the rim, in a channel as wide as the goal."""
-    return in_channel(b, 0.3, length=1.2, ahead=0.2)
-
-
 def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
     """Shares of walls and goal, and the times until then (Kolmogorov-Smirnov): 20 000 paths each, near both."""
-    known = near_goal(0.5)
+    known = in_channel(0.5, 0.3, length=1.2, ahead=0.2)  # a tenth of a meter from the rim, as wide as the goal
     times, outcomes = [], []
     for settings in ({}, FINE):
         integral = path_integral(replace(known.problem, phi=0.0), known.space, Sampling(guide="open-loop", **settings))

@@ -25,7 +25,6 @@ from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
-from sim.scenario import Scenario, prepare
 
 POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
 
@@ -74,17 +73,6 @@ def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -
 
 def polyline(guide: DDPGuide) -> Array:
     return guide.states[: guide.length + 1, :2]
-
-
-@cache
-def narrow() -> tuple[Scenario, HomologyTree]:
-    """The car in `clutter` and a small tree, whose curves wind between the obstacles."""
-    scenario = prepare("clutter", robot="unicycle", given={"seed": 8, "vertices": 400})
-    return scenario, scenario.grown_tree()
-
-
-# Where, from these curves, descent at the actual noise level creeps along walls for hundreds of rounds.
-WINDING = ((3.678, 1.202, 3.111), (9.944, -1.841, -1.994), (4.758, -4.111, 3.028))
 
 
 def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_class():
