@@ -23,7 +23,7 @@ POINTS, REPEATS = 12, 10
 LEAST = -300.0  # log psi
 CASES: tuple[tuple[str, str | None, dict[str, float]], ...] = (  # scene, robot, settings
     ("slit", None, {}),
-    ("clutter", "puck", {"noise": 0.1}),
+    ("clutter", "puck", {"noise": 0.2}),
     ("clutter", None, {}),
 )
 
