@@ -13,7 +13,8 @@ def flaw(manifest: Mapping[str, Any]) -> str:
     """The first thing that is wrong with a manifest; empty if nothing is."""
     fits = {"version": _all([manifest.get("version")], str), "settings": isinstance(manifest.get("settings"), dict)}
     for name in ("scenes", "libraries"):
-        fits[name] = isinstance(manifest.get(name), dict) and _all([*manifest[name].values()], str)
+        texts = manifest.get(name)
+        fits[name] = isinstance(texts, dict) and _all([*texts.values()], str)
     asked = manifest.get("asked")
     fits["asked"] = isinstance(asked, list) and all(map(_is_wish, asked)) and _points_of(asked) <= MOST_POINTS
     return next((f'"{name}" is not what a sweep writes' for name, fit in fits.items() if not fit), "")
@@ -26,7 +27,7 @@ def _points_of(asked: Sequence[Mapping[str, Any]]) -> int:
 def _is_wish(wish: Any) -> bool:
     if not isinstance(wish, dict) or not isinstance(wish.get("noise"), dict):
         return False
-    seeds = wish.get("seeds")
+    seeds: Any = wish.get("seeds")
     return (
         _all(wish.get("methods"), str)
         and all(_all(values, (int, float)) for values in wish["noise"].values())

@@ -94,11 +94,7 @@ def frozen(values: Mapping[str, Any]) -> Frozen:
 
 
 def settled(job: Job) -> Scenario:
-    """The scenario of a job.
-
-    Raises:
-        PirrhtError: a scene or a setting is wrong.
-    """
+    """The scenario of a job; PirrhtError if a scene or a setting is wrong."""
     # Drives share a tree, so it does not grow; and cores, so none is against the clock.
     changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1, "grow": None, "real_time": False}
     if job.noise is not None:
@@ -132,11 +128,7 @@ def given_up(task: Task, why: str) -> Planned | dict[str, Any]:
 
 
 def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
-    """One run as a record: what it was, and what came of it.
-
-    Raises:
-        PirrhtError: the run is impossible.
-    """
+    """One run as a record: what it was, and what came of it. PirrhtError if it is impossible."""
     scenario = settled(job)
     if job.digest and job.digest != digest(job):
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
