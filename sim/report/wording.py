@@ -41,7 +41,9 @@ class Table(NamedTuple):
 
 def lead(report: Report) -> list[str]:
     """Say how complete the sweep is, and how it was made."""
-    lines = [f"{report.found} of {counted(report.asked, 'run')} are there."]
+    lines = [
+        f"{report.found} of {counted(report.asked, 'run')} asked for {'is' if report.asked == 1 else 'are'} there."
+    ]
     if report.found < report.asked:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
     failed = sum(report.errors.values())
