@@ -14,6 +14,7 @@
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
+    python scripts/benchmark.py presets     time, effective samples and error of v of each preset, on slit and clutter
     python scripts/benchmark.py trace       modules that one control step enters, lines that the sampler imports
 
 Times depend on the machine: quote ratios from one run.
@@ -35,7 +36,7 @@ PARTS = {
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass", "maps", "trace")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass", "maps", "presets", "trace")
 
 
 def main() -> int:

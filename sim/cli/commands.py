@@ -10,11 +10,8 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
-
-from tqdm import tqdm
 
 from pirrht.errors import OptionError, printable
 from sim import options
@@ -165,8 +162,7 @@ def report(arguments: argparse.Namespace) -> int:
     if arguments.output is not None and folder.is_file():
         raise OptionError(f"--output {folder} is a file; give the path of a folder")
     text, web = folder / "report.md", folder / "report.html"
-    watched = partial(tqdm, leave=False, disable=None, dynamic_ncols=True)
-    known = engine.report(Dataset(arguments.folder), lambda what, items: watched(items, desc=what))
+    known = engine.report(Dataset(arguments.folder))
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # ValueError: a name that is no text
@@ -175,7 +171,7 @@ def report(arguments: argparse.Namespace) -> int:
         if file is not None:
             check_writable(file, option)
     try:
-        drawn = pictures(known, lambda what, items: watched(items, desc=what))
+        drawn = pictures(known)
     except OptionError as error:
         drawn = []
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)

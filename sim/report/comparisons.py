@@ -28,11 +28,11 @@ class Comparison:
     lost: int  # only that of `BASE`
     success: Interval  # difference of the shares
     success_p: float  # McNemar, exact
-    success_adjusted: float  # for all findings of the report
     arrived: int  # pairs of which both reached the goal
     cost: Interval  # mean difference of their costs
     cost_p: float  # by flipping signs
-    cost_adjusted: float
+    success_adjusted: float = 1.0  # for all findings of the report
+    cost_adjusted: float = 1.0
 
 
 def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison | None:
@@ -54,11 +54,9 @@ def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison |
         lost=lost,
         success=paired_shares(gained, lost, len(pairs)),
         success_p=mcnemar(gained, lost),
-        success_adjusted=1.0,
         arrived=len(off),
         cost=mean(off),
         cost_p=sign_flips(off),
-        cost_adjusted=1.0,
     )
 
 

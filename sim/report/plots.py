@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
 from sim.report.statistics import Interval
-from sim.report.summary import ALL, Point, Report, Watch, unwatched
+from sim.report.summary import ALL, Point, Report
 
 MOST = 6  # scenes with pictures of their own; of more, all together
 SHOWN = 6  # classes with a colour of their own
@@ -37,32 +37,23 @@ class Curve(NamedTuple):
     log: bool = False
 
 
-def pictures(report: Report, watch: Watch = unwatched) -> list[Picture]:
-    """Success, cost, classes and step times.
-
-    Args:
-        watch: told what is being done to which items, of which it passes one on at a time.
-
-    Raises:
-        OptionError: matplotlib is missing.
-    """
+def pictures(report: Report) -> list[Picture]:
+    """Success, cost, classes and step times; OptionError if matplotlib is missing."""
     from sim.figures import pyplot
 
     plt = pyplot("report.html")
     if not report.points:
         return []
     scenes = [ALL] if len(report.scenes) > MOST + 1 else [scene for scene in report.scenes if scene != ALL]
-    percent, cost, step = "runs that reach the goal [%]", "cost of runs that reach the goal", "median step [ms]"
-    wanted: list[Callable[[], Picture | None]] = [
-        lambda: _levels(plt, report, scenes, Curve("success", percent, lambda p: p.success, 100.0)),
-        lambda: _levels(plt, report, scenes, Curve("cost", cost, lambda p: p.cost)),
-        lambda: _levels(
-            plt, report, scenes, Curve("cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal)
-        ),
-        lambda: _shares(plt, report, scenes),
-        lambda: _levels(plt, report, scenes, Curve("step times", step, lambda p: p.step_ms, log=True)),
+    percent, cost = "runs that reach the goal [%]", "cost of runs that reach the goal"
+    curves = [
+        Curve("success", percent, lambda p: p.success, 100.0),
+        Curve("cost", cost, lambda p: p.cost),
+        Curve("cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal),
+        Curve("step times", "median step [ms]", lambda p: p.step_ms, log=True),
     ]
-    drawn = [draw() for draw in watch("pictures", wanted)]
+    levels = [_levels(plt, report, scenes, curve) for curve in curves]
+    drawn = [*levels[:3], _shares(plt, report, scenes), levels[3]]
     return [picture for picture in drawn if picture is not None]
 
 
@@ -100,11 +91,11 @@ def _levels(plt: Any, report: Report, scenes: Sequence[str], curve: Curve) -> Pi
 
 def _logarithmic(axes: Any) -> None:
     """A logarithmic scale whose ticks are plain numbers."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     axes.set_yscale("log")
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+    axes.yaxis.set_major_formatter("{x:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
 
 
@@ -155,5 +146,4 @@ def _png(plt: Any, figure: Any) -> str:
 
 
 def _rank(method: str) -> int:
-    known = list(METHODS)
-    return known.index(method) if method in known else len(known)
+    return [*METHODS, method].index(method)

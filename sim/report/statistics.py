@@ -43,32 +43,20 @@ def wilson(successes: int, runs: int) -> Interval:
 
 
 def mean(values: ArrayLike, seed: int = 0) -> Interval:
-    """A mean with its percentile bootstrap interval; without an interval if there are fewer than two values.
-
-    Args:
-        values: (k,) independent runs.
-    """
-    x = np.asarray(values, dtype=float)
-    if len(x) < 2:
-        return Interval(value=float(x.mean()) if len(x) else nan, low=nan, high=nan)
-    return _bootstrapped((x,), lambda x, axis: np.mean(x, axis=axis), seed)
+    """A mean over independent runs (k,), with a percentile bootstrap interval if there are two or more."""
+    return _bootstrapped((np.asarray(values, dtype=float),), lambda x, axis: np.mean(x, axis=axis), seed)
 
 
 def ratio(above: ArrayLike, below: ArrayLike, seed: int = 0) -> Interval:
     """The ratio of two means over pairs (k,), with the interval of a bootstrap that draws pairs."""
-    a, b = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
-    if len(a) < 2:
-        return Interval(value=float(a[0] / b[0]) if len(a) else nan, low=nan, high=nan)
-    return _bootstrapped((a, b), lambda a, b, axis: np.mean(a, axis=axis) / np.mean(b, axis=axis), seed)
+    pairs = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
+    return _bootstrapped(pairs, lambda a, b, axis: np.mean(a, axis=axis) / np.mean(b, axis=axis), seed)
 
 
 def paired_shares(gained: int, lost: int, pairs: int) -> Interval:
     """The difference of two shares over pairs, with the adjusted Wald interval of Bonett and Price (2012).
 
-    SciPy has none for pairs.
-
-    Args:
-        gained, lost: pairs of which only the first, or only the second, succeeded.
+    Of `gained` pairs only the first succeeded, of `lost` only the second. SciPy has no interval for pairs.
     """
     if pairs == 0:
         return UNKNOWN
@@ -100,15 +88,9 @@ def sign_flips(differences: ArrayLike, seed: int = 0) -> float:
         return np.abs(np.sum(x, axis=axis))
 
     found = permutation_test(
-        (d,),
-        far,
-        permutation_type="samples",
-        alternative="greater",
-        vectorized=True,
-        n_resamples=REPEATS,
-        batch=max(1, BLOCK // len(d)),
-        rng=np.random.default_rng(seed),
-    )
+        (d,), far, permutation_type="samples", alternative="greater", vectorized=True, n_resamples=REPEATS,
+        batch=max(1, BLOCK // len(d)), rng=np.random.default_rng(seed),
+    )  # fmt: skip
     return float(found.pvalue)
 
 
@@ -128,14 +110,13 @@ def _bootstrapped(samples: tuple[Array, ...], statistic: Callable[..., Any], see
     """A statistic of runs, or of pairs of runs, with its percentile interval."""
     from scipy.stats import bootstrap
 
+    if len(samples[0]) == 0:
+        return UNKNOWN
+    value = float(statistic(*samples, axis=-1))
+    if len(samples[0]) == 1:
+        return Interval(value=value, low=nan, high=nan)
     found = bootstrap(
-        samples,
-        statistic,
-        paired=len(samples) > 1,
-        vectorized=True,
-        n_resamples=REPEATS,
-        batch=max(1, BLOCK // len(samples[0])),
-        method="percentile",
-        rng=np.random.default_rng(seed),
-    ).confidence_interval
-    return Interval(value=float(statistic(*samples, axis=-1)), low=float(found.low), high=float(found.high))
+        samples, statistic, paired=len(samples) > 1, vectorized=True, n_resamples=REPEATS,
+        batch=max(1, BLOCK // len(samples[0])), method="percentile", rng=np.random.default_rng(seed),
+    ).confidence_interval  # fmt: skip
+    return Interval(value=value, low=float(found.low), high=float(found.high))

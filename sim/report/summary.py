@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
@@ -33,13 +33,6 @@ from sim.text import counted
 BEST = "optimal"  # what costs are held against
 ALL = "all scenes"
 OUTCOMES = ("goal", "collision", "timeout")
-
-Watch = Callable[[str, Sequence[Any]], Iterable[Any]]  # passes on what it is given, and tells how far that is
-
-
-def unwatched(_: str, items: Sequence[Any]) -> Iterable[Any]:
-    """Nobody is told."""
-    return items
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,15 +81,12 @@ class Report:
 
     def json(self) -> dict[str, Any]:
         """The report as plain values."""
-        told = asdict(self)
-        return {name: told[name] for name in told if name != "manifest"} | {"sweep": dict(self.manifest)}
+        values = asdict(self)
+        return values | {"sweep": values.pop("manifest")}
 
 
-def report(dataset: Dataset, watch: Watch = unwatched) -> Report:
+def report(dataset: Dataset) -> Report:
     """Sum up what a sweep has finished so far.
-
-    Args:
-        watch: told what is being done to which items, of which it passes one on at a time.
 
     Raises:
         OptionError: the folder holds no sweep, or rows that no sweep wrote.
@@ -106,9 +96,8 @@ def report(dataset: Dataset, watch: Watch = unwatched) -> Report:
     _check(records, dataset)
     groupings = _groupings(sorted(records, key=_order))
     wanted = [(key, by) for by in groupings for key in by]
-    points = [_point(key, by[key], by) for key, by in watch("intervals", wanted)]
-    compared = [comparison(key, by) for key, by in watch("comparisons", wanted)]
-    comparisons = adjusted([c for c in compared if c is not None])
+    points = [_point(key, by[key], by) for key, by in wanted]
+    comparisons = adjusted([c for c in (comparison(key, by) for key, by in wanted) if c is not None])
     return Report(
         name=dataset.folder.resolve().name,
         manifest=manifest,
@@ -124,12 +113,8 @@ def report(dataset: Dataset, watch: Watch = unwatched) -> Report:
 
 
 def _order(record: Record) -> tuple[Any, ...]:
-    known = list(METHODS)
-    rank = known.index(record["method"]) if record["method"] in known else len(known)
+    rank = [*METHODS, record["method"]].index(record["method"])
     return record["scene"], record["noise"], rank, record["method"], record["seed"]
-
-
-_NUMBERS = ("cost", "path_length", "time")
 
 
 def _check(records: Sequence[Record], dataset: Dataset) -> None:
@@ -139,10 +124,10 @@ def _check(records: Sequence[Record], dataset: Dataset) -> None:
         OptionError: names the folder, the run and what is wrong with it.
     """
     for r in records:
-        wrong = [name for name in ("scene", "method", "noise", "seed") if r[name] is None]
-        if not wrong and r["outcome"] is not None:
-            wrong = ["outcome"] if r["outcome"] not in OUTCOMES else []
-            wrong += [name for name in _NUMBERS if r[name] is None or not isfinite(r[name])]
+        if r["outcome"] is None:
+            continue
+        wrong = ["outcome"] if r["outcome"] not in OUTCOMES else []
+        wrong += [name for name in ("cost", "path_length", "time") if r[name] is None or not isfinite(r[name])]
         if wrong:
             run = f"{r['scene']}, b = {r['noise']}, {r['method']}, seed {r['seed']}"
             raise OptionError(
@@ -159,7 +144,7 @@ def _groupings(records: Sequence[Record]) -> list[dict[Key, list[Record]]]:
         apart.setdefault((r["scene"], r["noise"], r["method"]), []).append(r)
     for r in sorted(records, key=lambda r: _order({**r, "scene": ALL})):
         together.setdefault((ALL, r["noise"], r["method"]), []).append(r)
-    return [apart, together] if len({r["scene"] for r in records}) > 1 else [apart]
+    return [apart, together] if len({scene for scene, _, _ in apart}) > 1 else [apart]
 
 
 def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[Record]]) -> Point:
@@ -202,22 +187,21 @@ def _known(values: Iterable[float | None]) -> list[float]:
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:
     """Put significant differences into words; empty if there are none."""
-    told = []
+    lines = []
     for c in comparisons:
         where = f"{c.scene}, b = {c.noise:g}: {c.method}"
+        often, costs = ("more" if value.value > 0 else "less" for value in (c.success, c.cost))
         if c.success_adjusted < LEVEL:
-            word = "more" if c.success.value > 0 else "less"
-            told.append(
-                f"{where} reaches the goal {word} often than {BASE}, by {100 * abs(c.success.value):.1f} points "
+            lines.append(
+                f"{where} reaches the goal {often} often than {BASE}, by {100 * abs(c.success.value):.1f} points "
                 f"({counted(c.gained, 'seed')} gained, {c.lost} lost; adjusted p = {p_value(c.success_adjusted)})"
             )
         if c.cost_adjusted < LEVEL:
-            word = "more" if c.cost.value > 0 else "less"
-            told.append(
-                f"{where} costs {word} than {BASE} where both arrive, by {abs(c.cost.value):.3f} "
+            lines.append(
+                f"{where} costs {costs} than {BASE} where both arrive, by {abs(c.cost.value):.3f} "
                 f"({counted(c.arrived, 'seed')}; adjusted p = {p_value(c.cost_adjusted)})"
             )
-    return told
+    return lines
 
 
 def p_value(p: float) -> str:

@@ -1,12 +1,11 @@
-"""A report for people: tables and sentences, and of them Markdown, a page that opens without a network, and lines."""
+"""A report for people: tables and sentences as lines of a terminal, as Markdown, and as a page that loads nothing."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from math import isfinite
-from typing import Any
+from typing import Any, NamedTuple
 
 from sim.drawing.colors import title
 from sim.report.comparisons import BASE, LEVEL, Comparison, pairs_needed
@@ -17,57 +16,59 @@ from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; color: #1b1f24;
-       background: #fff; }
-h1, h2 { line-height: 1.2; } h2 { margin-top: 2.2rem; }
-.wide { overflow-x: auto; }
-table { border-collapse: collapse; font-size: 13px; font-variant-numeric: tabular-nums; }
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
+div { overflow-x: auto; } img { max-width: 100%; } table { border-collapse: collapse; font-size: 13px; }
 th, td { padding: .25rem .6rem; border-bottom: 1px solid #d8dee4; text-align: right; white-space: nowrap; }
 th:first-child, td:first-child, th:nth-child(3), td:nth-child(3) { text-align: left; }
-thead th { border-bottom: 2px solid #8c959f; } tbody tr:hover { background: #f3f6f9; }
-figure { margin: 1.5rem 0; } figure img { max-width: 100%; height: auto; } figcaption, .note { color: #57606a; }
 """
+METHOD = (
+    "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap for means and ratios, Bonett and Price's "
+    "for differences of paired shares. Comparisons are paired by scene and seed. p: McNemar's exact test for reaching "
+    "the goal, sign flips for cost where both arrive, with Holm's adjustment over all comparisons in brackets; "
+    f"significant means an adjusted p < {LEVEL:g}. '{ALL}' treats runs as independent. Step times depend on the "
+    "machine and its load."
+)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class Table(NamedTuple):
     """A heading, what it is about, and cells as text."""
 
     heading: str
     text: str
-    header: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
 
 
 def lead(report: Report) -> list[str]:
     """Say how complete the sweep is, and how it was made."""
-    lines = [f"{report.found} of {counted(report.asked, 'run')} asked for {_be(report.asked)} there."]
+    lines = [f"{report.found} of {counted(report.asked, 'run')} are there."]
     if report.found < report.asked:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
     failed = sum(report.errors.values())
     if failed:
-        count = "counts" if failed == 1 else "count"
-        lines.append(f"{counted(failed, 'run')} ended with an error and {count} in no figure:")
+        lines.append(f"{counted(failed, 'run')} ended with an error and count in no figure:")
         lines += [f"{number} x {error}" for error, number in report.errors.items()]
-    settings = report.manifest["settings"]
-    said = " ".join(
+    settings = " ".join(
         f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
-        for name, value in settings.items()
+        for name, value in report.manifest["settings"].items()
     )
     versions = ", ".join(f"{name} {number}" for name, number in report.manifest["libraries"].items())
-    return [*lines, f"Settings: {said}. pirrht {report.manifest['version']}, {versions}."]
+    return [*lines, f"Settings: {settings}. pirrht {report.manifest['version']}, {versions}."]
 
 
 def findings(report: Report) -> list[str]:
     """State plainly what is significant."""
-    questions = report.questions
-    if not questions:
+    questions = counted(report.questions, "comparison")
+    if not report.questions:
         return [f"No comparison: {_why_none(report)}."]
-    if not report.findings:
-        none = f"None of {questions} comparisons" if questions > 1 else "The only comparison"
-        told = f"{none} with {BASE} is {'not ' if questions == 1 else ''}significant."
-        return [told, *([_hopeless(report)] if report.least_p >= LEVEL else [])]
-    return [*(f"Significant: {line}." for line in report.findings), _rest(questions - len(report.findings))]
+    if report.findings:
+        return [*(f"Significant: {line}." for line in report.findings), f"Significant of {questions}; no other is."]
+    if report.least_p < LEVEL:
+        return [f"None of {questions} with {BASE} is significant."]
+    return [
+        f"None of {questions} with {BASE} is significant. None could be: with so few seeds McNemar's adjusted p is "
+        f"{p_value(report.least_p)} at best. It takes at least {pairs_needed(report.questions)} pairs."
+    ]
 
 
 def _why_none(report: Report) -> str:
@@ -75,56 +76,62 @@ def _why_none(report: Report) -> str:
         return "there are no runs"
     if sum(report.errors.values()) == report.found:
         return "every run ended with an error"
-    if not report.comparisons:
-        return f"the sweep has no method beside {BASE}, or not {BASE}"
-    return f"there is no seed with which both {BASE} and another method came to an end"
-
-
-def _hopeless(report: Report) -> str:
-    pairs, questions = max(c.pairs for c in report.comparisons), report.questions
-    return (
-        f"None could be, with so few seeds: if all of {counted(pairs, 'pair')} differed one way, McNemar's p would be "
-        f"{p_value(report.least_p)} after adjustment for {counted(questions, 'comparison')}. "
-        f"It takes at least {pairs_needed(questions)} pairs."
-    )
-
-
-def _rest(others: int) -> str:
-    if not others:
-        return "There are no other comparisons."
-    return f"The other {f'{others} comparisons' if others > 1 else 'comparison'} {_be(others)} not significant."
-
-
-def _be(number: int) -> str:
-    return "is" if number == 1 else "are"
+    return f"no seed came to an end both with {BASE} and with another method"
 
 
 def tables(report: Report) -> list[Table]:
-    """All figures."""
-    return [_outcomes(report.points), _costs(report.points), _decisions(report.points), _against(report.comparisons)]
+    """All figures, without tables that have no rows."""
+    known = any(p.method == BEST for p in report.points)
+    over: Mapping[str, Callable[[Any], str]] = {"cost over optimal": lambda p: _mean(p.cost_over_optimal, 4)}
+    every = [
+        _table(
+            "Outcomes", "Shares of the runs that came to an end.", report.points,
+            {"runs": lambda p: str(p.runs), "errors": lambda p: str(p.errors), "goal %": lambda p: _share(p.success),
+             "collision %": lambda p: _share(p.collision), "time-out %": lambda p: _share(p.timeout)},
+        ),
+        _table(
+            "Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.",
+            report.points,
+            {"cost": lambda p: _mean(p.cost), **(over if known else {}), "path [m]": lambda p: _mean(p.path_length),
+             "time [s]": lambda p: _mean(p.time)},
+        ),
+        _table(
+            "Decisions",
+            "Class switches per run; reversals: from a class of nine tenths of the weight to another such one; wall "
+            "time of a control step: means over runs of median and 95th percentile; shares of the driven classes.",
+            report.points,
+            {"switches": lambda p: _mean(p.class_switches, 2), "reversals": lambda p: _mean(p.class_reversals, 2),
+             "step median [ms]": lambda p: _mean(p.step_ms, 2), "step p95 [ms]": lambda p: _mean(p.step_p95_ms, 2),
+             "classes %": _classes},
+        ),
+        _table(
+            f"Against {BASE}",
+            f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
+            report.comparisons,
+            {"pairs": lambda c: str(c.pairs), "goals": lambda c: f"+{c.gained} -{c.lost}",
+             "points": lambda c: _text(c.success, lambda x: f"{100 * x:+.1f}"),
+             "p goals": lambda c: f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
+             "both arrive": lambda c: str(c.arrived), "cost": lambda c: _mean(c.cost, sign="+"),
+             "p cost": lambda c: f"{p_value(c.cost_p)} ({p_value(c.cost_adjusted)})"},
+        ),
+    ]  # fmt: skip
+    return [one for one in every if one.rows]
 
 
-def method() -> str:
-    """Explain how the figures were made."""
-    return (
-        "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap (10 000 draws) for means and ratios, "
-        "Bonett and Price's for differences of paired shares. Equal seeds meet equal plant noise; comparisons are "
-        f"paired by scene and seed. p: McNemar's exact test for reaching the goal, sign flips for cost where both "
-        f"arrive; Holm's adjustment is over all comparisons of this report, and significant means adjusted p < 0.05. "
-        f"'{ALL}' treats runs as independent, so it speaks of these scenes only. Step times depend on the machine and "
-        "on what else it did."
-    )
+def _table(
+    heading: str, text: str, points: Sequence[Point] | Sequence[Comparison], cells: Mapping[str, Callable[[Any], str]]
+) -> Table:
+    rows = [[p.scene, f"{p.noise:g}", p.method, *(cell(p) for cell in cells.values())] for p in points]
+    return Table(heading, text, ["scene", "b", "method", *cells], rows)
 
 
 def terminal(report: Report) -> str:
     """Format the report for a terminal: of many scenes only all of them together."""
-
     many = ALL in report.scenes and len(report.scenes) > 4
     parts = ["\n".join(lead(report))]
     for one in tables(report):
         rows = [row for row in one.rows if not many or row[0] == ALL]
-        if rows:
-            parts.append(f"{one.heading}\n\n{table(one.header, rows)}")
+        parts += [f"{one.heading}\n\n{table(one.header, rows)}"] if rows else []
     return "\n\n".join([*parts, "\n".join(findings(report))])
 
 
@@ -133,147 +140,49 @@ def markdown(report: Report) -> str:
     parts = [f"# Sweep {report.name}", *lead(report), "## Findings"]
     parts.append("\n".join(f"* {line}" for line in findings(report)))
     for one in tables(report):
-        if one.rows:
-            parts += [f"## {one.heading}", one.text, _markdown_table(one)]
-    return "\n\n".join([*parts, "## How", method()]) + "\n"
+        lines = [one.header, ["---"] * len(one.header), *one.rows]
+        cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
+        parts += [f"## {one.heading}", one.text, "\n".join(cells)]
+    return "\n\n".join([*parts, "## How", METHOD]) + "\n"
 
 
-def _markdown_table(table: Table) -> str:
-    def line(cells: Sequence[str]) -> str:
-        return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
-
-    return "\n".join([line(table.header), line(["---"] * len(table.header)), *map(line, table.rows)])
-
-
-def _outcomes(points: Sequence[Point]) -> Table:
-    rows = [
-        (*_where(p), str(p.runs), str(p.errors), _share(p.success), _share(p.collision), _share(p.timeout))
-        for p in points
-    ]
-    header = ("scene", "b", "method", "runs", "errors", "goal %", "collision %", "time-out %")
-    return Table(heading="Outcomes", text="Shares of the runs that came to an end.", header=header, rows=rows)
-
-
-def _costs(points: Sequence[Point]) -> Table:
-    known = any(p.method == BEST for p in points)
-    rows = [
-        (
-            *_where(p),
-            _mean(p.cost),
-            *((_mean(p.cost_over_optimal, 4),) if known else ()),
-            _mean(p.path_length),
-            _mean(p.time),
-        )
-        for p in points
-    ]
-    text, ratios = "Of runs that reached the goal.", ("cost over optimal",) if known else ()
-    if known:
-        text += f" Cost over optimal is the ratio of mean costs on the seeds by which `{BEST}` reached it too."
-    header = ("scene", "b", "method", "cost", *ratios, "path [m]", "time [s]")
-    return Table(heading="Cost and path", text=text, header=header, rows=rows)
-
-
-def _decisions(points: Sequence[Point]) -> Table:
-    rows = [
-        (
-            *_where(p),
-            _mean(p.class_switches, 2),
-            _mean(p.class_reversals, 2),
-            _mean(p.step_ms, 2),
-            _mean(p.step_p95_ms, 2),
-            _classes(p),
-        )
-        for p in points
-    ]
-    text = (
-        "Class switches per run, and reversals: from a class of nine tenths of the weight to another such one; wall "
-        "time of a control step: means over runs of its median and 95th percentile; "
-        "shares of the driven homology classes among the runs that reached the goal."
+def page(report: Report, pictures: Sequence[Picture]) -> str:
+    """The whole page."""
+    name, parts = escape(report.name), [f"<p>{escape(line)}</p>" for line in lead(report)]
+    parts += ["<h2>Findings</h2>", *(f"<p>{escape(line)}</p>" for line in findings(report))]
+    for picture in pictures:
+        text = escape(picture.text)
+        parts.append(f'<p><img alt="{text}" src="data:image/png;base64,{picture.png}"></p><p>{text}</p>')
+    for one in tables(report):
+        head = "".join(f"<th>{escape(cell)}</th>" for cell in one.header)
+        body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in one.rows)
+        text = escape(one.text.replace("`", ""))
+        parts.append(f"<h2>{escape(one.heading)}</h2><p>{text}</p><div><table><tr>{head}</tr>{body}</table></div>")
+    content = "\n".join([*parts, f"<h2>How</h2><p>{escape(METHOD)}</p>"])
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Sweep {name}</title>'
+        f"<style>{_STYLE}</style></head><body>\n<h1>Sweep {name}</h1>\n{content}\n</body></html>\n"
     )
-    header = ("scene", "b", "method", "switches", "reversals", "step median [ms]", "step p95 [ms]", "classes %")
-    return Table(heading="Decisions", text=text, header=header, rows=rows)
-
-
-def _against(comparisons: Sequence[Comparison]) -> Table:
-    rows = [
-        (
-            *_where(c),
-            str(c.pairs),
-            f"+{c.gained} -{c.lost}",
-            _points(c.success),
-            f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
-            str(c.arrived),
-            _mean(c.cost, sign="+"),
-            f"{p_value(c.cost_p)} ({p_value(c.cost_adjusted)})",
-        )
-        for c in comparisons
-    ]
-    header = ("scene", "b", "method", "pairs", "goals", "points", "p goals", "both arrive", "cost", "p cost")
-    text = (
-        f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost difference; "
-        "p with the adjusted one in brackets."
-    )
-    return Table(heading=f"Against {BASE}", text=text, header=header, rows=rows)
-
-
-def _where(row: Any) -> tuple[str, str, str]:
-    return row.scene, f"{row.noise:g}", row.method
 
 
 def _share(interval: Interval) -> str:
     return _text(interval, lambda x: f"{100 * x:.1f}")
 
 
-def _points(interval: Interval) -> str:
-    return _text(interval, lambda x: f"{100 * x:+.1f}")
-
-
 def _mean(interval: Interval, digits: int = 3, sign: str = "") -> str:
     return _text(interval, lambda x: f"{x:{sign}.{digits}f}")
 
 
-def _text(interval: Interval, number: Any) -> str:
+def _text(interval: Interval, number: Callable[[float], str]) -> str:
     if not isfinite(interval.value):
         return "-"
     if not isfinite(interval.low):
-        return str(number(interval.value))
+        return number(interval.value)
     return f"{number(interval.value)} [{number(interval.low)}, {number(interval.high)}]"
 
 
 def _classes(point: Point) -> str:
     shown = list(point.classes.items())[:SHOWN]
+    texts = [f"{'none' if name == 'None' else title(name)}: {_share(share)}" for name, share in shown]
     more = len(point.classes) - len(shown)
-    told = ["none" if name == "None" else title(name) for name, _ in shown]
-    texts = [f"{name}: {_share(share)}" for name, (_, share) in zip(told, shown, strict=True)]
     return "; ".join([*texts, *([f"{more} more"] if more else [])]) or "-"
-
-
-def page(report: Report, pictures: Sequence[Picture]) -> str:
-    """The whole page."""
-    name = escape(report.name)
-    begin = "".join(f"<p>{escape(line)}</p>" for line in lead(report))
-    found = "".join(f"<li>{escape(line)}</li>" for line in findings(report))
-    every = "".join(_html_table(table) for table in tables(report) if table.rows)
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Sweep {name}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{_STYLE}</style></head><body>\n<h1>Sweep {name}</h1>{begin}\n"
-        f"<h2>Findings</h2><ul>{found}</ul>\n{''.join(map(_figure, pictures))}\n{every}\n"
-        f'<h2>How</h2><p class="note">{escape(method())}</p>\n</body></html>\n'
-    )
-
-
-def _figure(picture: Picture) -> str:
-    text = escape(picture.text)
-    return (
-        f'<figure><img alt="{text}" src="data:image/png;base64,{picture.png}"><figcaption>{text}</figcaption></figure>'
-    )
-
-
-def _html_table(table: Table) -> str:
-    head = "".join(f"<th>{escape(cell)}</th>" for cell in table.header)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in table.rows)
-    return (
-        f"<h2>{escape(table.heading)}</h2><p>{escape(table.text.replace('`', ''))}</p>"
-        f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>\n'
-    )

@@ -12,7 +12,7 @@ import stat
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -51,8 +51,6 @@ class Dataset:
         """The folder of the Parquet files."""
         return self.folder / "runs"
 
-    # -- what was asked for ------------------------------------------------------------------------------------
-
     def manifest(self) -> dict[str, Any]:
         """Read the manifest of the sweep.
 
@@ -85,11 +83,7 @@ class Dataset:
         return found
 
     def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> None:
-        """Refuse what does not belong to the runs that are there already.
-
-        Raises:
-            OptionError: names the folder and the first difference.
-        """
+        """Refuse what does not belong to the runs that are there already, by OptionError with the first difference."""
         try:
             if not stat.S_ISDIR(os.stat(self.folder).st_mode):
                 raise OptionError(f"--output {path_text(self.folder)} is a file; give the path of a folder")
@@ -112,11 +106,7 @@ class Dataset:
                 raise self._other(f"was made with another {name}: the files of scene or robot have changed since")
 
     def begin(self, settings: Mapping[str, Any], scenes: Mapping[str, str], asked: Mapping[str, Any]) -> None:
-        """Make the folder, or add to what one was asked for; nothing that a killed sweep left half-written stays.
-
-        Raises:
-            OptionError: another sweep's folder, or one that cannot be written.
-        """
+        """Make the folder, or add to what one was asked for (`ask`); what a killed sweep left half-written goes."""
         self.ask(settings, scenes, [asked])
         with self._writable():
             for left in self.runs.glob(".part-*"):
@@ -139,7 +129,7 @@ class Dataset:
             content = {
                 "format": parts.DATASET_FORMAT,
                 "version": pirrht.__version__,
-                "libraries": {name: _version(name) for name in LIBRARIES},
+                "libraries": {name: version(name) for name in LIBRARIES},
                 "settings": plain(settings),
                 "scenes": {**known.get("scenes", {}), **scenes},
                 "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
@@ -174,11 +164,7 @@ class Dataset:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other sweeps out of the folder; a process that is killed keeps nobody out.
-
-        Raises:
-            OptionError: another process is at it.
-        """
+        """Keep other sweeps out of the folder by OptionError; a process that is killed keeps nobody out."""
         try:
             import fcntl
         except ImportError:  # no such locks on this system
@@ -202,18 +188,12 @@ class Dataset:
                 ) from None
             yield
 
-    # -- rows --------------------------------------------------------------------------------------------------
-
     def files(self) -> list[Path]:
         """The files of rows, oldest first."""
         return sorted(self.runs.glob("part-*.parquet"))
 
     def records(self) -> list[dict[str, Any]]:
-        """Every finished run once, in the order of the files.
-
-        Raises:
-            OptionError: a file cannot be read.
-        """
+        """Every finished run once, in the order of the files; OptionError if one cannot be read."""
         found: dict[tuple[Any, ...], dict[str, Any]] = {}
         with self._turn():
             for file in self.files():
@@ -248,11 +228,7 @@ class Dataset:
         self._kept.append(row_of(record))
 
     def tend(self) -> None:
-        """Write what has waited long enough; what cannot be written is tried again for a while.
-
-        Raises:
-            Unwritable: that did not help.
-        """
+        """Write what has waited long enough; what cannot be written is tried again until PATIENCE is over."""
         waited = self._now() - self._since
         if self._kept and (len(self._kept) >= CHUNK_RUNS or waited >= CHUNK_SECONDS):
             try:
@@ -264,11 +240,7 @@ class Dataset:
                     raise
 
     def flush(self) -> None:
-        """Write all finished runs that are in no file yet.
-
-        Raises:
-            Unwritable: they are kept.
-        """
+        """Write all finished runs that are in no file yet; Unwritable if they must be kept."""
         import pyarrow as pa
 
         if not self._kept:
@@ -280,7 +252,7 @@ class Dataset:
         except OSError as error:
             raise Unwritable(
                 f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
-                "written: mend that and give the same command again"
+                "written: fix that and give the same command again"
             ) from None
         self._kept, self._failing_since = [], None
 
@@ -304,10 +276,3 @@ def _option(name: str, value: Any) -> str:
     if value is None:
         return f"without {option}"
     return f"with {option} {' '.join(map(str, value)) if isinstance(value, list) else value}"
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"

@@ -1,4 +1,4 @@
-"""Many errands on several processes of this machine: none is lost when a process dies, and none outlives its parent."""
+"""Many tasks in this thread, on processes of this machine or on a cluster: none is lost when a process dies."""
 
 from __future__ import annotations
 
@@ -6,28 +6,23 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections import deque
-from collections.abc import Callable, Hashable, Iterator, Sequence, Set
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from multiprocessing import connection
-from typing import Any, Protocol
+from itertools import islice, takewhile
+from typing import Any
 
 from pirrht.errors import PirrhtError
 
-TRIES = 3  # processes that an errand may end before it counts as failed
+TRIES = 3  # processes that a task may end before it counts as failed
 TICK = 0.2  # how often the loop looks up while nothing happens [s]
-READY, DONE = "ready", "done"
+CHUNK_SECONDS, CHUNK_TASKS = 2.0, 64  # a worker of a cluster reports after so long, or so many tasks
 # A process does linear algebra in one thread, since the others' cores are taken, and imports nothing from the current
 # folder: what Python runs to begin it would look there first.
 ENVIRONMENT = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS", "PYTHONSAFEPATH")
-
-
-class Item(Protocol):
-    """A piece of work."""
-
-    @property
-    def point(self) -> tuple[Hashable, ...]:
-        """Key of items that one process had better do one after the other; the scene comes first."""
 
 
 class Stop:
@@ -45,19 +40,18 @@ class Stop:
             raise KeyboardInterrupt
 
 
-def _asking(stop: Stop, wishes: dict[signal.Signals, int]) -> Callable[[int, Any], None]:
-    return lambda n, _: stop.ask(wishes[signal.Signals(n)], signal.Signals(n))
-
-
 @contextmanager
 def interruptible() -> Iterator[Stop]:
     """A stop that Ctrl-C asks for, once or twice, and SIGTERM with urgency."""
-    stop = Stop()
-    wishes = {signal.SIGINT: 1, signal.SIGTERM: 2}
+    stop, times = Stop(), {signal.SIGINT: 1, signal.SIGTERM: 2}
     if threading.current_thread() is not threading.main_thread():
         yield stop
         return
-    before = {number: signal.signal(number, _asking(stop, wishes)) for number in wishes}
+
+    def ask(number: int, _: Any) -> None:
+        stop.ask(times[signal.Signals(number)], signal.Signals(number))
+
+    before = {number: signal.signal(number, ask) for number in times}
     try:
         yield stop
     finally:
@@ -66,223 +60,155 @@ def interruptible() -> Iterator[Stop]:
 
 
 class Agenda:
-    """Queue of work, handed out so that a process stays with one point and two processes keep apart."""
+    """Queue of tasks. Those next to each other with one `point` share what a process keeps at hand."""
 
-    def __init__(self, items: Sequence[Item]) -> None:
-        self._waiting: dict[tuple[Hashable, ...], deque[Any]] = {}
-        self._failures: dict[int, int] = {}
-        for item in items:
-            self.add(item)
-
-    def add(self, item: Item) -> None:
-        """One more item, even while others are being done."""
-        self._waiting.setdefault(item.point, deque()).append(item)
+    def __init__(self, tasks: Iterable[Any]) -> None:
+        self._waiting = deque(tasks)
 
     def __len__(self) -> int:
-        return sum(map(len, self._waiting.values()))
+        return len(self._waiting)
 
-    def __bool__(self) -> bool:
-        return bool(self._waiting)
+    def add(self, tasks: Sequence[Any]) -> None:
+        """Put tasks first, even while others are being done."""
+        self._waiting.extendleft(reversed(tasks))
 
-    def take(self, last: tuple[Hashable, ...] | None, others: Sequence[tuple[Hashable, ...] | None]) -> Any:
-        """The next item for one who did `last`, while others are at theirs."""
-        point = last if last in self._waiting else self._best(last, others)
-        queue = self._waiting[point]
-        item = queue.popleft()
-        if not queue:
-            del self._waiting[point]
-        return item
-
-    def batch(
-        self,
-        last: tuple[Hashable, ...] | None,
-        others: Sequence[tuple[Hashable, ...] | None],
-        most: int,
-        workers: int,
-        single: Set[int],
-    ) -> list[Any]:
-        """Items of one point at a time: at most a fair share of them, and those whose id is in `single` alone."""
-        items = [self.take(last, others)]
-        point = items[0].point
-        share = len(self._waiting.get(point, ())) // (2 * workers)
-        while point in self._waiting and len(items) < min(most, 1 + share):
-            if id(items[0]) in single or id(self._waiting[point][0]) in single:
-                break
-            items.append(self.take(point, ()))
-        return items
-
-    def put_back(self, item: Any) -> None:
-        """An item that was not done; it is the next of its point."""
-        self._waiting.setdefault(item.point, deque()).appendleft(item)
-
-    def failed(self, item: Any) -> bool:
-        """Take note that an item ended a process; whether it has done so too often, else it is put back."""
-        self._failures[id(item)] = self._failures.get(id(item), 0) + 1
-        if self._failures[id(item)] >= TRIES:
-            return True
-        self.put_back(item)
-        return False
-
-    def _best(
-        self, last: tuple[Hashable, ...] | None, others: Sequence[tuple[Hashable, ...] | None]
-    ) -> tuple[Hashable, ...]:
-        taken = {point for point in others if point is not None}
-        scenes = {point[0] for point in taken}
-
-        def rank(point: tuple[Hashable, ...]) -> tuple[bool, bool, bool]:
-            return point in taken, last is None or point[0] != last[0], point[0] in scenes
-
-        best = min(self._waiting, key=rank)
-        if best in taken:
-            return max(self._waiting, key=lambda point: len(self._waiting[point]))
-        return best
+    def take(self, workers: int, most: int) -> list[Any]:
+        """The next tasks of one point: at most a fair share of them."""
+        point = self._waiting[0].point
+        alike = takewhile(lambda task: task.point == point, islice(self._waiting, 2 * workers * most))
+        share = 1 + (sum(1 for _ in alike) - 1) // (2 * workers)
+        return [self._waiting.popleft() for _ in range(min(most, share))]
 
 
-class Worker:
-    """A process that does one item at a time and ends with its parent."""
+class Crew:
+    """Who does the work, as a context: this thread, one task after the other. Subclasses have other workers."""
 
-    def __init__(self) -> None:
-        context = multiprocessing.get_context("spawn")  # forking a process that has threads is not safe
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        with _without_interrupts(), _environment():
-            self.process.start()
-        theirs.close()
-        self.item: Any = None
-        self.last: tuple[Hashable, ...] | None = None
-        self.ready = False
+    workers, ahead, most = 1, 1, 1  # chunks of a worker that are under way, tasks of a chunk
+    broken: tuple[type[BaseException], ...] = ()  # raised by the chunks of a process that has died
+    tries, death = 1, ""  # processes that a task may end without others beside it, and what its record says then
 
-    def give(self, work: Callable[[Any], Any], item: Any) -> None:
-        """Hand an item over; that the process is dead shows when it is listened to."""
-        self.item, self.last = item, item.point
-        with suppress(OSError):
-            self.pipe.send((work, item))
+    def __init__(self, stop: Stop) -> None:
+        self.stop = stop
 
-    def end(self, *, at_once: bool = False) -> None:
-        """End the process: when it is through with its item, or at once."""
-        self.pipe.close()
-        if at_once:
-            self.process.kill()
-        self.process.join(5.0)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
+    def __enter__(self) -> Crew:
+        self.stop.inline = True
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.stop.inline = False
+
+    def submit(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Future[list[Any]]:
+        """Begin a chunk of tasks."""
+        future: Future[list[Any]] = Future()
+        future.set_result(chunk(work, tasks))
+        return future
+
+    def check(self, error: BaseException | None = None) -> None:
+        """Raise PirrhtError if there is nobody any more."""
+
+    def run(self, work: Callable[[Any], Any], agenda: Agenda, lost: Callable[[Any, str], Any]) -> Iterator[Any]:
+        """Do all of it: results as they come, and None now and then while there are none.
+
+        What was under way when a process died is suspected of it, and tried again with nothing else under way.
+
+        Args:
+            work: a function of a module, of one task.
+            agenda: what is done to a result, before the next is asked for, may add to it.
+            lost: the result of a task that ended so many processes that nobody will try again, from it and why.
+
+        Raises:
+            PirrhtError: there are no workers, or none can begin.
+        """
+        chunks: dict[Future[list[Any]], list[Any]] = {}
+        suspects: deque[Any] = deque()
+        deaths: Counter[int] = Counter()  # by the id of a task that was alone
+        alone, stop = False, self.stop
+        while stop.asked < 2 and (chunks or ((agenda or suspects) and not stop.asked)):
+            alone = alone and bool(chunks)
+            if suspects and not chunks and not stop.asked:
+                alone, tasks = True, [suspects.popleft()]
+                chunks[self.submit(work, tasks)] = tasks
+            while agenda and not suspects and not alone and not stop.asked and len(chunks) < self.workers * self.ahead:
+                tasks = agenda.take(self.workers, self.most)
+                chunks[self.submit(work, tasks)] = tasks
+            ended = wait(chunks, TICK, FIRST_COMPLETED).done
+            if not ended:
+                self.check()
+                yield None
+            for future in ended:
+                tasks = chunks.pop(future)
+                try:
+                    results = future.result()
+                except self.broken:
+                    deaths.update(map(id, tasks if alone else ()))
+                    if alone and deaths[id(tasks[0])] >= self.tries:
+                        yield lost(tasks[0], self.death)
+                    else:
+                        suspects.extend(tasks)
+                except Exception as error:
+                    self.check(error)
+                    yield from (lost(task, f"{type(error).__name__}: {error}") for task in tasks)
+                else:
+                    agenda.add(tasks[len(results) :])
+                    yield from results
 
 
-class Pool:
-    """Processes of this machine, as a context: those that are busy when it is left are ended at once."""
+class Pool(Crew):
+    """Processes of this machine: those that are busy when it is left are ended at once."""
 
-    def __init__(self, size: int) -> None:
-        self._size = size
-        self._workers: list[Worker] = []
+    broken = (BrokenProcessPool,)
+    tries, death = TRIES - 1, f"its process died {TRIES} times"
+
+    def __init__(self, size: int, stop: Stop) -> None:
+        super().__init__(stop)
+        self.workers = size
+        self._context = multiprocessing.get_context("spawn")  # forking a process that has threads is not safe
+        self._theirs, self._lifeline = self._context.Pipe(duplex=False)
+        self._pool: ProcessPoolExecutor | None = None
 
     def __enter__(self) -> Pool:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for worker in self._workers:
-            worker.end(at_once=worker.item is not None or not worker.ready)
+        self._lifeline.close()
+        if self._pool is not None:
+            self._pool.shutdown(cancel_futures=True)
+        self._theirs.close()
 
-    def run(
-        self, work: Callable[[Any], Any], agenda: Agenda, stop: Stop, lost: Callable[[Any, str], Any]
-    ) -> Iterator[Any]:
-        """Do all of it: results as they come, and None now and then while there are none.
-
-        Args:
-            work: a function of a module, which is told one item.
-            agenda: what is done to a result, before the next is asked for, may add to it.
-            lost: the result of an item that ended so many processes that nobody will try again, from it and why.
-
-        Raises:
-            PirrhtError: processes end before they have begun.
-        """
-        false_starts = 0
-        while stop.asked < 2:
-            self._hire(len(agenda), stop)
-            _hand_out(self._workers, work, agenda, stop)
-            busy: dict[Any, Worker] = {worker.pipe: worker for worker in self._workers if worker.item is not None}
-            if not busy:
-                return
-            heard = connection.wait(list(busy), TICK)
-            for worker in [busy[pipe] for pipe in heard]:
-                try:
-                    news, result = worker.pipe.recv()
-                except (EOFError, OSError):
-                    item, code, ready = worker.item, _buried(worker), worker.ready
-                    self._workers[self._workers.index(worker)] = Worker()
-                    false_starts = 0 if ready else false_starts + 1
-                    if false_starts >= TRIES:
-                        why = f"{TRIES} processes ended before they could begin (exit status {code})"
-                        raise PirrhtError(f"{why}; try --jobs 1") from None
-                    if not ready:
-                        agenda.put_back(item)
-                    elif agenda.failed(item):
-                        yield lost(item, f"the process died {TRIES} times (exit status {code})")
-                    continue
-                if news == READY:
-                    worker.ready = True
-                else:
-                    worker.item = None
-                    yield result
-            if not heard:
-                yield None
-
-    def _hire(self, items: int, stop: Stop) -> None:
-        """As many processes as there is work for, up to the size of the pool."""
-        idle = sum(worker.item is None for worker in self._workers)
-        while idle < items and len(self._workers) < self._size and not stop.asked:
-            self._workers.append(Worker())
-            idle += 1
+    def submit(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Future[list[Any]]:
+        """Begin a chunk; processes that have died are replaced."""
+        with _without_interrupts(), _environment():
+            if self._pool is not None:
+                with suppress(BrokenProcessPool):
+                    return self._pool.submit(chunk, work, tasks)
+            for _ in range(TRIES):
+                self._pool = ProcessPoolExecutor(self.workers, self._context, _begin, (self._theirs,))
+                with suppress(BrokenProcessPool):
+                    self._pool.submit(int).result()
+                    return self._pool.submit(chunk, work, tasks)
+        raise PirrhtError(f"{TRIES} processes ended before they could begin; try --jobs 1")
 
 
-def in_turn(work: Callable[[Any], Any], agenda: Agenda, stop: Stop) -> Iterator[Any]:
-    """Do all of it in this thread: results as they come. A second wish to stop is a KeyboardInterrupt."""
-    last = None
-    stop.inline = True
-    try:
-        while agenda and not stop.asked:
-            item = agenda.take(last, ())
-            last = item.point
-            yield work(item)
-    finally:
-        stop.inline = False
+def chunk(work: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+    """Results of the first tasks, as many as there is time for."""
+    began, results = time.perf_counter(), []
+    for task in tasks:
+        results.append(work(task))
+        if time.perf_counter() - began >= CHUNK_SECONDS:
+            break
+    return results
 
 
-def _hand_out(workers: Sequence[Worker], work: Callable[[Any], Any], agenda: Agenda, stop: Stop) -> None:
-    for worker in workers:
-        if worker.item is None and agenda and not stop.asked:
-            others = [other.last for other in workers if other is not worker]  # who is idle too stays where it was
-            worker.give(work, agenda.take(worker.last, others))
+def _begin(lifeline: Any) -> None:
+    """Make a process that ends with its parent, and that leaves it to it what Ctrl-C means."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
+    def end() -> None:
+        with suppress(EOFError, OSError):
+            lifeline.recv_bytes()
+        os._exit(1)
 
-def _buried(worker: Worker) -> int | None:
-    worker.pipe.close()
-    worker.process.join(5.0)
-    if worker.process.is_alive():
-        worker.process.kill()
-        worker.process.join()
-    return worker.process.exitcode
-
-
-def _serve(pipe: Any) -> None:
-    """Serve items in a process."""
-    with suppress(ValueError, OSError):
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-    pipe.send((READY, None))
-    while True:
-        try:
-            work, item = pipe.recv()
-        except (EOFError, OSError):
-            return
-        pipe.send((DONE, work(item)))
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)
+    threading.Thread(target=end, daemon=True).start()
 
 
 @contextmanager
@@ -301,13 +227,13 @@ def _without_interrupts() -> Iterator[None]:
 @contextmanager
 def _environment() -> Iterator[None]:
     """Set what processes that begin here find in their environment, unless the user has."""
-    before = {name: os.environ.get(name) for name in ENVIRONMENT}
-    os.environ.update({name: "1" for name, value in before.items() if not value})
+    missing = [name for name in ENVIRONMENT if not os.environ.get(name)]
+    before = {name: os.environ.get(name) for name in missing}
+    os.environ.update(dict.fromkeys(missing, "1"))
     try:
         yield
     finally:
         for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
+            del os.environ[name]
+            if value is not None:
                 os.environ[name] = value

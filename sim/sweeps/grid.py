@@ -87,11 +87,7 @@ def parse(words: Mapping[str, Any], task: Mapping[str, Any], given: Mapping[str,
 
 
 def noises_of(text: str) -> Iterator[float]:
-    """Noise levels as in 0.1,0.3.
-
-    Raises:
-        OptionError: one of them is no positive number.
-    """
+    """Noise levels as in 0.1,0.3; OptionError if one is no positive number."""
     for part in text.split(","):
         try:
             level = float(part)
@@ -101,11 +97,7 @@ def noises_of(text: str) -> Iterator[float]:
 
 
 def seeds_of(text: str) -> range:
-    """Seeds as in 0:100, or one.
-
-    Raises:
-        OptionError: it is no range, an empty one, or has a seed that no dataset can hold.
-    """
+    """Seeds as in 0:100, or one; OptionError if it is no range, empty, or beyond what a dataset can hold."""
     first, _, last = text.partition(":")
     try:
         start, stop = int(first), int(last) if last else int(first) + 1

@@ -5,45 +5,34 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
-_PARTS = {"version": str, "libraries": dict, "settings": dict, "scenes": dict, "asked": list}
-_WORDS = {str: "a text", dict: "an object", list: "a list"}
 MOST = 10_000_000  # seeds of a wish
 MOST_POINTS = 1_000_000  # combinations of scene, noise and method of all wishes: some hundred megabytes
 
 
 def flaw(manifest: Mapping[str, Any]) -> str:
     """The first thing that is wrong with a manifest; empty if nothing is."""
-    for name, kind in _PARTS.items():
-        if name not in manifest:
-            return f'it has no "{name}"'
-        if not isinstance(manifest[name], kind):
-            return f'"{name}" is not {_WORDS[kind]}'
+    fits = {"version": _all([manifest.get("version")], str), "settings": isinstance(manifest.get("settings"), dict)}
     for name in ("scenes", "libraries"):
-        if not all(isinstance(value, str) for value in manifest[name].values()):
-            return f'"{name}" holds something that is no text'
-    for number, wish in enumerate(manifest["asked"], start=1):
-        if not _is_wish(wish):
-            return f'entry {number} of "asked" is no grid of methods, noise and seeds'
-    points = sum(len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in manifest["asked"])
-    if points > MOST_POINTS:
-        return f'"asked" combines scenes, noise and methods in {points} ways, and {MOST_POINTS} are the most'
-    return ""
+        texts = manifest.get(name)
+        fits[name] = isinstance(texts, dict) and _all([*texts.values()], str)
+    asked = manifest.get("asked")
+    fits["asked"] = isinstance(asked, list) and all(map(_is_wish, asked)) and _points_of(asked) <= MOST_POINTS
+    return next((f'"{name}" is not what a sweep writes' for name, fit in fits.items() if not fit), "")
+
+
+def _points_of(asked: Sequence[Mapping[str, Any]]) -> int:
+    return sum(len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in asked)
 
 
 def _is_wish(wish: Any) -> bool:
-    if not isinstance(wish, dict):
+    if not isinstance(wish, dict) or not isinstance(wish.get("noise"), dict):
         return False
-    methods, noise, seeds = (wish.get(name) for name in ("methods", "noise", "seeds"))
+    seeds: Any = wish.get("seeds")
     return (
-        _all(methods, str)
-        and isinstance(noise, dict)
-        and all(_all(values, (int, float)) for values in noise.values())
-        and _is_range(seeds)
+        _all(wish.get("methods"), str)
+        and all(_all(values, (int, float)) for values in wish["noise"].values())
+        and (_all(seeds, int) and len(seeds) == 2 and 0 <= seeds[0] <= seeds[1] <= seeds[0] + MOST)
     )
-
-
-def _is_range(seeds: Any) -> bool:
-    return _all(seeds, int) and len(seeds) == 2 and 0 <= seeds[0] <= seeds[1] <= seeds[0] + MOST
 
 
 def _all(values: Any, kind: Any) -> bool:

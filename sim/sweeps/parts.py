@@ -47,13 +47,9 @@ timing_drive_seconds   float64 s   wall time of the drive without compiling
 DATASET_FORMAT = 2  # raised when rows of different versions would not be comparable
 
 
-def _column(line: str) -> Column:
-    name, kind, unit, text = line.split(maxsplit=3)
-    return Column(name=name, kind=kind, unit="" if unit == "-" else unit, text=text)
-
-
 def _columns(table: str) -> tuple[Column, ...]:
-    return tuple(_column(line) for line in table.strip().splitlines())
+    split = (line.split(maxsplit=3) for line in table.strip().splitlines())
+    return tuple(Column(name=name, kind=kind, unit=unit.strip("-"), text=text) for name, kind, unit, text in split)
 
 
 COLUMNS = (*_columns(_TABLE), *FIGURES, *_columns(_MORE))
@@ -96,11 +92,7 @@ def schema() -> Any:
 
 
 def read(file: Path) -> Any:
-    """The table of a file.
-
-    Raises:
-        OptionError: it cannot be read.
-    """
+    """The table of a file; OptionError if it cannot be read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -130,8 +122,7 @@ def parquet(table: Any) -> Callable[[Any], object]:
 
 def add(folder: Path, write: Callable[[Any], object]) -> None:
     """Write another file of rows, under a number that no file has, whoever else writes there."""
-    with _whole(folder, ".part-") as part:
-        _filled(part, write)
+    with _whole(folder, ".part-", write) as part:
         taken = (file.stem.removeprefix("part-") for file in folder.glob("part-*.parquet"))
         number = 1 + max((int(text) for text in taken if text.isdecimal()), default=-1)
         while not _linked(part, folder / f"part-{number:06d}.parquet"):
@@ -153,24 +144,19 @@ def _linked(part: Path, file: Path) -> bool:
 
 def replace(file: Path, write: Callable[[Any], object]) -> None:
     """Write a file so that it is whole whenever it is seen, even after a loss of power."""
-    with _whole(file.parent, f".{file.name}-") as part:
-        _filled(part, write)
+    with _whole(file.parent, f".{file.name}-", write) as part:
         os.replace(part, file)
 
 
-def _filled(part: Path, write: Callable[[Any], object]) -> None:
-    """Write a new file and force it to disk."""
-    with part.open("xb") as stream:
-        write(stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-
-
 @contextmanager
-def _whole(folder: Path, prefix: str) -> Iterator[Path]:
-    """The path of a new file beside those of a folder, which is gone afterwards unless it got another name."""
+def _whole(folder: Path, prefix: str, write: Callable[[Any], object]) -> Iterator[Path]:
+    """A new file in a folder, forced to disk; it is gone afterwards unless it got another name."""
     part = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}"
     try:
+        with part.open("xb") as stream:
+            write(stream)
+            stream.flush()
+            os.fsync(stream.fileno())
         yield part
     finally:
         with suppress(OSError):

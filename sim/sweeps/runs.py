@@ -6,7 +6,7 @@ import hashlib
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from io import BytesIO
@@ -65,8 +65,9 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Planned:
-    """A tree on its way to those who drive, or why there is none."""
+    """The tree of a place, or why there is none."""
 
+    place: tuple[Any, ...] = ()
     tree: bytes | str = b""  # packed, or the file that holds it
     shortest: float | None = None  # length of the shortest reference at the start [m]
     seconds: float | None = None  # wall time of tree and references
@@ -74,45 +75,17 @@ class Planned:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Errand:
-    """A drive with the tree that it needs, if it needs one."""
+class Task:
+    """A drive with the tree that it needs, if it needs one; or the tree of a job's place."""
 
     job: Job
     planned: Planned | None = None
+    grows: bool = False
 
     @property
     def point(self) -> tuple[Any, ...]:
         """Key of tasks that a process had better do one after the other."""
-        return self.job.point
-
-    @property
-    def luggage(self) -> Planned | None:
-        """The tree is heavy."""
-        return self.planned
-
-    def carrying(self, luggage: Planned | None) -> Errand:
-        """Return the run with another tree."""
-        return replace(self, planned=luggage)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Survey:
-    """The wish for a tree: any job that needs it will do."""
-
-    job: Job
-
-    @property
-    def point(self) -> tuple[Any, ...]:
-        """Each tree is a point of its own."""
-        return self.job.place
-
-    @property
-    def luggage(self) -> None:
-        """Nothing is heavy."""
-
-    def carrying(self, _: None) -> Survey:
-        """Return the task as it is."""
-        return self
+        return self.job.place if self.grows else self.job.point
 
 
 def frozen(values: Mapping[str, Any]) -> Frozen:
@@ -121,11 +94,7 @@ def frozen(values: Mapping[str, Any]) -> Frozen:
 
 
 def settled(job: Job) -> Scenario:
-    """The scenario of a job.
-
-    Raises:
-        PirrhtError: a scene or a setting is wrong.
-    """
+    """The scenario of a job; PirrhtError if a scene or a setting is wrong."""
     # Drives share a tree, so it does not grow; and cores, so none is against the clock.
     changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1, "grow": None, "real_time": False}
     if job.noise is not None:
@@ -144,30 +113,22 @@ def forget() -> None:
         known.cache_clear()
 
 
-def survey(wish: Survey) -> tuple[tuple[Any, ...], Planned]:
-    """Grow the tree of a place; the place, and what came of it. Errors are results."""
+def work(task: Task) -> Planned | dict[str, Any]:
+    """Grow a tree, or drive and return the record. Errors are results."""
     try:
         with _alone:
-            return wish.job.place, _planned(settled(wish.job))
+            return grown(task.job) if task.grows else drive(task.job, task.planned)
     except Exception as error:
-        return wish.job.place, Planned(error=one_line(error))
+        return given_up(task, one_line(error))
 
 
-def attempt(errand: Errand) -> dict[str, Any]:
-    """One run as a record; errors are records too."""
-    try:
-        with _alone:
-            return drive(errand.job, errand.planned)
-    except Exception as error:
-        return failure(errand.job, one_line(error))
+def given_up(task: Task, why: str) -> Planned | dict[str, Any]:
+    """Return the result of a task that came to nothing."""
+    return Planned(place=task.job.place, error=why) if task.grows else failure(task.job, why)
 
 
 def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
-    """One run as a record: what it was, and what came of it.
-
-    Raises:
-        PirrhtError: the run is impossible.
-    """
+    """One run as a record: what it was, and what came of it. PirrhtError if it is impossible."""
     scenario = settled(job)
     if job.digest and job.digest != digest(job):
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
@@ -236,13 +197,15 @@ def _driver(job: Job, scenario: Scenario, planned: Planned | None) -> Driver:
     return scenario.driver(_received(job.scene, job.task, job.given, planned.tree))
 
 
-def _planned(scenario: Scenario) -> Planned:
+def grown(job: Job) -> Planned:
+    """Grow the tree of a job's place."""
+    scenario = settled(job)
     rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()
-    references = scenario.references(tree, waits=True)
+    shortest = min((r.length for r in scenario.references(tree, waits=True)), default=None)
     seconds = time.perf_counter() - began
-    return Planned(tree=pack(tree), shortest=min((r.length for r in references), default=None), seconds=seconds)
+    return Planned(place=job.place, tree=pack(tree), shortest=shortest, seconds=seconds)
 
 
 def pack(tree: HomologyTree) -> bytes:
@@ -303,8 +266,3 @@ def _received(scene: str, task: Frozen, given: Frozen, tree: bytes | str) -> Hom
 def _solved(scene: str, task: Frozen, given: Frozen, noise: float) -> Any:
     """One grid per scene and noise."""
     return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
-
-
-def points(jobs: Sequence[Job]) -> list[Job]:
-    """The first job of every point."""
-    return list({job.point: job for job in reversed(jobs)}.values())[::-1]

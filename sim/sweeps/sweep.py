@@ -1,8 +1,8 @@
 """Every combination of scene, method, noise and seed as one run, on all cores or a cluster.
 
-Trees and runs go side by side: a run is on the agenda as soon as its own scene's tree is there. A worker that has
-grown a tree drives through it first and grows the next one when nobody needs it there, so that there are about as many
-trees at a time as workers; each is dropped with the last of its runs.
+Trees and runs go side by side: the runs through a tree come first as soon as it is there, and the next tree is grown
+when no run waits for a worker. So there are about as many trees at a time as workers; each is dropped with the last of
+its runs.
 """
 
 from __future__ import annotations
@@ -13,11 +13,10 @@ import sys
 import tempfile
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from tqdm import tqdm
@@ -27,12 +26,11 @@ from sim.mjcf import scene_names
 from sim.sweeps import engine, runs
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.parts import key_of
-from sim.sweeps.runs import Errand, Job, Planned, Survey
+from sim.sweeps.runs import Job, Planned, Task
 from sim.text import counted
 
 SECOND = 1.0  # how often the line is written anew at least [s]
 Record = dict[str, Any]
-Crew = Callable[[Callable[[Any], Any], engine.Agenda, Callable[[Any, str], Any]], Iterator[Any]]
 
 
 class Progress:
@@ -45,24 +43,18 @@ class Progress:
     """
 
     def __init__(self, asked: int, done: Sequence[Mapping[str, Any]], places: int) -> None:
-        self._ended, self._arrived, self._places = 0, 0, places
+        self._outcomes, self._places, self._closed = Counter[str](), places, threading.Event()
         self._bar = tqdm(total=asked, initial=len(done), desc="sweep", unit=" runs", disable=None, dynamic_ncols=True)
-        for record in done:
-            self._count(record)
-
-        self._closed = threading.Event()
-        self._clock = threading.Thread(target=self._tick, daemon=True)
+        self._outcomes.update(record["outcome"] for record in done if record["outcome"] is not None)
 
     def __enter__(self) -> Progress:
         if not self._bar.disable:
             self.add(None, 0)
-            self._clock.start()
+            threading.Thread(target=self._tick, daemon=True).start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._closed.set()
-        if not self._bar.disable:
-            self._clock.join()
         self._bar.close()
 
     def _tick(self) -> None:
@@ -72,29 +64,17 @@ class Progress:
 
     def add(self, record: Mapping[str, Any] | None, grown: int) -> None:
         """Take note of a run that has ended, or of none, and of how many trees there have been."""
-        if record is not None:
-            self._count(record)
-        told = [f"goal {self._arrived / self._ended:.0%}"] if self._ended else []
-        told += [f"trees {grown}/{self._places}"] if grown < self._places else []
-        self._bar.set_postfix_str(", ".join(told), refresh=record is None)  # the clock goes on while nothing ends
+        if record is not None and record["outcome"] is not None:
+            self._outcomes[record["outcome"]] += 1
+        ended = self._outcomes.total()
+        notes = [f"goal {self._outcomes['goal'] / ended:.0%}"] if ended else []
+        notes += [f"trees {grown}/{self._places}"] if grown < self._places else []
+        self._bar.set_postfix_str(", ".join(notes), refresh=record is None)
         self._bar.update(0 if record is None else 1)
 
-    def say(self, line: str) -> None:
+    def write(self, line: str) -> None:
         """A line of its own, terminal or not."""
         self._bar.write(line, sys.stderr)
-
-    def _count(self, record: Mapping[str, Any]) -> None:
-        if record["outcome"] is not None:
-            self._ended += 1
-            self._arrived += record["outcome"] == "goal"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Grown:
-    """Result of a request for a tree."""
-
-    place: tuple[Any, ...]
-    planned: Planned
 
 
 class Pipeline:
@@ -108,82 +88,59 @@ class Pipeline:
     def __init__(self, jobs: Sequence[Job], folder: Path | None) -> None:
         self._folder = folder
         self._waiting: dict[tuple[Any, ...], list[Job]] = {}  # for their place's tree
-        self._through: dict[tuple[Any, ...], tuple[Any, ...]] = {}  # key of a run -> place of its tree
         for job in jobs:
             if runs.needs_tree(job):
                 self._waiting.setdefault(job.place, []).append(job)
-                self._through[key_of(runs.failure(job, ""))] = job.place
-        self._left = Counter(self._through.values())  # runs that a tree is still needed for
-        self._planned: dict[tuple[Any, ...], Planned] = {}
+        self._places = {key_of(runs.failure(job, "")): at for at, there in self._waiting.items() for job in there}
+        self._left = Counter(self._places.values())  # runs that a tree is still needed for
+        self._trees: dict[tuple[Any, ...], bytes | str] = {}
         self.places, self.grown = len(self._waiting), 0
-        wishes = [Survey(job=jobs_there[0]) for jobs_there in self._waiting.values()]
-        self._agenda = engine.Agenda([*wishes, *(Errand(job=job) for job in jobs if not runs.needs_tree(job))])
+        trees = [Task(job=there[0], grows=True) for there in self._waiting.values()]
+        self._agenda = engine.Agenda([*trees, *(Task(job=job) for job in jobs if not runs.needs_tree(job))])
 
     @property
     def trees(self) -> int:
         """Number of trees at present."""
-        return len(self._planned)
+        return len(self._trees)
 
-    def run(self, crew: Crew) -> Iterator[Record | None]:
+    def run(self, crew: engine.Crew) -> Iterator[Record | None]:
         """Records as they come, and None now and then while there are none."""
-        for result in crew(work, self._agenda, given_up):
-            if isinstance(result, Grown):
+        for result in crew.run(runs.work, self._agenda, runs.given_up):
+            if isinstance(result, Planned):
                 self._take(result)
                 yield None
-            elif result is None:
-                yield None
-            else:
+                continue
+            if result is not None:
                 self._forget(result)
-                yield result
+            yield result
 
-    def _take(self, found: Grown) -> None:
-        planned = found.planned
+    def _take(self, planned: Planned) -> None:
         if self._folder is not None:
             planned = runs.unpacked(planned, self._folder, self.grown)
         self.grown += 1
-        self._planned[found.place] = planned
-        for job in self._waiting.pop(found.place):
-            self._agenda.add(Errand(job=job, planned=planned))
+        self._trees[planned.place] = planned.tree
+        self._agenda.add([Task(job=job, planned=planned) for job in self._waiting.pop(planned.place)])
 
     def _forget(self, record: Record) -> None:
         """Drop the tree of a run if that was the last that needed it."""
-        place = self._through.pop(key_of(record), None)
+        place = self._places.pop(key_of(record), None)
         if place is None:
             return
         self._left[place] -= 1
         if self._left[place] == 0:
-            tree = self._planned.pop(place).tree
+            tree = self._trees.pop(place)
             if isinstance(tree, str):
                 with suppress(OSError):
                     Path(tree).unlink()
 
 
-def work(item: Survey | Errand) -> Grown | Record:
-    """Grow a tree or drive, in whatever process this is. Errors are results."""
-    if isinstance(item, Survey):
-        place, planned = runs.survey(item)
-        return Grown(place=place, planned=planned)
-    return runs.attempt(item)
-
-
-def given_up(item: Survey | Errand, why: str) -> Grown | Record:
-    """The result of what ended too many processes."""
-    if isinstance(item, Survey):
-        return Grown(place=item.job.place, planned=Planned(error=why))
-    return runs.failure(item.job, why)
-
-
-def crew_of(stack: ExitStack, stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> Crew:
+def _crew(stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> engine.Crew:
     """Choose who does the work: a cluster, processes, or this thread if one is enough and nothing must be kept."""
     if scheduler is not None:
         from sim.sweeps.cluster import Cluster
 
-        cluster = stack.enter_context(Cluster(scheduler))
-        return lambda work, agenda, lost: cluster.run(work, agenda, stop, lost)
-    if workers == 1 and alone:
-        return lambda work, agenda, lost: engine.in_turn(work, agenda, stop)
-    pool = stack.enter_context(engine.Pool(workers))
-    return lambda work, agenda, lost: pool.run(work, agenda, stop, lost)
+        return Cluster(scheduler, stop)
+    return engine.Crew(stop) if workers == 1 and alone else engine.Pool(workers, stop)
 
 
 def checked(jobs: Sequence[Job]) -> list[Job]:
@@ -244,7 +201,7 @@ def sweep(
         stop = stack.enter_context(engine.interruptible())
         near = None if dataset is None else dataset.folder
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=TREES, dir=near)))
-        crew = crew_of(stack, stop, workers, scheduler, alone=dataset is None)
+        crew = stack.enter_context(_crew(stop, workers, scheduler, alone=dataset is None))
         pipeline = Pipeline(waiting, None if scheduler else folder)
         progress = stack.enter_context(Progress(len(asked), list(done.values()), pipeline.places))
         for record in _kept(pipeline.run(crew), dataset, stop, progress):
@@ -264,7 +221,7 @@ def _kept(
     results: Iterator[Any], dataset: Dataset | None, stop: engine.Stop, progress: Progress
 ) -> Iterator[dict[str, Any] | None]:
     """The results as they come, each record written to the dataset soon after, and all of them in the end."""
-    told = failing = False
+    warned = failing = False
     try:
         for record in results:
             if dataset is not None:
@@ -272,12 +229,12 @@ def _kept(
                     dataset.add(record)
                 dataset.tend()
                 if dataset.failing and not failing:
-                    progress.say(f"{dataset.folder} cannot be written; finished runs are kept for another try")
+                    progress.write(f"{dataset.folder} cannot be written; finished runs are kept for another try")
                 failing = dataset.failing
             yield record
-            if stop.asked == 1 and not told:
-                progress.say("stopping: the runs under way are waited for; Ctrl-C again ends them")
-                told = True
+            if stop.asked == 1 and not warned:
+                progress.write("stopping: the runs under way are waited for; Ctrl-C again ends them")
+                warned = True
     finally:
         if dataset is not None:
             dataset.flush()

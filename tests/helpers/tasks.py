@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import signal
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sim.sweeps.engine import ENVIRONMENT
 
@@ -17,14 +16,10 @@ class Task:
     scene: str
     number: int
     folder: str = ""
-    luggage: Any = None
 
     @property
     def point(self):
         return (self.scene,)
-
-    def carrying(self, luggage):
-        return replace(self, luggage=luggage)
 
 
 def square(task: Task) -> int:
@@ -49,11 +44,6 @@ def gone(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
     except OSError:
         return True
-
-
-def weigh(task: Task) -> tuple[str, int, int]:
-    time.sleep(0.01)
-    return task.scene, task.number, len(task.luggage)
 
 
 def die_at_first(task: Task) -> int:

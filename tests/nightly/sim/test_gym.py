@@ -58,8 +58,7 @@ def test_scores_are_records_of_a_sweep():
     task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
     given = (("plan_seed", 0), ("vertices", 60), ("samples", 10), ("max_time", 0.02))
     job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, task=task, given=given)
-    _, planned = runs.survey(runs.Survey(job=job))
-    sweeps = runs.drive(job, planned)
+    sweeps = runs.drive(job, runs.grown(job))
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()
         assert {name: type(value) for name, value in record.items() if name in parts.KEY} == {

@@ -1,4 +1,4 @@
-"""Errands on processes: each is done once, whatever happens to those who do them."""
+"""Tasks on processes: each is done once, whatever happens to those who do them."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import signal
 import pytest
 from tasks import Task, gone, held, square, threads_of
 
-from sim.sweeps.engine import ENVIRONMENT, Agenda, Pool, Stop, in_turn, interruptible
+from sim.sweeps.engine import ENVIRONMENT, Agenda, Crew, Pool, Stop, interruptible
 
 TASKS = [Task(scene, number) for scene in ("a", "b", "c") for number in range(4)]
 
 
 def results(work, tasks, size=2, stop=None, lost=lambda task, why: why):
-    with Pool(size) as pool:
-        return [r for r in pool.run(work, Agenda(tasks), stop or Stop(), lost) if r is not None]
+    with Pool(size, stop or Stop()) as pool:
+        return [r for r in pool.run(work, Agenda(tasks), lost) if r is not None]
 
 
 def test_everything_is_done_once_in_processes_and_in_turn():
     expected = sorted(square(task) for task in TASKS)
     assert sorted(results(square, TASKS)) == expected
-    assert sorted(in_turn(square, Agenda(TASKS), Stop())) == expected
+    assert sorted(Crew(Stop()).run(square, Agenda(TASKS), lambda task, why: why)) == expected
 
 
 def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
@@ -35,8 +35,8 @@ def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):
     stop = Stop()
     tasks = [Task(str(number), number, str(tmp_path)) for number in range(5)]
     done = []
-    with Pool(2) as pool:
-        for result in pool.run(held, Agenda(tasks), stop, lambda task, why: None):
+    with Pool(2, stop) as pool:
+        for result in pool.run(held, Agenda(tasks), lambda task, why: None):
             if stop.asked == 0 and len(list(tmp_path.iterdir())) == 2:
                 stop.ask()
                 (tmp_path / "leave").touch()
@@ -47,8 +47,8 @@ def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):
 
 def test_two_wishes_to_stop_end_it_at_once_and_leave_no_process(tmp_path):
     stop, done = Stop(), []
-    with Pool(2) as pool:
-        for result in pool.run(held, Agenda([Task("a", 9, str(tmp_path))]), stop, lambda task, why: None):
+    with Pool(2, stop) as pool:
+        for result in pool.run(held, Agenda([Task("a", 9, str(tmp_path))]), lambda task, why: None):
             done += [] if result is None else [result]
             if list(tmp_path.iterdir()):
                 stop.ask(2)
@@ -58,11 +58,12 @@ def test_two_wishes_to_stop_end_it_at_once_and_leave_no_process(tmp_path):
 
 def test_in_turn_a_second_wish_is_an_interrupt():
     stop = Stop()
-    results = in_turn(square, Agenda(TASKS), stop)
-    assert next(results) == 0
-    with pytest.raises(KeyboardInterrupt):
-        stop.ask(2)
-    assert list(results) == []
+    with Crew(stop) as crew:
+        results = crew.run(square, Agenda(TASKS), lambda task, why: why)
+        assert next(results) == 0
+        with pytest.raises(KeyboardInterrupt):
+            stop.ask(2)
+        assert list(results) == []
 
 
 def test_ctrl_c_is_a_wish_and_afterwards_an_interrupt_again():

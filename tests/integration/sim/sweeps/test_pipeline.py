@@ -13,11 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pirrht.errors import PirrhtError
-from sim.sweeps import runs, sweep
-from sim.sweeps.engine import Agenda, Stop, in_turn
+from sim.sweeps import runs
+from sim.sweeps.engine import Agenda, Crew, Stop
 from sim.sweeps.parts import KEY
-from sim.sweeps.runs import Errand, Job, Planned, Survey
-from sim.sweeps.sweep import Grown, Pipeline, Progress
+from sim.sweeps.runs import Job, Planned, Task
+from sim.sweeps.sweep import Pipeline, Progress
 
 TREE = b"wood"
 
@@ -31,61 +31,42 @@ def jobs(scenes: int, methods: tuple[str, ...] = ("pi-rrht", "passive"), seeds: 
     ]
 
 
-def done(item: Survey | Errand):
+def done(task: Task):
     """What a worker would answer."""
-    if isinstance(item, Survey):
-        return Grown(place=item.job.place, planned=Planned(tree=TREE))
-    needs = runs.needs_tree(item.job)
-    assert (item.planned is not None) == needs
-    if needs and isinstance(item.planned.tree, str):
-        assert Path(item.planned.tree).read_bytes() == TREE  # there until the last of its runs has ended
-    return runs.failure(item.job, "")
+    if task.grows:
+        return Planned(place=task.job.place, tree=TREE)
+    needs = runs.needs_tree(task.job)
+    assert (task.planned is not None) == needs
+    if needs and isinstance(task.planned.tree, str):
+        assert Path(task.planned.tree).read_bytes() == TREE  # there until the last of its runs has ended
+    return runs.failure(task.job, "")
 
 
-def name(item: Survey | Errand) -> str:
-    return f"{item.job.scene}{'*' if isinstance(item, Survey) else ''}"
+class Simulated:
+    """A crew whose workers take as long as `seconds` says for each task; it takes note of what it is given."""
 
+    def __init__(self, workers: int, seconds) -> None:
+        self.workers, self.seconds, self.order = workers, seconds, []
 
-def simulated(workers: int, seconds) -> sweep.Crew:
-    """A crew whose workers take as long as `seconds` says for each item."""
-
-    def crew(work, agenda: Agenda, lost) -> Iterator:
-        busy: list[tuple[float, int, object]] = []
-        last: dict[int, tuple] = {}
+    def run(self, work, agenda: Agenda, lost) -> Iterator:
+        busy: list[tuple[float, int, Task]] = []
         now = 0.0
         while agenda or busy:
-            for k in sorted(set(range(workers)) - {k for _, k, _ in busy}):
-                if agenda:
-                    item = agenda.take(last.get(k), [last[other] for _, other, _ in busy])
-                    last[k] = item.point
-                    heapq.heappush(busy, (now + seconds(item), k, item))
-            now, _, item = heapq.heappop(busy)
-            yield done(item)
-
-    return crew
+            while agenda and len(busy) < self.workers:
+                (task,) = agenda.take(self.workers, 1)
+                self.order.append(task)
+                heapq.heappush(busy, (now + self.seconds(task), len(self.order), task))
+            now, _, task = heapq.heappop(busy)
+            yield done(task)
 
 
 def test_one_worker_drives_through_each_tree_before_it_grows_the_next(tmp_path):
-    order, most = [], 0
-    flow = Pipeline(jobs(3), tmp_path)
-
-    def crew(work, agenda, lost):
-        for item in iter(lambda: agenda.take(order[-1].point if order else None, ()) if agenda else None, None):
-            order.append(item)
-            yield done(item)
-
-    records = []
-    for record in flow.run(crew):
-        records += [] if record is None else [record]
-        most = max(most, flow.trees)
-    told = [name(item) for item in order]
-    assert [told.index(f"s{k}*") for k in range(3)] == sorted(told.index(f"s{k}*") for k in range(3))
-    for k in range(3):
-        grown = told.index(f"s{k}*")
-        following = [item for item in order[grown + 1 :] if runs.needs_tree(item.job)][:3]
-        assert [name(item) for item in following] == 3 * [f"s{k}"]
-    assert most == 1
-    assert len(records) == 18
+    flow, crew = Pipeline(jobs(3), tmp_path), Simulated(1, lambda task: 1.0)
+    trees, records = zip(*((flow.trees, record) for record in flow.run(crew)), strict=True)
+    order = [(task.job.scene, task.grows) for task in crew.order if runs.needs_tree(task.job)]
+    assert order == [(f"s{k}", first) for k in range(3) for first in (True, False, False, False)]
+    assert max(trees) == 1
+    assert sum(record is not None for record in records) == 18
     assert not list(tmp_path.iterdir())
 
 
@@ -99,7 +80,7 @@ def test_one_worker_drives_through_each_tree_before_it_grows_the_next(tmp_path):
 def test_every_run_has_one_record_and_there_are_no_more_trees_than_workers_and_one(workers, scenes, methods, pace):
     wanted = jobs(scenes, tuple(methods))
     flow = Pipeline(wanted, None)
-    crew = simulated(workers, lambda item: pace[crc32(repr(item.point).encode()) % len(pace)])
+    crew = Simulated(workers, lambda task: pace[crc32(repr(task.point).encode()) % len(pace)])
     keys, most = [], 0
     for record in flow.run(crew):
         keys += [] if record is None else [tuple(record[k] for k in KEY)]
@@ -110,18 +91,17 @@ def test_every_run_has_one_record_and_there_are_no_more_trees_than_workers_and_o
 
 
 def test_a_tree_that_cannot_be_had_costs_its_own_runs_only(monkeypatch):
-    def survey(wish):
-        planned = Planned(error="no way") if wish.job.scene == "s0" else Planned(tree=TREE)
-        return wish.job.place, planned
+    def grown(job):
+        return Planned(place=job.place, **({"error": "no way"} if job.scene == "s0" else {"tree": TREE}))
 
     def drive(job, planned=None):
         if planned is not None and planned.error is not None:
             raise PirrhtError(planned.error)
         return {**runs.failure(job, ""), "outcome": "goal"}
 
-    monkeypatch.setattr(runs, "survey", survey)
+    monkeypatch.setattr(runs, "grown", grown)
     monkeypatch.setattr(runs, "drive", drive)
-    found = Pipeline(jobs(2), None).run(lambda work, agenda, lost: in_turn(work, agenda, Stop()))
+    found = Pipeline(jobs(2), None).run(Crew(Stop()))
     errors = {(r["scene"], r["method"], r["seed"]): r["error"] for r in found if r is not None}
     assert {key for key, error in errors.items() if error} == {("s0", "pi-rrht", seed) for seed in range(3)}
     assert len(errors) == 12
