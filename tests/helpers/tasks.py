@@ -26,11 +26,6 @@ def square(task: Task) -> int:
     return task.number**2
 
 
-def process_of(task: Task) -> tuple[str, int]:
-    time.sleep(0.02)
-    return task.scene, os.getpid()
-
-
 def threads_of(task: Task) -> list[str | None]:
     return [os.environ.get(name) for name in ENVIRONMENT]
 
@@ -64,11 +59,6 @@ def die_of_two(task: Task) -> int:
     if task.number == 2:
         os._exit(7)
     return task.number
-
-
-def die_slowly_of_two(task: Task) -> int:
-    time.sleep(0.5 if task.number == 2 else 0.0)
-    return die_of_two(task)
 
 
 def slow(task: Task) -> int:

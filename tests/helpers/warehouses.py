@@ -35,21 +35,3 @@ def warehouse(size: float, seed: int = 0, radius: float = ROBOT) -> Scene:
         name="warehouse", lower=np.zeros(2), upper=np.full(2, size), obstacles=tuple(shelves(size, seed)),
         goal=Goal(center=np.full(2, size - 1.5), radius=0.4), start=np.array([1.5, 1.5, 0.0]), robot_radius=radius,
     )  # fmt: skip
-
-
-def mjcf_of(scene: Scene) -> str:
-    """The same for the command line."""
-    geoms = "".join(
-        f'<geom name="{o.name}" type="{o.kind.value}" pos="{_numbers(o.position)}" size="{_numbers(o.size)}"/>'
-        for o in scene.obstacles
-    )
-    middle, half = 0.5 * (scene.lower + scene.upper), 0.5 * (scene.upper - scene.lower)
-    return f"""<mujoco model="{scene.name}"><worldbody>{geoms}
-    <site name="start" pos="{_numbers(scene.start[:2])} 0"/>
-    <site name="goal" type="cylinder" pos="{_numbers(scene.goal.center)} 0" size="{scene.goal.radius:g} 0.01"/>
-    <site name="workspace" type="box" pos="{_numbers(middle)} 0.5" size="{_numbers(half)} 0.5"/>
-    </worldbody></mujoco>"""
-
-
-def _numbers(values: np.ndarray) -> str:
-    return " ".join(f"{value:.6g}" for value in values)

@@ -1,18 +1,22 @@
-"""The boat of docs/own-robot.md, registered in ten lines, goes wherever the robots of the house go."""
+"""The systems of docs/own-robot.md, its boat and the examples, are short and go wherever the robots of the house go."""
 
 from __future__ import annotations
 
 import json
 import re
-import subprocess
-import sys
+import shutil
 from pathlib import Path
 
 import pytest
-from commands import told
-from repository import ROOT, environment
+from commands import refused, told
+from repository import ROOT
+from thoroughly import thorough
 
 PAGE = (ROOT / "docs" / "own-robot.md").read_text()
+SMALL = ("--vertices", "100", "--samples", "20")
+
+# -- the boat of the page, registered in ten lines ---------------------------------------------------------------
+
 CLASSES = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
 HULL = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
 SYSTEM = """
@@ -26,7 +30,7 @@ BOAT = System(
     heeds=(),
 )
 """
-BOAT = ("slit", "--robot", "boat.xml", "--system", "moor:BOAT", "--vertices", "100", "--samples", "20")
+BOAT = ("slit", "--robot", "boat.xml", "--system", "moor:BOAT", *SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +40,6 @@ def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "boat.xml").write_text(HULL)
     (folder / "moor.py").write_text(CLASSES[: CLASSES.index("loaded = load(")] + SYSTEM)
     return folder
-
-
-def test_the_system_takes_about_ten_lines():
-    assert len([line for line in SYSTEM.splitlines() if line.strip()]) <= 10
 
 
 def test_a_boat_is_planned_for(moor):
@@ -59,21 +59,18 @@ def test_a_boat_drives_and_is_recorded(moor):
 def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
     words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
     rows = told(moor, "sweep", *BOAT, *words)
-    assert [row["outcome"] for row in rows] == ["timeout"] * 2
-    assert [row["error"] for row in rows] == [None] * 2
+    assert [(row["outcome"], row["error"]) for row in rows] == [("timeout", None)] * 2
     assert json.loads((moor / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
-    words = [word for word in ("sweep", *BOAT, *words) if word not in ("--system", "moor:BOAT")]
-    done = subprocess.run(
-        [sys.executable, "-m", "sim.cli", *words], cwd=moor, capture_output=True, text=True, env=environment()
+    without = [word for word in BOAT if word not in ("--system", "moor:BOAT")]
+    assert "was made with --system moor:BOAT and this sweep is without --system" in refused(
+        moor, "sweep", *without, *words
     )
-    assert done.returncode == 2
-    assert "was made with --system moor:BOAT and this sweep is without --system" in done.stderr
 
 
 @pytest.mark.parametrize(
     ("line", "wrong", "words"),
     [
-        ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] (NameError"),
+        ("= p[0], p[1]", "= p[0], q[0]", "drift(x, p, out) fails at x = [0.0, 0.0] with an out of (2,) (NameError"),
         ("= p[0], p[1]", "= p[0], np.nan", "drift(x, p, out) writes [0.0, nan]"),
         ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; fix it"),
     ],
@@ -82,11 +79,57 @@ def test_what_fails_in_a_boats_own_code_is_told_in_one_line(moor, line, wrong, w
     text = (moor / "moor.py").read_text()
     assert line in text
     (moor / "leak.py").write_text(text.replace(line, wrong))
-    args = [word.replace("moor:", "leak:") for word in BOAT]
-    done = subprocess.run(
-        [sys.executable, "-m", "sim.cli", "plan", *args],
-        cwd=moor, env=environment(), capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
+    assert words in refused(moor, "plan", *[word.replace("moor:", "leak:") for word in BOAT])
+
+
+# -- the examples ------------------------------------------------------------------------------------------------
+
+EXAMPLES = ROOT / "scripts" / "examples" / "systems"
+WIND = ("--system", "wind:BALLOON")
+TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
+SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
+ALL = [thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER)]  # 30 s of kernels each
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the examples, since results are written beside them."""
+    return Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
+
+
+@pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)
+def test_an_example_takes_fewer_than_forty_lines_and_says_how_it_is_run(file):
+    text = file.read_text()
+    assert len(text.splitlines()) < 40
+    command = re.search(r"pirrht run .*", text)
+    assert command is not None
+    assert f"\n{command.group()}\n" in PAGE
+
+
+def test_numbers_of_the_tug_are_those_of_its_file():
+    """Drag is damping over mass, and the command mass over gear."""
+    text = (EXAMPLES / "tug.xml").read_text()
+    mass, gear = (float(re.search(rf'\b{name}="([\d.]+)"', text).group(1)) for name in ("mass", "gear"))
+    (damping,) = set(re.findall(r'damping="([\d.]+)"', text))
+    drag = float(re.search(r"DRAG = ([\d.]+)", (EXAMPLES / "tug.py").read_text()).group(1))
+    assert float(damping) / mass == pytest.approx(drag)
+    assert f'data="{mass / gear:g} 0  0 {mass / gear:g}"' in text
+
+
+@pytest.mark.parametrize("words", ALL)
+def test_an_example_is_planned_for_in_three_classes_drives_and_is_recorded(folder, words):
+    found = told(folder, "plan", "slit", *words, "--vertices", "300")
+    assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
+    found = told(folder, "run", "slit", *words, *SMALL, "--max-time", "0.1", "--record", "own.rrd", status=1)
+    assert found["outcome"] == "timeout"
+    assert (folder / "own.rrd").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "at"), [thorough(WIND, ("1", "2.5"), id="wind"), thorough(TUG, ("1", "2.5", "0", "0"), id="tug")]
+)
+def test_samples_of_an_example_count(folder, words, at):
+    """More than 1 of 100 are effective, where a guide that knew no wind left 1 of 600."""
+    found = told(folder, "estimate", "slit", *words, "--vertices", "300", "--at", *at, "--samples", "1000")
+    (ess,) = found["ess"]
+    assert ess > 0.01 * 3 * 1000

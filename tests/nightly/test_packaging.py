@@ -41,37 +41,26 @@ def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_wheel_holds_both_packages_and_their_models(wheel):
-    names = set(zipfile.ZipFile(wheel).namelist())
+def test_a_wheel_holds_both_packages_their_models_and_the_command_and_nothing_else(wheel):
+    archive = zipfile.ZipFile(wheel)
+    names = set(archive.namelist())
     for folder in ("pirrht", "sim"):
         assert {path.relative_to(ROOT).as_posix() for path in (ROOT / folder).rglob("*.py")} <= names
     for path in (ROOT / "models").rglob("*.xml"):
         assert f"sim/models/{path.relative_to(ROOT / 'models').as_posix()}" in names
     assert {"pirrht/py.typed", "sim/py.typed"} <= names
     assert f"pirrht-{pirrht.__version__}-" in wheel.name
-    assert {"sim/models/scenes/slit.xml", "sim/models/robots/puck.xml"} <= names
-
-
-def test_a_wheel_holds_nothing_else(wheel):
-    tops = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
-    assert {name for name in tops if not name.endswith(".dist-info")} == {"pirrht", "sim"}
-    assert not [name for name in zipfile.ZipFile(wheel).namelist() if "__pycache__" in name or name.endswith(".nbi")]
-
-
-def test_a_wheel_brings_the_command(wheel):
-    archive = zipfile.ZipFile(wheel)
-    (entry,) = [name for name in archive.namelist() if name.endswith("entry_points.txt")]
+    assert {name.split("/")[0] for name in names if ".dist-info/" not in name} == {"pirrht", "sim"}
+    assert not [name for name in names if "__pycache__" in name or name.endswith(".nbi")]
+    (entry,) = [name for name in names if name.endswith("entry_points.txt")]
     assert "pirrht = sim.cli:main" in archive.read(entry).decode()
 
 
-def test_an_installed_copy_finds_its_own_scenes(installed, tmp_path):
+def test_an_installed_copy_finds_its_own_scenes_drives_and_compiles_only_once(installed, tmp_path):
     listed = call("-m", "sim.cli", "scenes", cwd=tmp_path, PYTHONPATH=str(installed))
     assert listed.returncode == 0, listed.stderr
     assert f"files: {installed / 'sim' / 'models' / 'scenes'};" in listed.stdout
     assert "\nslit " in listed.stdout
-
-
-def test_an_installed_copy_drives_and_compiles_only_once(installed, tmp_path):
     words = ("run", "slit", "--max-time", "0.05", "--vertices", "60", "--samples", "20", "--json", "run.json")
     for compiles in (True, False):
         ran = call("-m", "sim.cli", *words, cwd=tmp_path, PYTHONPATH=str(installed), NUMBA_CACHE_DIR="")

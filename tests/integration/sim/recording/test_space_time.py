@@ -25,9 +25,6 @@ MAX_TIME = 0.6
 ROUNDING = 0.5 / 256 + 1e-6
 
 
-PICTURED = ("/world/foreseen", *(f"/spacetime/{name}" for name in ("braids", "names", "samples", "foreseen")))
-
-
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     file = tmp_path_factory.mktemp("space_time") / "drive.rrd"

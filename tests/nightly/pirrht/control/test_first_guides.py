@@ -1,4 +1,4 @@
-"""First guides of a drive: whoever may reverse as cheaply as drive ahead is worth as much facing the other way."""
+"""Several local optima of one class: facing the other way, and before or below a bar that comes down."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from discs import scene_of
+from discs import block, scene_of
 from guides import best
+from moving import hall, moved
 
 from pirrht.control.controller import Controller
 from pirrht.control.proposals import least_cost
@@ -18,8 +19,10 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.tuning import TUNING
+from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover
+from pirrht.systems.single_integrator import SingleIntegrator
 from sim.scenario import prepare
 
 STATES = {"rover": (4.6, 4.0, 1.4), "car": (4.9, 3.4, 0.4, 0.0)}  # the goal is at (5.5, 2.5)
@@ -91,3 +94,20 @@ def test_where_two_valleys_are_worth_the_same_v_is_lambda_ln_2_below_that_of_one
     for one, its in single:
         assert abs(one - gain - v) < 3.0 * np.hypot(error, its)
         assert gain > 4.0 * np.hypot(error, its)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_both_optima_are_sampled_where_noise_makes_them_alike(seed: int):
+    """To pass a bar before it comes down, or to pass below its end later."""
+    rows = [(0.0, 2.19, 3.28, -2.86), (0.91, 2.43, 2.95, -1.67), (1.82, 2.27, 2.32, -0.48), (2.58, 2.14, 1.80, -0.86)]
+    scene = hall("sweeper", [moved("bar", rows, block("bar", 0.0, 0.0, (0.46, 0.07)))], goal=(4.23, 2.735))
+    problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
+    tree = HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(seed))
+    tree.grow(600)
+    controller = Controller(problem, space, tree, Sampling(samples=300, threads=1), rng=np.random.default_rng(1))
+    x = np.array([0.38, 1.447])
+    controller.begin(x, 0.758)
+    assert controller.plan(x).estimate is not None
+    [(own, other)] = [optima for optima in controller.run.memory.optima.values() if len(optima) > 1]
+    assert own.log_ratio_to(other) > 3.0
+    assert own.penalised == pytest.approx(other.penalised, abs=3.0 * problem.temperature)

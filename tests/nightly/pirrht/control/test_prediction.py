@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from thoroughly import thorough
-from unit.pirrht.control.test_prediction import START, controller, sampled
+from unit.pirrht.control.test_prediction import START, controller
 
+from pirrht.control.proposals import ProposalBuilder
 from pirrht.exact.desirability import Desirability
 
 
@@ -29,7 +32,16 @@ def test_among_bodies_too_samples_go_where_they_contribute_and_the_value_stays_t
     """Ten plans from one place where one way has most of the weight; seed 1, within 4 standard errors."""
     one, place, t = controller("crossing", b=0.1), np.array([2.4, 2.0]), 1.2
     one.begin(place, t)
-    counts = sampled(one, monkeypatch)
+    counts, batch = [], ProposalBuilder.batch
+
+    def counted(*given):
+        made = batch(*given)
+        counts.append(Counter())
+        for proposal in made.proposals:
+            counts[-1][proposal.name] += proposal.count
+        return made
+
+    monkeypatch.setattr(ProposalBuilder, "batch", counted)
     estimates = [plan.estimate for plan in (one.plan(place) for _ in range(10)) if plan.estimate is not None]
     favourite = max(estimates[-1].class_weights, key=estimates[-1].class_weights.__getitem__)
     assert set(counts[0].values()) == {400}  # nothing is known at first

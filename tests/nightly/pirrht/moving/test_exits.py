@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from discs import disc
-from guides import best
 from moving import busy, hall, moved
 
 from pirrht.arrays import Array
@@ -22,9 +21,6 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import sweep, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 from pirrht.problem import Problem
-from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.guide import DDPGuide
-from pirrht.steering.motion import Trajectory
 from pirrht.systems.dynamics import Dynamics
 
 RESTART = 0.9  # when one of them is suddenly elsewhere [s]
@@ -72,23 +68,3 @@ def crossed(dynamics: Dynamics, R: Array) -> PathIntegral:
     scene = hall("crossed", [moved("walker", rows, disc("disc", 0.0, 0.0, 0.3))], goal=(3.6, 2.5))
     problem = Problem(dynamics=dynamics, scene=scene, R=R)
     return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1))
-
-
-def through(
-    integral: PathIntegral, x: Array, places: list[tuple[float, float]], durations: list[float]
-) -> DDPGuide | None:
-    """The guide of a way over places (x, y) [m] to the goal point, with so long for each piece [s]."""
-    goal = integral.space.scene.goal.center
-    corners = np.vstack([x[:2], np.array(places).reshape(-1, 2), goal])
-    steps = np.diff(corners, axis=0)
-    start = np.column_stack([corners[:-1], np.arctan2(steps[:, 1], steps[:, 0])])
-    trajectory = Trajectory(
-        controls=np.zeros((len(steps), integral.problem.dynamics.m)), durations=np.array(durations), path=Line(start),
-        cost=sum(durations), length=float(np.hypot(*steps.T).sum()), slack=1.0,
-    )  # fmt: skip
-    assert integral.homology is not None
-    passed = np.cumsum([0.0, *durations])
-    key = integral.homology.key(integral.homology.winding(np.column_stack([corners, passed])))
-    guidance = integral.guidance
-    assert isinstance(guidance, DDPGuidance)
-    return best(guidance, x, integral.grid(8.0), key, trajectory)

@@ -17,7 +17,6 @@ from sim.plotting.ground import outline
 
 SMALL = Effort(vertices=250, samples=20, max_time=0.1)
 plt = pytest.importorskip("matplotlib.pyplot")
-ROWS = [(0, 3, 1, 0), (4, 3, 5, 0)]
 
 
 @pytest.fixture(scope="module")

@@ -1,20 +1,23 @@
-"""The controller names classes by the whole drive, and goes on when nothing new is known."""
+"""The controller names classes by the whole drive, goes on when nothing is known, leaves out what takes long."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
-from pirrht.control.plan import Plan
-from pirrht.errors import NoReference
+from pirrht.control.settings import TUNING, TimeBudget
+from pirrht.errors import NoReference, OptionError
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine
 from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
+DT = 0.05
 
 
 @pytest.fixture
@@ -45,9 +48,8 @@ def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenar
     reference = first.references[first.ids.index(name)]
     controller.begin(slit.start)
     assert controller.driven_class() == (0, 0)
-    states = along(reference.trajectory.points, 0.02)[1:]
     relative = set()
-    for part in np.array_split(states, 12):
+    for part in np.array_split(along(reference.trajectory.points, 0.02)[1:], 12):
         controller.observe(part, 0.3)
         plan = controller.plan(part[-1])
         assert name in plan.ids
@@ -62,13 +64,11 @@ def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenar
 
 def test_how_often_states_are_observed_does_not_matter(controller: Controller, slit: Scenario):
     path = along(np.array([[1.0, 2.5], [4.5, 2.5], [4.5, 3.5], [2.0, 3.5], [1.5, 2.6]]), 0.01)
-    found = []
     for parts in (1, 7, 100):
         controller.begin(slit.start)
         for part in np.array_split(path, parts):
             controller.observe(part, 0.1)
-        found.append(controller.driven_class())
-    assert found[0] == found[1] == found[2] == (1, 0)
+        assert controller.driven_class() == (1, 0)
 
 
 # -- plans -------------------------------------------------------------------------------------------------------
@@ -84,13 +84,10 @@ def test_equal_seeds_plan_alike(slit: Scenario, slit_tree: HomologyTree):
 
 
 def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, slit_tree: HomologyTree):
-    plans = {
-        method: slit.with_settings(method=method, samples=50).controller(slit_tree).plan(slit.start)
-        for method in ("pi-rrht", "single")
-    }
-    assert plans["pi-rrht"].ids[0] == "0,0"
-    assert set(plans["pi-rrht"].ids) == {"0,0", "-1,0", "0,1"}
-    assert plans["single"].ids == ("0,0",)
+    for method, ids in (("pi-rrht", ("0,0", "-1,0", "0,1")), ("single", ("0,0",))):
+        plan = slit.with_settings(method=method, samples=50).controller(slit_tree).plan(slit.start)
+        assert plan.ids[0] == "0,0"
+        assert set(plan.ids) == set(ids)
     nobody = slit.with_settings(method="passive", samples=50).controller(None).plan(slit.start)
     assert nobody.references == ()
     assert nobody.fallback == "no survivor"  # noise alone does not find the goal
@@ -103,37 +100,72 @@ def test_the_running_cost_of_a_straight_reference_is_twice_its_length(slit: Scen
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
-def test_a_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_tree: HomologyTree, guide: str):
-    held = slit.with_settings(samples=200, guide=guide, between="hold")
-    plan = held.controller(slit_tree).plan(slit.start)
+def test_a_held_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_tree: HomologyTree, guide: str):
+    plan = slit.with_settings(samples=200, guide=guide, between="hold").controller(slit_tree).plan(slit.start)
     assert plan.times[0] == 0.0
     assert len(plan.times) == len(plan.tape) + 1
-    np.testing.assert_array_equal(plan.at(plan.state, 0.0), plan.control)
+    for x in [plan.state, *np.array([[3.4, 2.55], [0.1, 0.1]])][: 3 if guide == "open-loop" else 1]:
+        np.testing.assert_array_equal(plan.at(x, 0.0), plan.control)
     for i in (1, 5, 20, len(plan.tape) - 1):
-        middle = 0.5 * (plan.times[i] + plan.times[i + 1])
-        np.testing.assert_array_equal(plan.at(plan.state, middle), plan.tape[i])
-        np.testing.assert_array_equal(plan.at(plan.state, plan.times[i]), plan.tape[i])
+        for t in (plan.times[i], 0.5 * (plan.times[i] + plan.times[i + 1])):
+            np.testing.assert_array_equal(plan.at(plan.state, t), plan.tape[i])
     assert np.all(plan.at(plan.state, plan.times[-1] + 1.0) == 0.0)
     assert plan.estimate is not None
     weights = plan.estimate.class_weights
     assert plan.favourite == max(weights, key=lambda name: weights[name]) == "0,0"
 
 
-def test_a_held_open_loop_control_does_not_depend_on_the_state(slit: Scenario, slit_tree: HomologyTree):
-    plan = slit.with_settings(samples=100, guide="open-loop", between="hold").controller(slit_tree).plan(slit.start)
-    for x in ([1.0, 2.5], [3.4, 2.55], [0.1, 0.1]):
-        np.testing.assert_array_equal(plan.at(np.array(x), 0.0), plan.control)
+# -- a loop of one's own -----------------------------------------------------------------------------------------
+
+
+def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: HomologyTree):
+    one, other = (slit.with_settings(samples=50).controller(slit_tree) for _ in range(2))
+    x = slit.start
+    for k in range(3):
+        u = one.step(x, DT)
+        if k:
+            other.observe(x[None], DT)
+        np.testing.assert_array_equal(u, other.plan(x).control)
+        x = x + DT * u
+    assert one.run.time == pytest.approx(2 * DT)
+    one.begin(slit.start)
+    one.step(slit.start, DT)
+    assert one.run.time == 0.0
+    with pytest.raises(OptionError, match="dt is 0"):
+        one.step(slit.start, 0.0)
+
+
+def test_who_forgets_to_observe_is_warned(slit: Scenario):
+    mppi = slit.with_settings(samples=50).mppi()
+    mppi.plan(slit.start)
+    mppi.plan(slit.start)  # the same question again
+    with pytest.warns(RuntimeWarning, match=r"nothing was observed in between: call step\(x, dt\)"):
+        mppi.plan(slit.start + 0.01)
+    mppi.begin(slit.start + 0.02)
+    mppi.plan(slit.start + 0.02)
+
+
+def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit: Scenario, slit_tree: HomologyTree):
+    few = slit.with_settings(samples=4, noise=0.3)
+    plain, until = (few.controller(slit_tree) for _ in range(2))
+    plain.path_integral.sampling = replace(few.sampling, least=0.0)
+    until.path_integral.sampling = replace(few.sampling, least=40.0)
+    first, more = plain.plan(slit.start).estimate, until.plan(slit.start).estimate
+    assert first.ess < 40.0 <= more.ess
+    np.testing.assert_array_equal(more.parts[0].log_weight, first.parts[0].log_weight)  # the first round is the same
+    until.observe(slit.start[None], DT)
+    assert len(until.plan(slit.start).estimate.parts) == 1
 
 
 # -- fallbacks ---------------------------------------------------------------------------------------------------
 
 
-def test_without_a_reference_at_the_start_there_is_no_plan(short_sighted: Controller):
+def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(
+    short_sighted: Controller, slit: Scenario
+):
     with pytest.raises(NoReference, match=r"from \(1, 3.4\)"):
         short_sighted.plan(HIDDEN)
-
-
-def test_without_a_reference_the_robot_brakes_and_holds_its_position(short_sighted: Controller, slit: Scenario):
+    short_sighted.begin(slit.start)
     assert short_sighted.plan(slit.start).fallback is None
     short_sighted.observe(HIDDEN[None], 0.25)
     plan = short_sighted.plan(HIDDEN)
@@ -146,18 +178,43 @@ def test_without_a_reference_the_robot_brakes_and_holds_its_position(short_sight
     np.testing.assert_array_equal(plan.control, plan.at(HIDDEN, 0.0))
 
 
-def hopeless(slit: Scenario, tree: HomologyTree) -> tuple[Controller, Plan]:
+def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit: Scenario, slit_tree: HomologyTree):
     """In the middle of the slit under much noise none of a few samples survives that holds its tape."""
-    controller = slit.with_settings(samples=2, noise=6.0, guide="open-loop").controller(tree)
+    controller = slit.with_settings(samples=2, noise=6.0, guide="open-loop").controller(slit_tree)
     x = np.array([3.4, 2.5])
     controller.begin(x)
-    return controller, controller.plan(x)
-
-
-def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit: Scenario, slit_tree: HomologyTree):
-    controller, plan = hopeless(slit, slit_tree)
+    plan = controller.plan(x)
     assert plan.fallback == "no survivor"
     assert plan.favourite == plan.ids[0] == "0,0"
     np.testing.assert_allclose(plan.control, [0.0, 0.0], atol=1e-9)
     controller.observe(np.array([[5.0, 2.5]]), 0.1)
     assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal
+
+
+# -- what a plan leaves out, by the time that is left ------------------------------------------------------------
+
+
+def budget(share: float = 1.0) -> TimeBudget:
+    """A budget of 0.1 s of which a share is left."""
+    times = iter([0.1])
+    return TimeBudget(lambda: next(times, share * 0.1))
+
+
+def test_without_a_limit_nothing_is_left_out():
+    unlimited = TimeBudget()
+    assert not unlimited.short()
+    assert not unlimited.enough(TUNING.few_vertices)
+    assert unlimited.most_classes(4) is None
+
+
+@pytest.mark.parametrize(("share", "short"), [(0.31, False), (0.29, True), (-0.1, True)])
+def test_time_is_short_when_a_share_of_what_was_left_is(share: float, short: bool):
+    assert budget(share).short() == short
+
+
+@pytest.mark.parametrize("classes", [1, 3, 16])
+def test_after_a_plan_that_fits_just_so_there_is_time_for_as_many_classes_and_else_for_fewer(classes: int):
+    spent = TUNING.before_samples
+    assert budget(1.0 - 0.999 * spent).most_classes(classes) == classes
+    assert budget(1.0 - 1.3 * spent).most_classes(classes) == max(1, int(classes / 1.3))
+    assert budget(-10.0).most_classes(classes) == 1

@@ -1,32 +1,24 @@
-"""Feedback between plans: the control follows the state, class by class."""
+"""Feedback between plans: the control follows the state, class by class, in time and beside walls that come."""
+
+from __future__ import annotations
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from discs import block
+from moving import closing_door, hall, moved
 
-from pirrht.control.plan import pooled
+from pirrht.control.plan import ClassLaw, ClassMixture, pooled
+from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
-from pirrht.proposals.wall_drift import linear_law_weight, window
+from pirrht.proposals.wall_drift import WallDrift, linear_law_weight, window
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
-from sim.scenario import prepare
 
 START = np.array([1.0, 2.5])  # both detours are worth the same there
-
-
-@pytest.fixture(scope="module")
-def noisy():
-    scenario = prepare("slit", given={"noise": 0.3, "samples": 10000, "plan_seed": 0})
-    return scenario, scenario.grown_tree()
-
-
-@pytest.fixture(scope="module")
-def plan(noisy):
-    scenario, tree = noisy
-    return scenario.controller(tree).plan(START)
 
 
 class Steep(Tape):
@@ -62,7 +54,8 @@ def problem():
     return Problem(dynamics=SingleIntegrator(b=0.5), scene=load("slit").scene, R=2.0 * np.eye(2))
 
 
-def test_at_the_state_of_a_first_plan_the_law_is_the_estimate(plan):
+def test_at_the_state_of_a_first_plan_the_law_is_the_estimate(slit, slit_tree):
+    plan = slit.with_settings(noise=0.3, samples=10000, plan_seed=0).controller(slit_tree).plan(START)
     np.testing.assert_allclose(plan.law(START, 0.0), plan.estimate.control, rtol=1e-9)
     for name, weight in plan.law.weights(START, 0.0).items():
         assert weight == pytest.approx(plan.estimate.class_weights[name], abs=1e-9)
@@ -88,8 +81,7 @@ def test_plans_at_one_place_are_averaged(problem):
             law = pooled(problem, law, estimate([0, 0], one=(0.0, rng.normal(size=2))), {}, nothing, 0.01)
         laws.append(law(np.zeros(2), 0.0))
     weights = np.exp(-np.arange(5) / 3.0)
-    expected = np.sqrt(np.sum(weights**2)) / np.sum(weights)
-    assert np.std(laws) == pytest.approx(expected, rel=0.15)
+    assert np.std(laws) == pytest.approx(np.sqrt(np.sum(weights**2)) / np.sum(weights), rel=0.15)
 
 
 @pytest.mark.parametrize("law_weight", [0.0, 0.3, 1.0])
@@ -111,6 +103,45 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
     shortest = window(0.04, 0.0, times, 0.4, PROPOSALS.averaged_moving)
     assert shortest < window(0.04, 0.0, times, 0.4)
     for near in np.linspace(0.01, 0.2, 30):  # what is trusted in part is averaged over the shortest time only
-        assert (linear_law_weight(0.04, near) >= 1.0) or window(
-            0.04, near, times, 0.4, PROPOSALS.averaged_moving
-        ) == shortest
+        trusted = linear_law_weight(0.04, near) >= 1.0
+        assert trusted or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest
+
+
+# -- where obstacles move ----------------------------------------------------------------------------------------
+
+B = 0.2
+
+
+def among_movers() -> Problem:
+    """q = 1, R = 2, lambda = 0.08, in a world with a door."""
+    return Problem(dynamics=SingleIntegrator(b=B), scene=closing_door(), R=2.0 * np.eye(2))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+def test_classes_that_hurry_and_others_weigh_what_the_equation_in_time_says(share):
+    """psi = e^(k.x + w t) solves d psi / dt = (q / lambda) psi - b^2 laplace psi / 2 for w = q / lambda - |b k|^2 / 2.
+
+    Its control is b^2 k, however long k is: of the sum of two, the carried law is the exact one at any place and time.
+    """
+    problem, fast, slow = among_movers(), np.array([1.7, 0.3]), np.array([0.2, -0.9])
+    classes = {
+        name: ClassLaw(log_psi=float(np.log(part)), rest=u, lead=None)
+        for name, u, part in (("fast", fast, share), ("slow", slow, 1.0 - share))
+    }
+    mixture = ClassMixture(problem=problem, state=START, classes=classes, push=nothing)
+    k = np.array([fast, slow]) / B**2
+    rate = 1.0 / problem.temperature - 0.5 * B**2 * np.sum(k**2, axis=1)
+    for dx, s in (([0.0, 0.0], 0.1), ([0.05, -0.02], 0.1), ([-0.03, 0.04], 0.02)):
+        psi = np.array([share, 1.0 - share]) * np.exp(k @ dx + rate * s)
+        np.testing.assert_allclose(list(mixture.weights(START + dx, s).values()), psi / psi.sum(), rtol=1e-9)
+
+
+@pytest.mark.parametrize("gap", [0.003, 0.01, 0.03])
+def test_a_wall_that_comes_pushes_as_psi_vanishes_there(gap):
+    """Towards a flat wall psi ~ c / (c + reach); down to 3 mm, as near as the wall is by then. It rises by 0.5 m/s."""
+    wall = moved("wall", [(0.0, 3.0, 1.0, 0.0), (2.0, 3.0, 2.0, 0.0)], block("wall", 0.0, 0.0, (2.0, 0.2)))
+    space = FreeSpace.of(hall("lift", [wall]))
+    push = WallDrift(problem=among_movers(), field=space.field, offset=0.08, step=0.05, moving=space.moving, time=0.3)
+    told = push(np.array([3.0, 1.0 + 0.5 * 0.7 + 0.2 + 0.1 + gap]), 0.4)
+    assert told[1] == pytest.approx(B**2 * 0.08 / (gap * (gap + 0.08)), rel=0.01)
+    assert abs(told[0]) < 0.01 * told[1]

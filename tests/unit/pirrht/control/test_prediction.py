@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from typing import Any
-
 import numpy as np
 import pytest
 from discs import disc
@@ -12,12 +9,10 @@ from moving import SCENES, hall, moved
 
 from pirrht.control.controller import Controller
 from pirrht.control.prediction import ConstantVelocity, straight_on
-from pirrht.control.proposals import ProposalBuilder
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.proposal import Batch
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
 
@@ -42,22 +37,6 @@ def controller(name: str = "crossing", b: float = 0.2, first: float | None = Non
     tree.grow(400)
     sampling = Sampling(samples=400, threads=1, first=first)
     return Controller(problem, space, tree, sampling, rng=np.random.default_rng(1), **more)  # type: ignore[arg-type]
-
-
-def sampled(one: Controller, monkeypatch: pytest.MonkeyPatch) -> list[Counter[str]]:
-    """How many samples each plan from now on draws around each class."""
-    found: list[Counter[str]] = []
-    batch = ProposalBuilder.batch
-
-    def counted(*given: Any) -> Batch:
-        made = batch(*given)
-        found.append(Counter())
-        for proposal in made.proposals:
-            found[-1][proposal.name] += proposal.count
-        return made
-
-    monkeypatch.setattr(ProposalBuilder, "batch", counted)
-    return found
 
 
 def by_velocity(space: FreeSpace) -> ConstantVelocity:

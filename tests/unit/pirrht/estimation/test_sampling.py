@@ -23,13 +23,12 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.proposal import Proposal, Tape
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 from sim.scenario import Scenario
 
 HALF, NOISE = 0.5, 0.5  # of the strip: half its width L [m], b [m/sqrt(s)]
-
-
 X = np.array([0.2, 0.0])
 
 
@@ -119,22 +118,35 @@ def test_the_controller_shares_samples_out_by_promises_and_then_by_contributions
     assert drawn(adaptive) == first
 
 
-# -- batches -----------------------------------------------------------------------------------------------------
+def asked(*rows: tuple[str, int]) -> list[Proposal]:
+    return [Proposal(lead=tape(), count=count, name=name) for name, count in rows]
 
 
-def in_batches(integral: PathIntegral, seed: int, **options) -> Estimate:
-    """As `to_both_sides`, in the batches that the settings ask for."""
-    times, tapes, corners = both_sides(integral)
-    return integral.sample(batch_of(integral, X, times, tapes, corners=corners), seed, **options)
+def tape() -> Tape:
+    return Tape(np.arange(3.0), np.zeros((2, 2)))
 
 
-# -- stopping ----------------------------------------------------------------------------------------------------
+def test_classes_that_are_worth_more_than_a_few_samples_have_some_next_to_their_guides_and_none_is_lost():
+    ways = [tape(), tape(), tape()]
+    allocation = Allocation()
+    allocation.shares["b"] = np.array([0.8, 0.2])
+    found = allocation.split(asked(("a", 700), ("b", 50), ("c", 30)), lambda k: [ways[k]])
+    assert [(one.name, one.count) for one in found] == [("a", 350), ("b", 40), ("c", 30), ("a", 350), ("b", 10)]
+    assert [one.lead for one in found[3:]] == ways[:2]
+
+
+@pytest.mark.parametrize("count", [2, 8, 30])
+def test_equal_counts_are_split_however_few_samples_there_are(count):
+    found = Allocation().split(asked(("a", count), ("b", count)), lambda k: [tape()])
+    assert [one.count for one in found] == [count // 2] * 4
 
 
 def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_spent(strip):
     def until(**options) -> list[int]:
         settings = Sampling(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
-        estimate = in_batches(path_integral(*strip, settings), 3)
+        integral = path_integral(*strip, settings)
+        times, tapes, corners = both_sides(integral)
+        estimate = integral.sample(batch_of(integral, X, times, tapes, corners=corners), 3)
         drawn = [part.size // 2 for part in estimate.parts]
         if options["target"] > 1e-6:
             assert estimate.control_error.max() <= options["target"]

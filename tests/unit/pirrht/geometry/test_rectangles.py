@@ -37,15 +37,6 @@ def test_simple_shapes_take_as_few_as_they_can(picture: tuple[str, ...], count: 
     assert len(cover(np.array([[c == "#" for c in row] for row in picture]))) == count
 
 
-def ragged(size: int) -> np.ndarray:
-    """Cells of a hall of pillars whose walls are as ragged as a lidar leaves them."""
-    rng = np.random.default_rng(0)
-    near = np.arange(size) % 50 < 10
-    walls = near[:, None] & near
-    frayed = walls != np.roll(walls, 1, axis=0)
-    return walls ^ (frayed & (rng.random(walls.shape) < 0.3)) | (rng.random(walls.shape) < 0.003)
-
-
 @settings(max_examples=60)
 @given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
 def test_any_set_of_cells_survives_as_rectangles(cells):

@@ -11,14 +11,15 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import batch_of
-from guides import best
+from discs import disc
+from guides import best, valid
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
@@ -26,49 +27,30 @@ from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.unicycle import Unicycle
 
-POST = np.array([2.2, 0.1])  # left of the straight way to the goal, so that passing it on the right is cheaper
-
-
-def scene(*, post: bool, goal: float = 4.5, radius: float = 0.4) -> Scene:
-    size = np.array([0.5, 0.2, 0.0])
-    position = np.append(POST, 0.1)
-    thing = Obstacle(name="post", kind=Kind.CYLINDER, size=size, position=position, rotation=np.eye(3))
-    return Scene(
-        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]), obstacles=(thing,) if post else (),
-        goal=Goal(center=np.array([goal, 0.0]), radius=radius), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
-
 
 @cache
 def case(
     post: bool, b: float, goal: float
 ) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
-    """Problem, free space and the shortened references at the start."""
-    problem = Problem(dynamics=Unicycle(b=b), scene=scene(post=post, goal=goal), R=np.eye(1), phi=1000.0)
-    space = FreeSpace.of(problem.scene)
+    """Problem, free space and the shortened references at the start; passing the post on the right is cheaper."""
+    scene = Scene(
+        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]),
+        obstacles=(disc("post", 2.2, 0.1, 0.5),) if post else (),
+        goal=Goal(center=np.array([goal, 0.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
+    )  # fmt: skip
+    problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
+    space = FreeSpace.of(scene)
     tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
     tree.grow(300)
-    references = tree.references(problem.scene.start)
-    return problem, space, tuple((r.trajectory, r.winding) for r in references)
+    return problem, space, tuple((r.trajectory, r.winding) for r in tree.references(scene.start))
 
 
-def setting(
-    post: bool = True, b: float = 0.03, goal: float = 4.5, **options
-) -> tuple[PathIntegral, Array, list[DDPGuide]]:
-    """Sampler, grid, and the guide of each class."""
-    problem, space, references = case(post, b, goal)
-    integral = path_integral(problem, space, Sampling(**options))
-    x = problem.scene.start
+def setting(steps: str = "fitted") -> tuple[PathIntegral, Array, list[DDPGuide]]:
+    """Sampler, grid, and the guide of each class past the post."""
+    problem, space, references = case(True, 0.03, 4.5)
+    integral, x = path_integral(problem, space, Sampling(steps=steps)), problem.scene.start
     times = integral.grid(max(running_cost(problem, x, t) for t, _ in references))
-    guidance = path_integral(problem, space, Sampling(steps=options.get("steps", "fitted"))).guidance
-    assert guidance is not None
-    guides = [best(guidance, x, times, space.homology.key(w), t) for t, w in references]
-    assert all(guide is not None for guide in guides)
-    return integral, times, [guide for guide in guides if guide is not None]
-
-
-def tapes(times: Array, post: bool = True, b: float = 0.03, goal: float = 4.5) -> Array:
-    return np.array([trajectory.tape(times) for trajectory, _ in case(post, b, goal)[2]])
+    return integral, times, [valid(integral, x, times, w, t) for t, w in references]
 
 
 def polyline(guide: DDPGuide) -> Array:

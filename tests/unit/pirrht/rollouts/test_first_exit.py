@@ -24,8 +24,7 @@ from pirrht.rollouts.first_exit import (
 )
 
 DRAWS = 20000
-ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5), (1e-3, 1e-3)]
-STEPS = 4000  # of a finely simulated bridge
+ENDS = [(0.3, 0.5), (0.3, -0.2), (0.05, 0.4), (1.0, 0.0), (0.6, -1.5)]
 
 
 def shares(c0: float, c1: float, deviation: float = 1.0, count: int = DRAWS, seed: int = 1) -> Array:
@@ -56,7 +55,7 @@ def first_crossing_law(c0: float, c1: float, deviation: float):
     return law
 
 
-@pytest.mark.parametrize(("c0", "c1"), ENDS[:5])
+@pytest.mark.parametrize(("c0", "c1"), ENDS)
 def test_the_time_of_first_crossing_has_the_law_of_the_bridge(c0, c1):
     """Kolmogorov-Smirnov on 20000 draws of seed 2; a wrong law of 1.4 % at any time would show."""
     assert kstest(shares(c0, c1, seed=2), first_crossing_law(c0, c1, 1.0)).pvalue > 1e-3
@@ -64,24 +63,6 @@ def test_the_time_of_first_crossing_has_the_law_of_the_bridge(c0, c1):
 
 def test_the_law_scales_with_the_deviation():
     np.testing.assert_allclose(shares(0.3, 0.5), shares(0.03, 0.05, deviation=0.1), rtol=1e-9)
-
-
-@pytest.mark.parametrize(("c0", "c1"), [(0.4, 0.6), (0.5, -0.3)])
-def test_finely_simulated_bridges_cross_as_often_and_as_soon(c0, c1):
-    """4000 bridges of 4000 steps, seed 3. Reading a bridge at steps shifts the wall by 0.5826 sqrt(h)."""
-    rng = np.random.default_rng(3)
-    t = np.arange(1, STEPS + 1) / STEPS
-    shift = 0.5826 / np.sqrt(STEPS)
-    crossed, when = 0, []
-    for _ in range(4000):
-        w = np.cumsum(rng.standard_normal(STEPS)) / np.sqrt(STEPS)
-        below = c0 + t * (c1 - c0) + w - t * w[-1] < shift
-        if below.any():
-            crossed += 1
-            when.append(t[np.argmax(below)])
-    probability = 1.0 if c1 <= 0 else np.exp(-2.0 * c0 * c1)
-    assert crossed / 4000 == pytest.approx(probability, abs=4 * np.sqrt(probability * (1 - probability) / 4000) + 1e-9)
-    assert np.mean(when) == pytest.approx(mean_share(c0, c1, 1.0), abs=4 * np.std(when) / np.sqrt(len(when)))
 
 
 # -- in a scene --------------------------------------------------------------------------------------------------
