@@ -22,5 +22,5 @@ def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
     for vertex, component in ((0, 0), (len(arrays["in_goal"]) - 1, 2)):
         states = arrays["states"].copy()
         states[vertex, component] = np.nan
-        with pytest.raises(OptionError, match="states is not finite"):
+        with pytest.raises(OptionError, match="states and costs are not numbers"):
             tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)
