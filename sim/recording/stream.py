@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -110,7 +111,15 @@ class ToFile:
             self._draft = Draft(self._path)
             os.close(self._draft.handle)
         file = self._path if self._draft is None else self._draft.file
-        stream.native.save(file, default_blueprint=self._blueprint)
+        with_blueprint = {"default_blueprint": self._blueprint}
+        saving = threading.Thread(target=stream.native.save, args=(file,), kwargs=with_blueprint, daemon=True)
+        saving.start()  # it hands on what was logged before, and never returns where that cannot be written
+
+        def saved() -> bool:
+            saving.join(ATTEMPT)
+            return not saving.is_alive()
+
+        self._wait(saved)
 
     def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
         """Return once everything logged is written, and is there under the file's name.
@@ -121,14 +130,17 @@ class ToFile:
         Raises:
             OSError: it cannot be written.
         """
+        self._wait(lambda: stream.flush(ATTEMPT))
+        if os.name != "nt":  # there, what is open cannot be moved
+            self._publish()
+
+    def _wait(self, done: Callable[[], bool]) -> None:
         deadline = time.monotonic() + PATIENCE
-        while not stream.flush(ATTEMPT):
+        while not done():
             if self._draft is not None:
                 _probe(self._draft.target if self._published else self._draft.file)
             if time.monotonic() > deadline:
                 raise TimeoutError(f"nothing could be written for {PATIENCE:g} s")
-        if os.name != "nt":  # there, what is open cannot be moved
-            self._publish()
 
     def end(self, stream: Stream) -> None:
         """Write the file's footer; what was there before goes."""
