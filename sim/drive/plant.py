@@ -25,6 +25,9 @@ Clearance = Callable[[Array], Array]  # centres (k, 2) -> free distance (k,) [m]
 class ClearanceChecker:
     """Clearance of a robot among static and moving obstacles.
 
+    Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
+    last disc does not bound it well enough.
+
     Args:
         clearance: of static obstacles; None: by FCL objects of its own, since these move when they are queried.
     """
@@ -32,20 +35,25 @@ class ClearanceChecker:
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
         self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
         self.crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
+        self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
-    def at(self, x: Array, now: float) -> float:
-        """Return the clearance at a state x (n,) and a time [s], 0 or less in a collision [m]."""
-        free = self._static(x)
-        return free if self.crowd is None else min(free, self.crowd.clearance(x[:2], now))
+    def at(self, x: Array, now: float, enough: float = inf) -> float:
+        """Return the clearance at a state x (n,) and a time [s], 0 or less in a collision [m].
+
+        Args:
+            enough: from this clearance on a lower bound that is no less will do [m].
+        """
+        free = self._static(x, enough)
+        if self.crowd is None:
+            return free
+        moving = self.crowd.surely(x, now)
+        return min(free, moving if moving >= enough else self.crowd.clearance(x[:2], now))
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
-        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s].
-
-        Clearance is 1-Lipschitz: around a place that has some there is a disc that is free.
-        """
+        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
         way = x - before
         length = hypot(way[0], way[1])
-        if not self._static(x) > length and touches(
+        if not self._static(x, length) > length and touches(
             lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
         ):
             return True
@@ -55,8 +63,13 @@ class ClearanceChecker:
         """Check for a moving obstacle that touches a footprint between two states 2 x (n,) and times [s]."""
         return self.crowd is not None and self.crowd.meets(before[:2], begin, x[:2], now)
 
-    def _static(self, x: Array) -> float:
-        return float(self._clearance(x[None, :2])[0])
+    def _static(self, x: Array, enough: float = inf) -> float:
+        free, at_x, at_y = self._disc
+        free -= hypot(x[0] - at_x, x[1] - at_y)
+        if free < enough:
+            free = float(self._clearance(x[None, :2])[0])
+            self._disc = free, float(x[0]), float(x[1])
+        return free
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -140,7 +153,7 @@ class Plant(ABC):
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
-            clearance = min(clearance, checker.at(x, self.time))
+            clearance = min(clearance, checker.at(x, self.time, clearance))
             outcome = self._judge(before, x)
             k += 1
         if not np.isfinite(cost):
