@@ -76,11 +76,7 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
     count = dict.fromkeys(("states", "in_goal", "nodes", *NODES), V) | {"edge_first": E + 1, "pruned": 1}
     count |= {"edge_marker": P, "edge_turn": P}
     packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count.get(name, E)]) for name in KEPT}
-
-    def plain(value: Any) -> Any:  # of the state of a bit generator
-        return {"dtype": value.dtype.str, "values": value.tolist()} if isinstance(value, np.ndarray) else int(value)
-
-    about = json.loads(json.dumps(about, default=plain))  # as it is read again
+    about = json.loads(json.dumps(about, default=_plain))  # as it is read again
     packed["about"] = np.array(json.dumps(about | {"checksum": checksum(packed, about)}))
     content = BytesIO()
     np.savez_compressed(content, **packed)  # type: ignore[arg-type]
@@ -294,6 +290,11 @@ def _described(steering: Steering) -> str:
     numbers = {name: getattr(steering, name) for name in names}
     plain = [f"{k}={v!r}" for k, v in numbers.items() if isinstance(v, int | float | str)]
     return f"{type(steering).__qualname__}({', '.join(plain)})"
+
+
+def _plain(value: Any) -> Any:
+    """A part of the state of a bit generator as JSON has it."""
+    return {"dtype": value.dtype.str, "values": value.tolist()} if isinstance(value, np.ndarray) else int(value)
 
 
 def _generator(state: Mapping[str, Any]) -> np.random.Generator:

@@ -266,6 +266,12 @@ class ProposalBuilder:
         return [some[0] if some else None for some in found]
 
 
+def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:
+    """Return the least cost of references under q + u'Ru/2; without any, four times that of the straight line."""
+    straight = 4.0 * problem.least_rate * float(np.hypot(*(x[:2] - problem.scene.goal.center)))
+    return min((running_cost(problem, x, trajectory) for trajectory in trajectories), default=straight)
+
+
 def plan_of(
     integral: PathIntegral, batch: Batch, references: Sequence[Reference], estimate: Estimate, run: RunState,
     settings: ControlSettings,
@@ -289,9 +295,3 @@ def plan_of(
     if run.prediction is not None:
         run.favourite = favourite_path(plan)
     return plan
-
-
-def least_cost(problem: Problem, x: Array, trajectories: Sequence[Trajectory]) -> float:
-    """Return the least cost of references under q + u'Ru/2; without any, four times that of the straight line."""
-    straight = 4.0 * problem.least_rate * float(np.hypot(*(x[:2] - problem.scene.goal.center)))
-    return min((running_cost(problem, x, trajectory) for trajectory in trajectories), default=straight)

@@ -103,11 +103,12 @@ class Estimate:
         return self.walls.push
 
     def __repr__(self) -> str:
-        drawn, heaviest = sum(part.size for part in self.parts), sorted(self.class_weights.items(), key=lambda w: -w[1])
+        drawn = sum(part.size for part in self.parts)
+        heaviest = sorted(self.class_weights.items(), key=lambda one: -one[1])[:4]
         control = f"control {formatting.vector(self.control)} +- {formatting.vector(self.control_error)}"
         figures = f"v {self.value:.4g} +- {self.value_error:.2g}, {control}, ESS {self.ess:.0f} of {drawn}"
-        classes = [f"{formatting.turns(name)} {formatting.share(w)}" for name, w in heaviest[:4] if w >= 0.005]
-        return f"Estimate({'; '.join([figures, *([', '.join(classes)] if classes else [])])})"
+        classes = ", ".join(f"{formatting.turns(name)} {formatting.share(w)}" for name, w in heaviest if w >= 0.005)
+        return f"Estimate({figures}{f'; {classes}' if classes else ''})"
 
     @property
     def doubtful(self) -> bool:
