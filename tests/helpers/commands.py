@@ -29,8 +29,8 @@ def refused(folder: Path, *words: str) -> str:
     return _done(folder, ("-m", "sim.cli", *words), 2).stderr
 
 
-def told(folder: Path, *words: str, status: int = 0) -> dict:
+def reported(folder: Path, *words: str, status: int = 0) -> dict:
     """The JSON of a command."""
-    call(folder, "-m", "sim.cli", *words, "--json", "told.json", status=status)
-    found: dict = json.loads((folder / "told.json").read_text())
+    call(folder, "-m", "sim.cli", *words, "--json", "reported.json", status=status)
+    found: dict = json.loads((folder / "reported.json").read_text())
     return found

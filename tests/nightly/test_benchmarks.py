@@ -114,7 +114,7 @@ def test_pooled_shares_of_classes_are_those_of_the_sums_of_psi():
 
 @pytest.mark.parametrize("x", [(1.0, 2.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)], ids=["start", "above"])
 def test_psi_of_a_mass_is_the_same_from_three_guides(x):
-    """Guides of all classes, all tapes, and another class's guide beside tapes; 100 000 samples each, seeds 1 to 3."""
+    """Guides of all classes, all tapes, and another class's guide with tapes; 100 000 samples each, seeds 1 to 3."""
     scenario = prepare("slit", robot="hover", given={"vertices": 1000, "threads": 1})
     controller = scenario.controller(scenario.grown_tree())
     batches = mass.batches_at(controller, np.array(x))

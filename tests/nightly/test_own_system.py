@@ -8,7 +8,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from commands import refused, told
+from commands import refused, reported
 from repository import ROOT
 from thoroughly import thorough
 
@@ -43,13 +43,13 @@ def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_boat_is_planned_for(moor):
-    found = told(moor, "plan", *BOAT)
+    found = reported(moor, "plan", *BOAT)
     assert found["robot"] == "boat"
     assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
 
 
 def test_a_boat_drives_and_is_recorded(moor):
-    found = told(moor, "run", *BOAT, "--max-time", "0.1", "--record", "boat.rrd", status=1)
+    found = reported(moor, "run", *BOAT, "--max-time", "0.1", "--record", "boat.rrd", status=1)
     assert (found["outcome"], found["steps"]) == ("timeout", 10)
     assert found["lambda"] == pytest.approx(2 * 0.1**2)
     assert (moor / "boat.rrd").stat().st_size > 10_000
@@ -58,7 +58,7 @@ def test_a_boat_drives_and_is_recorded(moor):
 @pytest.mark.thorough
 def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
     words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
-    rows = told(moor, "sweep", *BOAT, *words)
+    rows = reported(moor, "sweep", *BOAT, *words)
     assert [(row["outcome"], row["error"]) for row in rows] == [("timeout", None)] * 2
     assert json.loads((moor / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
     without = [word for word in BOAT if word not in ("--system", "moor:BOAT")]
@@ -93,7 +93,7 @@ ALL = [thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the examples, since results are written beside them."""
+    """A copy of the examples, since results are written next to them."""
     return Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
 
 
@@ -118,9 +118,9 @@ def test_numbers_of_the_tug_are_those_of_its_file():
 
 @pytest.mark.parametrize("words", ALL)
 def test_an_example_is_planned_for_in_three_classes_drives_and_is_recorded(folder, words):
-    found = told(folder, "plan", "slit", *words, "--vertices", "300")
+    found = reported(folder, "plan", "slit", *words, "--vertices", "300")
     assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
-    found = told(folder, "run", "slit", *words, *SMALL, "--max-time", "0.1", "--record", "own.rrd", status=1)
+    found = reported(folder, "run", "slit", *words, *SMALL, "--max-time", "0.1", "--record", "own.rrd", status=1)
     assert found["outcome"] == "timeout"
     assert (folder / "own.rrd").stat().st_size > 10_000
 
@@ -130,6 +130,6 @@ def test_an_example_is_planned_for_in_three_classes_drives_and_is_recorded(folde
 )
 def test_samples_of_an_example_count(folder, words, at):
     """More than 1 of 100 are effective, where a guide that knew no wind left 1 of 600."""
-    found = told(folder, "estimate", "slit", *words, "--vertices", "300", "--at", *at, "--samples", "1000")
+    found = reported(folder, "estimate", "slit", *words, "--vertices", "300", "--at", *at, "--samples", "1000")
     (ess,) = found["ess"]
     assert ess > 0.01 * 3 * 1000

@@ -65,7 +65,7 @@ class Forgetful(DoubleIntegrator):
 
 
 def own(kind: type[DoubleIntegrator], **given: Any) -> Scenario:
-    """A scenario of a mass that nobody has told a way home."""
+    """A scenario of a mass without a terminal cost of its own."""
     system = System(
         name=kind.__name__.lower(), dynamics=lambda settings: kind(b=settings.noise), steering=MassSteering.of,
         R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"), defaults={"period": 0.05, "vertices": 60, "samples": 20},

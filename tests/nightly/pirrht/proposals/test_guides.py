@@ -109,7 +109,7 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     np.testing.assert_allclose(S, exact, atol=1e-4)
 
 
-# -- beside a wall -----------------------------------------------------------------------------------------------
+# -- next to a wall -----------------------------------------------------------------------------------------------
 
 
 @cache
@@ -153,7 +153,7 @@ def test_the_derivatives_of_a_steps_price_are_those_of_differences():
 
 
 def test_a_backward_pass_knows_what_a_small_step_gains():
-    """Put aside by 1 cm, a guide whose ways bow beside the pillar gains 2 e times what is expected, to 5 %."""
+    """Put aside by 1 cm, a guide whose paths bow next to the pillar gains 2 e times what is expected, to 5 %."""
     integral, times = beside_a_pillar(), STEP * np.arange(90)
     up = np.array([[1.0, 0.5]] * 10 + [[0.6, -0.55]] * 22)  # past it on the farther side
     push = Trajectory(controls=up, durations=np.full(32, STEP), path=None, cost=3.2, length=3.6)

@@ -101,7 +101,7 @@ def test_guides_of_a_car_are_of_their_references_class_and_dearer_than_the_taut_
             if guide is None or not guide.valid:
                 continue
             made += 1
-            assert guide.cost > 2.0 * reference.length - 0.15  # taut but for what the field's certificate costs
+            assert guide.cost > 2.0 * reference.length - 0.15  # shortened but for what the field's certificate costs
             assert np.all([space.clearance(state) > 0.0 for state in guide.states[: guide.length + 1]])
             travelled = np.diff(guide.states[: guide.length + 1, :2], axis=0)
             assert np.hypot(*travelled.T).sum() > reference.length - 0.1 - 0.2

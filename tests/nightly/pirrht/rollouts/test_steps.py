@@ -33,8 +33,8 @@ def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -
     return estimate.value, estimate.value_error
 
 
-# In the open; and with 6 cm of clearance beside the post, towards it.
-@pytest.mark.parametrize("x", [(0.0, 0.0, 2.6), (1.6, -0.1, 1.0)], ids=["open", "beside"])
+# In the open; and with 6 cm of clearance next to the post, towards it.
+@pytest.mark.parametrize("x", [(0.0, 0.0, 2.6), (1.6, -0.1, 1.0)], ids=["open", "next to it"])
 def test_fitted_steps_of_a_car_say_what_steps_a_tenth_as_long_do_and_uniform_ones_say_more(x):
     """Within 4 standard errors (below 0.0001) and 0.0001; uniform steps are off by 0.001 and 0.014. Seed 0."""
     x = np.array(x)

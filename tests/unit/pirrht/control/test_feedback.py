@@ -1,4 +1,4 @@
-"""Feedback between plans: the control follows the state, class by class, in time and beside walls that come."""
+"""Feedback between plans: the control follows the state, class by class, in time and next to moving walls."""
 
 from __future__ import annotations
 
@@ -142,6 +142,6 @@ def test_a_wall_that_comes_pushes_as_psi_vanishes_there(gap):
     wall = moved("wall", [(0.0, 3.0, 1.0, 0.0), (2.0, 3.0, 2.0, 0.0)], block("wall", 0.0, 0.0, (2.0, 0.2)))
     space = FreeSpace.of(hall("lift", [wall]))
     push = WallDrift(problem=among_movers(), field=space.field, offset=0.08, step=0.05, moving=space.moving, time=0.3)
-    told = push(np.array([3.0, 1.0 + 0.5 * 0.7 + 0.2 + 0.1 + gap]), 0.4)
-    assert told[1] == pytest.approx(B**2 * 0.08 / (gap * (gap + 0.08)), rel=0.01)
-    assert abs(told[0]) < 0.01 * told[1]
+    drift = push(np.array([3.0, 1.0 + 0.5 * 0.7 + 0.2 + 0.1 + gap]), 0.4)
+    assert drift[1] == pytest.approx(B**2 * 0.08 / (gap * (gap + 0.08)), rel=0.01)
+    assert abs(drift[0]) < 0.01 * drift[1]

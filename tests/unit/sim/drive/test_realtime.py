@@ -1,4 +1,4 @@
-"""Real-time runs, on a clock that is told how long everything takes, and work that gives way to them."""
+"""Real-time runs, on a clock that knows how long everything takes, and work that gives way to them."""
 
 from __future__ import annotations
 
