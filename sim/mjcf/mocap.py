@@ -12,6 +12,8 @@ from pirrht.geometry.collision import SHORTEST, touches
 from pirrht.geometry.obstacle import Mover
 from sim.mjcf.obstacles import Mask
 
+_ABOUT_VERTICAL = np.array([-1.0, -1.0, 1.0, 1.0])  # k (w, x, y, z) = (-z, -y, x, w)
+
 
 class Mocap:
     """Places the J moving bodies of a model.
@@ -30,8 +32,9 @@ class Mocap:
     def place(self, data: mujoco.MjData, time: float) -> None:
         """Place the bodies as they are at a time [s]."""
         poses = np.array([motion.pose_at(time) for motion in self._motions])
-        data.mocap_pos[self._rows] = np.column_stack([poses[:, :2], self._heights])
         data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
+        poses[:, 2] = self._heights
+        data.mocap_pos[self._rows] = poses
 
     def poses(self, times: Array) -> tuple[Array, Array]:
         """Places (k, J, 3) [m] and quaternions (k, J, 4), w first, at times (k,) [s]."""
@@ -42,9 +45,8 @@ class Mocap:
 
 def _turned(quaternions: Array, yaws: Array) -> Array:
     """Quaternions (..., 4), w first, turned about the vertical by yaws (...) [rad]."""
-    c, s = np.cos(0.5 * yaws), np.sin(0.5 * yaws)
-    w, x, y, z = np.moveaxis(quaternions, -1, 0)
-    return np.stack([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w], axis=-1)
+    half = 0.5 * yaws[..., None]
+    return np.asarray(np.cos(half) * quaternions + np.sin(half) * (_ABOUT_VERTICAL * quaternions[..., ::-1]))
 
 
 class Sweep:
