@@ -82,8 +82,7 @@ def _compiled(path: Path) -> None:
         spec.delete(key)
     model = compile_spec(spec, path)
     mujoco.mj_kinematics(model, mujoco.MjData(model))
-    if model.nbody + model.ngeom + model.nsite > limits.MOST_PARTS:
-        raise SceneError(f"{path}: it has more than {limits.MOST_PARTS} bodies, geoms and sites; write fewer")
+    limits.check_parts(path, model.nbody + model.ngeom + model.nsite)
     try:
         _ = model.names.decode(), [text.data for text in spec.texts]
     except UnicodeError:

@@ -33,6 +33,7 @@ MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this p
 _NAMED = re.compile(
     rb"""\b(file\w*|count|dim|nrow|ncol|width|height|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')"""
 )
+_PART = re.compile(rb"<!--.*?(?:-->|\Z)|<(body|geom|site)\b", re.DOTALL)  # and comments, which hold none
 _READ = "read"
 
 
@@ -55,6 +56,7 @@ def check(path: Path) -> None:
         file = waiting.pop()
         bases.add(file.parent)
         content = content_of(file, "the path of an MJCF file", "write large meshes to files of their own")
+        check_parts(file, sum(map(bool, _PART.findall(content))))
         for key, *value in _NAMED.findall(content):
             text = unescape(b"".join(value).decode(errors="surrogateescape"))
             if key in MOST_OF:
@@ -70,7 +72,7 @@ def check(path: Path) -> None:
             raise SceneError(f"{file}: it names too many files and folders; write fewer")
         if not waiting:
             places = product(names, bases, folders)
-            maybe = ((base / folder / part, name) for name, base, folder in places for part in (name, Path(name).name))
+            maybe = ((base / folder / part, name) for name, base, folder in places for part in {name, Path(name).name})
             found = {one.parent.resolve() / one.name for one, name in maybe if _check_named(one, name, names[name])}
             waiting = [one for one in found - seen if one.stat().st_size <= LARGEST_TEXT]
             seen |= found
@@ -84,6 +86,12 @@ def _check_named(found: Path, name: str, by: Path) -> bool:
     if why is None and found.stat().st_size > LARGEST_FILE:
         raise SceneError(f"{found}: larger than {LARGEST_FILE >> 20} MiB; make it smaller")
     return why is None
+
+
+def check_parts(path: Path, number: int) -> None:
+    """Refuse a file of too many bodies, geoms and sites."""
+    if number > MOST_PARTS:
+        raise SceneError(f"{path}: it has more than {MOST_PARTS} bodies, geoms and sites; write fewer")
 
 
 def trial(path: Path, read: Callable[[], object]) -> None:

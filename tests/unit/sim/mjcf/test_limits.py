@@ -51,6 +51,16 @@ def test_files_that_are_too_large_or_include_themselves_are_refused(write, tmp_p
     assert "larger than 32 MiB" in refusal(tmp_path / "large.xml")
 
 
+def test_files_of_too_many_parts_are_refused_before_mujoco_reads_them(write, monkeypatch):
+    monkeypatch.setattr(limits, "trial", lambda path, read: None)
+    monkeypatch.setattr(limits, "MOST_PARTS", 20)
+    geom = f"<geom {BOX}/>"
+    assert "more than 20 bodies, geoms and sites" in refusal(write(mjcf(SITES + 20 * geom)))
+    write(f"<mujoco><worldbody>{20 * geom}<body>{geom}</body></worldbody></mujoco>", "part.xml")
+    assert "part.xml: it has more than 20" in refusal(write(mjcf(SITES, head='<include file="part.xml"/>')))
+    assert load(write(mjcf(f"{SITES}<!-- {20 * geom} -->"), "other.xml")).scene.obstacles == ()
+
+
 COUNTS = {
     "texture": ('<asset><texture name="t" type="2d" builtin="flat" width="40000" height="40000"/></asset>', ""),
     "hfield": ('<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/></asset>', ""),
