@@ -187,7 +187,7 @@ class _Includes:
                 if not files:
                     raise SceneError(f"{path / name}: it names no <sdf>; write <sdf>model.sdf</sdf>")
                 newest = max(
-                    files, key=lambda sdf: [int(n) for n in sdf.get("version", "").split(".") if n.isdecimal()]
+                    files, key=lambda sdf: [float(n) for n in sdf.get("version", "").split(".") if n.isdecimal()]
                 )
                 yield from self.paths.find((newest.text or "").strip(), path / name)
         if (path / "model.sdf").is_file():

@@ -60,7 +60,7 @@ def check(path: Path) -> None:
         for key, *value in _NAMED.findall(content):
             text = unescape(b"".join(value).decode(errors="surrogateescape"))
             if key in MOST_OF:
-                if prod(max(1, int(word)) for word in text.split() if word.isdecimal()) > MOST_OF[key]:
+                if prod(max(1.0, float(word)) for word in text.split() if word.isdecimal()) > MOST_OF[key]:
                     raise SceneError(
                         f'{file}: {key.decode()}="{printable(text[:40])}" is too much; write {MOST_OF[key]} at most'
                     )

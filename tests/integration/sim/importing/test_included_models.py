@@ -87,6 +87,7 @@ def test_the_ground_plane_and_the_sun_need_no_file(run):
 
 def test_the_configuration_names_the_file_and_caches_the_newest_version(run, tmp_path):
     versions = '<sdf version="1.10">new.sdf</sdf><sdf version="1.9">old.sdf</sdf>'
+    versions += f'<sdf version="0.{"9" * 5000}">old.sdf</sdf>'
     put(tmp_path / "models" / "desk", ball("", name="old"), name="old.sdf")
     put(tmp_path / "models" / "desk", ball("", name="new"), versions, "new.sdf")
     for version in (2, 10, 9):

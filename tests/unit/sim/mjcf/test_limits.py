@@ -66,6 +66,7 @@ COUNTS = {
     "hfield": ('<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/></asset>', ""),
     'dim="1000000000"': ('<sensor><user dim="1000000000"/></sensor>', ""),
     'count="1000000"': ("", '<replicate count="1000000" offset="1 0 0"><geom size="0.1"/></replicate>'),
+    'count="9{40}"': ("", f'<replicate count="{"9" * 5000}" offset="1 0 0"><geom size="0.1"/></replicate>'),
     'count="1000 1000 2"': ("", '<body><flexcomp name="f" type="grid" count="1000 1000 2" dim="3"/></body>'),
 }
 
