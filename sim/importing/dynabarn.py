@@ -8,7 +8,7 @@ after its last key, where Gazebo's cylinders jump back to their first.
 Between keys Gazebo's PoseAnimation takes the share of the time as the parameter of a cubic whose tangents are those of
 Ogre's SimpleSpline: half the difference of the neighbours' places, at either end half that of the only neighbour, and
 where the last place is the first one half that of its neighbours around the joint. This is a Catmull-Rom spline that
-is uniform in the number of the key: unequal times between keys change the pace at a key at once, and not the curve.
+is uniform in the number of the key: unequal times between keys change the speed at a key at once, and not the curve.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ OPTIONS = {  # the benchmark's robot drives at most 2 m/s; its circumscribed rad
 }
 WALLS = {"west": (-10, 0, 0.25, 10.25), "south": (0, -10, 10, 0.25), "north": (0, 10, 10, 0.25)}  # places, half sizes
 DEVIATION = 0.005  # of straight lines between rows from the spline, at the same time, at most [m]
-FINE = 256  # moments looked at between two keys
+FINE = 256  # moments evaluated between two keys
 SPARE = 2e-4  # of the deviation is kept for what happens between those moments and for rounding [m]
 
 
@@ -47,8 +47,8 @@ def read(source: Path, number: str | None = None) -> World:
     if number is None and len(worlds) == 1:
         number = next(iter(worlds))
     if number is None or number not in worlds:
-        told = "holds several worlds" if number is None else f"has no world {number}"
-        raise SceneError(f"{source}: it {told}; give --world with one of {listed([*worlds], 20)}")
+        why = "holds several worlds" if number is None else f"has no world {number}"
+        raise SceneError(f"{source}: it {why}; give --world with one of {listed([*worlds], 20)}")
     where, world = f"{source}: world {number}", worlds[number]
     obstacles = world.get("obstacles") if isinstance(world, dict) else None
     if not isinstance(obstacles, list) or not obstacles:
@@ -118,12 +118,12 @@ def _number(value: Any) -> float:
 
 def _elements(name: str, radius: float, keys: Array) -> tuple[str, str]:
     """A cylinder's motion for <custom>, and its body."""
-    way = rows(keys)
+    path = rows(keys)
     label, motion = quoteattr(name), quoteattr(f"pirrht_motion_{name}")
-    lines = "  ".join(" ".join(f"{value:.10g}" for value in row) + " 0" for row in way)
+    lines = "  ".join(" ".join(f"{value:.10g}" for value in row) + " 0" for row in path)
     return (
         f'<numeric name={motion} data="{lines}"/>\n    <text name={motion} data="repeat"/>',
-        f'<body name={label} mocap="true" pos="{way[0, 1]:.10g} {way[0, 2]:.10g} {HALF_HEIGHT}">\n'
+        f'<body name={label} mocap="true" pos="{path[0, 1]:.10g} {path[0, 2]:.10g} {HALF_HEIGHT}">\n'
         f'      <geom name={label} type="cylinder" size="{radius:.10g} {HALF_HEIGHT}" material="drum"/>\n    </body>',
     )
 
@@ -142,12 +142,12 @@ def rows(keys: Array, deviation: float = DEVIATION) -> Array:
     """Rows (l, 3) t [s], x, y [m] on the spline, few, with straight lines between that leave it by so little [m]."""
     shares = np.arange(FINE) / FINE
     times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
-    way = np.column_stack([times, place(keys, times)])
-    way[::FINE] = keys
-    kept, last = [0], len(way) - 1
+    path = np.column_stack([times, place(keys, times)])
+    path[::FINE] = keys
+    kept, last = [0], len(path) - 1
 
     def close(end: int) -> bool:
-        piece = way[kept[-1] : end + 1]
+        piece = path[kept[-1] : end + 1]
         shares = (piece[:, :1] - piece[0, 0]) / (piece[-1, 0] - piece[0, 0])
         off = piece[:, 1:] - (piece[0, 1:] + shares * (piece[-1, 1:] - piece[0, 1:]))
         return bool(np.hypot(*off.T).max() <= deviation - SPARE)
@@ -159,4 +159,4 @@ def rows(keys: Array, deviation: float = DEVIATION) -> Array:
             good, growing = good + step * fits, growing and fits
             step = 2 * step if growing else step // 2
         kept.append(good)
-    return way[kept]
+    return path[kept]

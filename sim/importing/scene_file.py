@@ -44,8 +44,8 @@ class Imported:
 
     path: Path  # of the new MJCF file
     geoms: int  # shapes taken over
-    obstacles: int  # of these, in the way of the robot and standing
-    movers: int = 0  # bodies that move
+    obstacles: int  # of these, static and in the height range of the robot
+    movers: int = 0  # moving obstacles
     notes: tuple[str, ...] = ()  # sentences on what the scene has otherwise than the source
 
 
@@ -124,7 +124,7 @@ def import_world(
 
 
 def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:
-    """Write a scene beside its target, load it, and let it take the target's place; its obstacles and movers."""
+    """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers."""
     try:
         handle, name = tempfile.mkstemp(dir=target.parent, prefix=".import-", suffix=".xml")
         new = Path(name)
@@ -179,7 +179,7 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
-    """What was said under an option, as many numbers as it may have."""
+    """Read the numbers given under an option, as many as it may have."""
     values = np.array(given, dtype=float)
     if len(values) not in counts or not np.all(np.abs(values) <= FARTHEST):
         raise SceneError(f"{source}: {list(given)} is no {option}; give {counts[-1]} finite numbers up to {FARTHEST:g}")

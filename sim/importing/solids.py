@@ -1,4 +1,4 @@
-"""What importers read: solids in the world, the ground, and what a scene made of them says beside."""
+"""What importers read: solids in the world, the ground, and notes and options for a scene made of them."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class World:
     notes: tuple[str, ...] = ()  # sentences on what differs from the file
     options: Mapping[str, str] = field(default_factory=dict)  # that a scene of it shall carry
     custom: tuple[str, ...] = ()  # MJCF elements of its motions
-    bodies: tuple[str, ...] = ()  # MJCF elements of what moves
+    bodies: tuple[str, ...] = ()  # MJCF elements of moving obstacles
     start: tuple[float, ...] | None = None  # x, y [m], heading [rad], if the file's kind has one
     goal: tuple[float, ...] | None = None  # x, y, radius [m]
 

@@ -30,7 +30,7 @@ class Sliding:
         self._ahead = index.get("speed")
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
-        """Stand at `state` (n,), at its velocities if it has some."""
+        """Place the robot at `state` (n,), with its velocities if it has some."""
         data.qpos[:] = state[self._places[: data.qpos.size]]
         data.qvel[:] = 0
         data.qvel[self._dofs] = state[self._speeds]
@@ -57,7 +57,7 @@ class Rolling:
         self._wheels = model.jnt_dofadr[model.actuator_trnid[:, 0]]
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
-        """Stand at `state` (3,) as at rest; wheels roll with `twist` (2,) under the commands `ctrl` (nu,)."""
+        """Place the robot at `state` (3,) at rest; wheels roll with `twist` (2,) under the commands `ctrl` (nu,)."""
         x, y, heading = state[:3]
         data.qpos[:] = self._rest
         turn_to(data.qpos, heading)

@@ -20,7 +20,7 @@ _QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT
 _KEPT = (
     *("type", "size", "pos", "quat", "fromto", "contype", "conaffinity", "condim", "priority", "friction"),
     *("solmix", "solref", "solimp", "margin", "gap", "rgba", "material", "meshname", "group", "fitscale"),
-)  # of a geom that gets a body; its orientation may be told in other ways, too
+)  # of a geom that gets a body; its orientation may be in other attributes, too
 _TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
 
 
@@ -39,7 +39,7 @@ def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
     for eye in [*spec.cameras, *spec.lights]:  # MuJoCo removes the rest of what refers to a body
         if eye.targetbody in gone:
             eye.targetbody, eye.mode = "", mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    _delete(spec, spec.skins, spec.tuples)  # what they refer to may stand in files of their own
+    _delete(spec, spec.skins, spec.tuples)  # what they refer to may be in files of their own
     dropped = before - len(spec.actuators)
     return f"left out: {listed(list(dict.fromkeys(names)))}" + (
         f" and {counted(dropped, 'actuator')}" if dropped else ""
@@ -99,7 +99,7 @@ def _delete(spec: mujoco.MjSpec, *groups: Sequence[object]) -> None:
 
 
 def loosen(spec: mujoco.MjSpec) -> None:
-    """Let whatever stands in a scene be moved; floors, decoration and bodies with a motion stay as they are."""
+    """Make static bodies and geoms movable by mocap; floors, decoration and bodies with a motion stay as they are."""
     for body in spec.worldbody.bodies:
         body.mocap = body.mocap or not list(body.joints)
     for number, geom in enumerate(list(spec.worldbody.geoms)):
@@ -110,7 +110,7 @@ def loosen(spec: mujoco.MjSpec) -> None:
 
 
 def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
-    """Give a geom of the worldbody a mocap body where it stands."""
+    """Give a geom of the worldbody a mocap body where it is."""
     body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
     own = body.add_geom()
     for attribute in _KEPT:
@@ -119,7 +119,7 @@ def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
         setattr(own.alt, turn, getattr(geom.alt, turn))
     spec.delete(geom)
     own.name = name
-    if own.fromto[0] == own.fromto[0]:  # not a number where the ends are not told
+    if own.fromto[0] == own.fromto[0]:  # not a number where it has no ends
         body.pos = [(a + b) / 2 for a, b in zip(own.fromto[:3], own.fromto[3:], strict=True)]
         own.fromto = [v - c for v, c in zip(own.fromto, [*body.pos, *body.pos], strict=True)]
     else:

@@ -27,7 +27,7 @@ _SIZES = {
 
 
 def models_folder() -> Path:
-    """The folder with `scenes` and `robots`: inside the package when installed, beside it in a checkout."""
+    """The folder with `scenes` and `robots`: inside the package when installed, next to it in a checkout."""
     here = Path(__file__).resolve().parents[1]
     return here / "models" if (here / "models").is_dir() else here.parent / "models"
 

@@ -38,7 +38,7 @@ _READ = "read"
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
-    """Read a regular file of bearable size; the SceneError of any other names the path and what is wanted."""
+    """Read a regular file of bearable size; the SceneError of any other names the path and what to give."""
     why = why_unreadable(path)
     if why is not None:
         raise SceneError(f"{path}: cannot be read (it {why}); give {what}")

@@ -53,17 +53,17 @@ _GEOM = mujoco.mjtGeom
 DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
 REACH = 1e4  # of a goal at most [m]
 DEFAULT = "puck"  # the robot of scenes that name none
-ABOUT = "pirrht_about"  # what a scene says of itself
+ABOUT = "pirrht_about"  # a sentence on the scene
 TURNED = 1e3  # heading of a start at most [rad]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Loaded:
-    """A scene as plain values beside the MuJoCo model it was read from, with the robot in it."""
+    """A scene as plain values, and the MuJoCo model it was read from, with the robot in it."""
 
     scene: Scene
     model: mujoco.MjModel  # its keyframe "start" places the robot
-    obstacle_geoms: Mask  # (ngeom,) what counts as a collision; those that stand in the order of scene.obstacles
+    obstacle_geoms: Mask  # (ngeom,) what counts as a collision; the static ones in the order of scene.obstacles
     moving_geoms: Mask  # (ngeom,) whatever moves with a body of scene.movers, whether it collides or not
     robot_geoms: Mask  # (ngeom,)
     dynamics_name: str  # name of a registered system
@@ -85,7 +85,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
 
     Args:
         scene: a built-in name or the path of an MJCF file.
-        loose: whether what stands is made of mocap bodies, which can be moved, and a body shows the goal.
+        loose: whether static bodies become mocap bodies, which can be moved, and a body shows the goal.
         options: fields of `SceneOptions`, of which `system` is a `System`. Without a robot there is the scene's
             `pirrht_robot`, else the puck; without a radius [m] its `pirrht_radius`, else the robot's own; without a
             margin [m] its `pirrht_margin`, else 0. Where a moving obstacle leaves less at the start, the margin is half
@@ -204,7 +204,7 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
 
 
 def _defaults(spec: mujoco.MjSpec) -> dict[str, float]:
-    """What a scene says of options, by their names."""
+    """Read the defaults of options in a scene, by their names."""
     defaults = {}
     for numeric in spec.numerics:
         if not numeric.name.startswith("pirrht_") or numeric.name.startswith(MOTION):

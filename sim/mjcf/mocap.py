@@ -60,16 +60,21 @@ class Sweep:
         self._round = model.geom_rbound[self._pairs].sum(axis=1)  # of the balls around both geoms of a pair [m]
 
     def meets(
-        self, before: Array, after: Array, times: tuple[float, float], own: float, way: Callable[[float, float], float]
+        self,
+        before: Array,
+        after: Array,
+        times: tuple[float, float],
+        own: float,
+        travel: Callable[[float, float], float],
     ) -> bool:
         """Whether they touch between joint positions, 2 x (nq,), at two times [s].
 
         Args:
             own: how far any point of the robot moves at most [m].
-            way: tells the same of bodies between two times [s].
+            travel: how far any point of the bodies moves at most between two times [s].
         """
         begin, end = times
-        far = own + way(begin, end) + SHORTEST
+        far = own + travel(begin, end) + SHORTEST
 
         def time(share: float) -> float:
             return begin + share * (end - begin)
@@ -87,5 +92,5 @@ class Sweep:
             return min(distances, default=far)
 
         return bool(len(self._pairs)) and touches(
-            free, lambda a, b: (b - a) * own + way(time(a), time(b)), undecided=False
+            free, lambda a, b: (b - a) * own + travel(time(a), time(b)), undecided=False
         )

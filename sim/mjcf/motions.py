@@ -1,4 +1,4 @@
-"""Bodies that move: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`."""
+"""Moving obstacles: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from sim.mjcf.refusals import listed, refuse_far
 
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
-MOMENTS = 1000  # before a body rests at which one looks whether it covers the goal
+MOMENTS = 1000  # before a body rests at which its distance from the goal is evaluated
 ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
 MOVES = 'it moves: move site "start", choose another --start, or write another first row'
 
@@ -80,7 +80,7 @@ def moved_geoms(model: mujoco.MjModel, motions: Mapping[str, Motion]) -> Mask:
 def read_movers(
     model: mujoco.MjModel, data: mujoco.MjData, motions: Mapping[str, Motion], solids: Mapping[int, Obstacle]
 ) -> tuple[Mover, ...]:
-    """What moves, in the order of the motions by body, given whatever the robot can collide with by geom."""
+    """Moving obstacles, in the order of the motions by body, given whatever the robot can collide with by geom."""
     roots = model.body_rootid[model.geom_bodyid]
     movers = []
     for name, motion in motions.items():

@@ -1,4 +1,4 @@
-"""What of a compiled MuJoCo model stands in the robot's way, and how far the workspace reaches.
+"""Obstacles of a compiled MuJoCo model, and how far the workspace reaches.
 
 MuJoCo collides with the hulls of meshes: they take the places of meshes that are not convex, to be seen as well.
 """

@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @contextmanager
 def prefixed(words: str) -> Iterator[None]:
-    """Put words in front of what a SceneError says."""
+    """Put words in front of the message of a SceneError."""
     try:
         yield
     except SceneError as error:

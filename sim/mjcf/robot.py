@@ -38,7 +38,7 @@ class Robot:
 
     name: str
     spec: mujoco.MjSpec
-    system: System  # what moves
+    system: System  # its dynamics and states
     command: Array  # (nu, k) M of ctrl = M @ twist
     radius: float  # of the footprint [m]
     reach: float  # of what collides, off the footprint's centre [m]
@@ -50,7 +50,7 @@ class Robot:
         """Carry the servos over to another physics step [s].
 
         kv * timestep is kept, so deadbeat stays so; wheels have slow servos, whose time constant is kept. Motors stay
-        as they are: what the noise asks of them is told per step already.
+        as they are: what the noise asks of them is given per step already.
         """
         ratio = 1.0 if self.rolling else self.spec.option.timestep / timestep
         for actuator in self.spec.actuators:
