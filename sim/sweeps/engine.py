@@ -7,12 +7,11 @@ import os
 import signal
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from itertools import islice, takewhile
 from typing import Any
 
 from pirrht.errors import PirrhtError
@@ -60,24 +59,31 @@ def interruptible() -> Iterator[Stop]:
 
 
 class Agenda:
-    """Queue of tasks. Those next to each other with one `point` share what a process keeps at hand."""
+    """Queue of tasks, of which those with one `point` share what a process keeps at hand."""
 
     def __init__(self, tasks: Iterable[Any]) -> None:
-        self._waiting = deque(tasks)
+        self._waiting: OrderedDict[Any, deque[Any]] = OrderedDict()
+        for task in tasks:
+            self._waiting.setdefault(task.point, deque()).append(task)
 
-    def __len__(self) -> int:
-        return len(self._waiting)
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
 
     def add(self, tasks: Sequence[Any]) -> None:
         """Put tasks first, even while others are being done."""
-        self._waiting.extendleft(reversed(tasks))
+        for task in reversed(tasks):
+            self._waiting.setdefault(task.point, deque()).appendleft(task)
+            self._waiting.move_to_end(task.point, last=False)
 
-    def take(self, workers: int, most: int) -> list[Any]:
-        """The next tasks of one point: at most a fair share of them."""
-        point = self._waiting[0].point
-        alike = takewhile(lambda task: task.point == point, islice(self._waiting, 2 * workers * most))
-        share = 1 + (sum(1 for _ in alike) - 1) // (2 * workers)
-        return [self._waiting.popleft() for _ in range(min(most, share))]
+    def take(self, workers: int, most: int, others: Collection[Any] = ()) -> list[Any]:
+        """The next tasks of one point, if possible none of the points of others: at most a fair share of them."""
+        point = next((point for point in self._waiting if point not in others), next(iter(self._waiting)))
+        alike = self._waiting[point]
+        share = 1 + (len(alike) - 1) // (2 * workers)
+        tasks = [alike.popleft() for _ in range(min(most, share))]
+        if not alike:
+            del self._waiting[point]
+        return tasks
 
 
 class Crew:
@@ -129,7 +135,9 @@ class Crew:
                 alone, tasks = True, [suspects.popleft()]
                 chunks[self.submit(work, tasks)] = tasks
             while agenda and not suspects and not alone and not stop.asked and len(chunks) < self.workers * self.ahead:
-                tasks = agenda.take(self.workers, self.most)
+                # With one chunk per worker, the idle one has just left its point, which is then no other's: it stays there.
+                others = {under_way[0].point for under_way in chunks.values()} if self.ahead == 1 else ()
+                tasks = agenda.take(self.workers, self.most, others)
                 chunks[self.submit(work, tasks)] = tasks
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:
