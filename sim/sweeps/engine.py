@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 import time
-from collections import Counter, OrderedDict, deque
+from collections import OrderedDict, deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -126,18 +126,10 @@ class Crew:
             PirrhtError: there are no workers, or none can begin.
         """
         chunks: dict[Future[list[Any]], list[Any]] = {}
-        suspects: deque[Any] = deque()
-        deaths: Counter[int] = Counter()  # by the id of a task that was alone
-        alone, stop = False, self.stop
+        suspects: deque[Any] = deque()  # the first is tried alone, and leaves the queue when that is over
+        deaths, stop = 0, self.stop  # deaths: of the first suspect
         while stop.asked < 2 and (chunks or ((agenda or suspects) and not stop.asked)):
-            alone = alone and bool(chunks)
-            if suspects and not chunks and not stop.asked:
-                alone, tasks = True, [suspects.popleft()]
-                chunks[self.submit(work, tasks)] = tasks
-            while agenda and not suspects and not alone and not stop.asked and len(chunks) < self.workers * self.ahead:
-                # With one chunk per worker, the idle one has just left its point, which is then no other's: it stays there.
-                others = {under_way[0].point for under_way in chunks.values()} if self.ahead == 1 else ()
-                tasks = agenda.take(self.workers, self.most, others)
+            for tasks in self._next_chunks(agenda, suspects, chunks.values()):
                 chunks[self.submit(work, tasks)] = tasks
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:
@@ -145,20 +137,38 @@ class Crew:
                 yield None
             for future in ended:
                 tasks = chunks.pop(future)
+                alone = bool(suspects) and tasks[0] is suspects[0]
                 try:
                     results = future.result()
                 except self.broken:
-                    deaths.update(map(id, tasks if alone else ()))
-                    if alone and deaths[id(tasks[0])] >= self.tries:
-                        yield lost(tasks[0], self.death)
-                    else:
+                    if not alone:
                         suspects.extend(tasks)
+                        continue
+                    deaths += 1
+                    if deaths < self.tries:
+                        continue
+                    results = [lost(tasks[0], self.death)]
                 except Exception as error:
                     self.check(error)
-                    yield from (lost(task, f"{type(error).__name__}: {error}") for task in tasks)
-                else:
-                    agenda.add(tasks[len(results) :])
-                    yield from results
+                    results = [lost(task, f"{type(error).__name__}: {error}") for task in tasks]
+                if alone:
+                    suspects.popleft()
+                    deaths = 0
+                agenda.add(tasks[len(results) :])
+                yield from results
+
+    def _next_chunks(
+        self, agenda: Agenda, suspects: Sequence[Any], chunks: Collection[list[Any]]
+    ) -> Iterator[list[Any]]:
+        """Chunks to begin now, in addition to those under way."""
+        if suspects:
+            if not chunks and not self.stop.asked:
+                yield [suspects[0]]
+            return
+        while agenda and not self.stop.asked and len(chunks) < self.workers * self.ahead:
+            # With one chunk per worker, the idle one has just left its point, so nobody else is there: it goes on.
+            others = {tasks[0].point for tasks in chunks} if self.ahead == 1 else ()
+            yield agenda.take(self.workers, self.most, others)
 
 
 class Pool(Crew):
