@@ -91,7 +91,7 @@ class Crew:
 
     workers, ahead, most = 1, 1, 1  # chunks of a worker that are under way, tasks of a chunk
     broken: tuple[type[BaseException], ...] = ()  # raised by the chunks of a process that has died
-    tries, death = 1, ""  # processes that a task may end without others beside it, and what its record says then
+    tries, death = 1, ""  # processes that a task may end with nothing else under way, and the error of its record then
 
     def __init__(self, stop: Stop) -> None:
         self.stop = stop
