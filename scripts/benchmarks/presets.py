@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import argparse
 import time
+from itertools import islice
 
 import numpy as np
-from scipy.stats.qmc import Halton
+from benchmarks.quality import clear_states
 
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, PirrhtError
@@ -52,16 +53,9 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 
 def drawn(scenario: Scenario, truth: Desirability | None) -> list[Array]:
     """The states at which plans are made."""
-    scene, found = scenario.loaded.scene, [scenario.start]
-    n = len(scenario.start)
-    for unit in Halton(d=n, scramble=False).random(500):
-        x = np.concatenate([scene.lower + unit[:2] * (scene.upper - scene.lower), np.pi * (2.0 * unit[2:] - 1.0)])
-        if len(found) > POINTS:
-            break
-        clear = scenario.space.clearance(x) >= 0.05 and not scene.goal.contains(x[:2])
-        if clear and (truth is None or truth.log_psi(x) > LEAST):
-            found.append(x)
-    return found
+    clear = clear_states(scenario.space, len(scenario.start))
+    trusted = (x for x in clear if truth is None or truth.log_psi(x) > LEAST)
+    return [scenario.start, *islice(trusted, POINTS)]
 
 
 def figures(scenario: Scenario, truth: Desirability | None, states: list[Array]) -> dict[str, float]:

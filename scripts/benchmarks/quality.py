@@ -10,6 +10,7 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -113,12 +114,11 @@ def car(_: argparse.Namespace) -> Table:
 
 
 def _states(controller: Controller, count: int) -> Iterator[Array]:
-    """The first states of the Halton sequence (bases 2, 3, 5) with room, and with a way that the car can go."""
-    scene, found = controller.space.scene, 0
-    for unit in Halton(d=3, scramble=False).random(500):
-        x = np.concatenate([scene.lower + unit[:2] * (scene.upper - scene.lower), [np.pi * (2.0 * unit[2] - 1.0)]])
-        if found == count or controller.space.clearance(x) < 0.05 or scene.goal.contains(x[:2]):
-            continue
+    """The first clear states from which the car has a path to the goal."""
+    found = 0
+    for x in clear_states(controller.space, 3):
+        if found == count:
+            return
         controller.begin(x)
         try:
             usable = controller.plan(x).estimate is not None
@@ -126,6 +126,15 @@ def _states(controller: Controller, count: int) -> Iterator[Array]:
             usable = False
         if usable:
             found += 1
+            yield x
+
+
+def clear_states(space: FreeSpace, n: int) -> Iterator[Array]:
+    """States (n,) of the Halton sequence with a clearance of 5 cm, outside the goal; angles follow x and y."""
+    scene = space.scene
+    for unit in Halton(d=n, scramble=False).random(500):
+        x = np.concatenate([scene.lower + unit[:2] * (scene.upper - scene.lower), np.pi * (2.0 * unit[2:] - 1.0)])
+        if space.clearance(x) >= 0.05 and not scene.goal.contains(x[:2]):
             yield x
 
 
@@ -187,13 +196,8 @@ def _errors(noise: float, changes: dict[str, Any]) -> tuple[float, float]:
 
 
 def points(scenario: Scenario) -> Iterator[Array]:
-    """The first POINTS points of the Halton sequence (bases 2, 3) that have room."""
-    scene, found = scenario.loaded.scene, 0
-    for unit in Halton(d=2, scramble=False).random(500):
-        x = scene.lower + unit * (scene.upper - scene.lower)
-        if found < POINTS and scenario.space.clearance(x) >= 0.05 and not scene.goal.contains(x):
-            found += 1
-            yield x
+    """The first POINTS clear points."""
+    return islice(clear_states(scenario.space, 2), POINTS)
 
 
 def desirability(_: argparse.Namespace) -> Table:

@@ -61,7 +61,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
-    """Everything that is told of a sweep."""
+    """All figures of a sweep, and the runs behind them."""
 
     name: str
     manifest: Mapping[str, Any]

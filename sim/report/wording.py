@@ -40,7 +40,7 @@ class Table(NamedTuple):
 
 
 def lead(report: Report) -> list[str]:
-    """Say how complete the sweep is, and how it was made."""
+    """State how complete the sweep is, and how it was made."""
     lines = [
         f"{report.found} of {counted(report.asked, 'run')} asked for {'is' if report.asked == 1 else 'are'} there."
     ]

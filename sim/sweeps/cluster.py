@@ -52,9 +52,9 @@ class Cluster(Crew):
         try:
             for worker, found in self._client.run(_version, on_error="return").items():
                 if found != pirrht.__version__:
-                    says = "no pirrht" if isinstance(found, Exception) else f"pirrht {found}"
+                    theirs = "no pirrht" if isinstance(found, Exception) else f"pirrht {found}"
                     raise OptionError(
-                        f"--scheduler {self._address}: worker {worker} has {says}; install {pirrht.__version__} there"
+                        f"--scheduler {self._address}: worker {worker} has {theirs}; install {pirrht.__version__} there"
                     )
         except BaseException:
             self._client.close()

@@ -12,7 +12,7 @@ import stat
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -129,7 +129,7 @@ class Dataset:
             content = {
                 "format": parts.DATASET_FORMAT,
                 "version": pirrht.__version__,
-                "libraries": {name: version(name) for name in LIBRARIES},
+                "libraries": {name: _version(name) for name in LIBRARIES},
                 "settings": plain(settings),
                 "scenes": {**known.get("scenes", {}), **scenes},
                 "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
@@ -276,3 +276,10 @@ def _option(name: str, value: Any) -> str:
     if value is None:
         return f"without {option}"
     return f"with {option} {' '.join(map(str, value)) if isinstance(value, list) else value}"
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "unknown"

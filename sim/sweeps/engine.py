@@ -7,12 +7,11 @@ import os
 import signal
 import threading
 import time
-from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import OrderedDict, deque
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from itertools import islice, takewhile
 from typing import Any
 
 from pirrht.errors import PirrhtError
@@ -60,24 +59,31 @@ def interruptible() -> Iterator[Stop]:
 
 
 class Agenda:
-    """Queue of tasks. Those next to each other with one `point` share what a process keeps at hand."""
+    """Queue of tasks, of which those with one `point` share what a process keeps at hand."""
 
     def __init__(self, tasks: Iterable[Any]) -> None:
-        self._waiting = deque(tasks)
+        self._waiting: OrderedDict[Any, deque[Any]] = OrderedDict()
+        for task in tasks:
+            self._waiting.setdefault(task.point, deque()).append(task)
 
-    def __len__(self) -> int:
-        return len(self._waiting)
+    def __bool__(self) -> bool:
+        return bool(self._waiting)
 
     def add(self, tasks: Sequence[Any]) -> None:
         """Put tasks first, even while others are being done."""
-        self._waiting.extendleft(reversed(tasks))
+        for task in reversed(tasks):
+            self._waiting.setdefault(task.point, deque()).appendleft(task)
+            self._waiting.move_to_end(task.point, last=False)
 
-    def take(self, workers: int, most: int) -> list[Any]:
-        """The next tasks of one point: at most a fair share of them."""
-        point = self._waiting[0].point
-        alike = takewhile(lambda task: task.point == point, islice(self._waiting, 2 * workers * most))
-        share = 1 + (sum(1 for _ in alike) - 1) // (2 * workers)
-        return [self._waiting.popleft() for _ in range(min(most, share))]
+    def take(self, workers: int, most: int, others: Collection[Any] = ()) -> list[Any]:
+        """The next tasks of one point, if possible none of the points of others: at most a fair share of them."""
+        point = next((point for point in self._waiting if point not in others), next(iter(self._waiting)))
+        alike = self._waiting[point]
+        share = 1 + (len(alike) - 1) // (2 * workers)
+        tasks = [alike.popleft() for _ in range(min(most, share))]
+        if not alike:
+            del self._waiting[point]
+        return tasks
 
 
 class Crew:
@@ -85,7 +91,7 @@ class Crew:
 
     workers, ahead, most = 1, 1, 1  # chunks of a worker that are under way, tasks of a chunk
     broken: tuple[type[BaseException], ...] = ()  # raised by the chunks of a process that has died
-    tries, death = 1, ""  # processes that a task may end without others beside it, and what its record says then
+    tries, death = 1, ""  # processes that a task may end with nothing else under way, and the error of its record then
 
     def __init__(self, stop: Stop) -> None:
         self.stop = stop
@@ -120,16 +126,10 @@ class Crew:
             PirrhtError: there are no workers, or none can begin.
         """
         chunks: dict[Future[list[Any]], list[Any]] = {}
-        suspects: deque[Any] = deque()
-        deaths: Counter[int] = Counter()  # by the id of a task that was alone
-        alone, stop = False, self.stop
+        suspects: deque[Any] = deque()  # the first is tried alone, and leaves the queue when that is over
+        deaths, stop = 0, self.stop  # deaths: of the first suspect
         while stop.asked < 2 and (chunks or ((agenda or suspects) and not stop.asked)):
-            alone = alone and bool(chunks)
-            if suspects and not chunks and not stop.asked:
-                alone, tasks = True, [suspects.popleft()]
-                chunks[self.submit(work, tasks)] = tasks
-            while agenda and not suspects and not alone and not stop.asked and len(chunks) < self.workers * self.ahead:
-                tasks = agenda.take(self.workers, self.most)
+            for tasks in self._next_chunks(agenda, suspects, chunks.values()):
                 chunks[self.submit(work, tasks)] = tasks
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:
@@ -137,20 +137,38 @@ class Crew:
                 yield None
             for future in ended:
                 tasks = chunks.pop(future)
+                alone = bool(suspects) and tasks[0] is suspects[0]
                 try:
                     results = future.result()
                 except self.broken:
-                    deaths.update(map(id, tasks if alone else ()))
-                    if alone and deaths[id(tasks[0])] >= self.tries:
-                        yield lost(tasks[0], self.death)
-                    else:
+                    if not alone:
                         suspects.extend(tasks)
+                        continue
+                    deaths += 1
+                    if deaths < self.tries:
+                        continue
+                    results = [lost(tasks[0], self.death)]
                 except Exception as error:
                     self.check(error)
-                    yield from (lost(task, f"{type(error).__name__}: {error}") for task in tasks)
-                else:
-                    agenda.add(tasks[len(results) :])
-                    yield from results
+                    results = [lost(task, f"{type(error).__name__}: {error}") for task in tasks]
+                if alone:
+                    suspects.popleft()
+                    deaths = 0
+                agenda.add(tasks[len(results) :])
+                yield from results
+
+    def _next_chunks(
+        self, agenda: Agenda, suspects: Sequence[Any], chunks: Collection[list[Any]]
+    ) -> Iterator[list[Any]]:
+        """Chunks to begin now, in addition to those under way."""
+        if suspects:
+            if not chunks and not self.stop.asked:
+                yield [suspects[0]]
+            return
+        while agenda and not self.stop.asked and len(chunks) < self.workers * self.ahead:
+            # With one chunk per worker, the idle one has just left its point, so nobody else is there: it goes on.
+            others = {tasks[0].point for tasks in chunks} if self.ahead == 1 else ()
+            yield agenda.take(self.workers, self.most, others)
 
 
 class Pool(Crew):

@@ -1,8 +1,8 @@
 """Every combination of scene, method, noise and seed as one run, on all cores or a cluster.
 
-Trees and runs go side by side: the runs through a tree come first as soon as it is there, and the next tree is grown
-when no run waits for a worker. So there are about as many trees at a time as workers; each is dropped with the last of
-its runs.
+Trees and runs go side by side: the runs through a tree come first as soon as it is there, and processes work on
+different combinations of scene, noise and method while there are enough. So there are about as many trees at a time as
+workers; each is dropped with the last of its runs.
 """
 
 from __future__ import annotations

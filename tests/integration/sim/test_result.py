@@ -142,6 +142,22 @@ def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, 
     assert "FCL calls, 0.00 s" in capsys.readouterr().out
 
 
+def test_the_times_of_a_sweeps_runs_hold_no_compiling(monkeypatch: pytest.MonkeyPatch):
+    wall = SimpleNamespace(now=0.0)
+
+    def compile_for(scenario: Scenario, *, driving: bool = False) -> None:
+        wall.now += 90.0
+
+    monkeypatch.setattr(runs, "rehearse", compile_for)
+    monkeypatch.setattr(runs, "time", SimpleNamespace(perf_counter=lambda: wall.now))
+    given = runs.frozen({"vertices": 60, "samples": 11, "max_time": 0.02})  # of no other test's runs
+    job = runs.Job(scene="slit", method="pi-rrht", noise=0.1, seed=0, task=(), given=given)
+    planned = runs.grown(job)
+    records = [runs.drive(job, planned) for _ in range(2)]
+    assert wall.now == 180.0  # once for the tree, once for the kind of run
+    assert [(r["plan_seconds"], r["drive_seconds"]) for r in records] == [(0.0, 0.0)] * 2
+
+
 def test_a_rehearsal_that_cannot_be_prevents_nothing(slit: Scenario, monkeypatch: pytest.MonkeyPatch):
     def fails(self: Scenario, *_: object) -> None:
         raise ValueError("a user's own steering")

@@ -23,6 +23,15 @@ def test_everything_is_done_once_in_processes_and_in_turn():
     assert sorted(Crew(Stop()).run(square, Agenda(TASKS), lambda task, why: why)) == expected
 
 
+def test_a_task_is_of_a_point_that_nobody_is_at_and_of_the_first_if_all_are_taken():
+    agenda = Agenda(TASKS)
+    assert agenda.take(2, 1, [("a",)]) == [TASKS[4]]
+    assert agenda.take(2, 1, [("a",), ("c",)]) == [TASKS[5]]
+    assert agenda.take(2, 1, [("a",), ("b",), ("c",)]) == [TASKS[0]]
+    agenda.add([TASKS[5]])
+    assert agenda.take(2, 1) == [TASKS[5]]
+
+
 def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(monkeypatch):
     for name in ENVIRONMENT:
         monkeypatch.delenv(name, raising=False)

@@ -53,7 +53,7 @@ class Simulated:
         now = 0.0
         while agenda or busy:
             while agenda and len(busy) < self.workers:
-                (task,) = agenda.take(self.workers, 1)
+                (task,) = agenda.take(self.workers, 1, {task.point for _, _, task in busy})
                 self.order.append(task)
                 heapq.heappush(busy, (now + self.seconds(task), len(self.order), task))
             now, _, task = heapq.heappop(busy)

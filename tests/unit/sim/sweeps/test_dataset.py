@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
 from sim.sweeps import dataset as module
@@ -61,6 +62,13 @@ def test_a_later_sweep_adds_files_and_takes_none_away(dataset, clock):
     later.flush()
     assert [r["seed"] for r in later.records()] == [0, 1]
     assert wished(later.manifest()["asked"]) == 20
+
+
+def test_a_library_without_metadata_is_of_an_unknown_version(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "LIBRARIES", ("numpy", "no-such-library"))
+    sweep = Dataset(tmp_path / "sweep")
+    sweep.begin(SETTINGS, SCENES, ASKED)
+    assert sweep.manifest()["libraries"] == {"numpy": np.__version__, "no-such-library": "unknown"}
 
 
 def test_files_of_others_are_never_overwritten(dataset, clock):
