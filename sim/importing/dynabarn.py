@@ -23,7 +23,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.solids import Solid, World, distinct
+from sim.importing.solids import Solid, World, distinct, text
 from sim.mjcf.limits import FARTHEST, FINEST, content_of
 from sim.mjcf.refusals import listed
 
@@ -120,11 +120,11 @@ def _elements(name: str, radius: float, keys: Array) -> tuple[str, str]:
     """A cylinder's motion for <custom>, and its body."""
     path = rows(keys)
     label, motion = quoteattr(name), quoteattr(f"pirrht_motion_{name}")
-    lines = "  ".join(" ".join(f"{value:.10g}" for value in row) + " 0" for row in path)
+    lines = "  ".join(text(*row, 0) for row in path)
     return (
         f'<numeric name={motion} data="{lines}"/>\n    <text name={motion} data="repeat"/>',
-        f'<body name={label} mocap="true" pos="{path[0, 1]:.10g} {path[0, 2]:.10g} {HALF_HEIGHT}">\n'
-        f'      <geom name={label} type="cylinder" size="{radius:.10g} {HALF_HEIGHT}" material="drum"/>\n    </body>',
+        f'<body name={label} mocap="true" pos="{text(*path[0, 1:], HALF_HEIGHT)}">\n'
+        f'      <geom name={label} type="cylinder" size="{text(radius, HALF_HEIGHT)}" material="drum"/>\n    </body>',
     )
 
 
@@ -138,7 +138,7 @@ def place(keys: Array, times: Array) -> Array:
     return np.asarray(spline(np.interp(times, keys[:, 0], number)))
 
 
-def rows(keys: Array, deviation: float = DEVIATION) -> Array:
+def rows(keys: Array) -> Array:
     """Rows (l, 3) t [s], x, y [m] on the spline, few, with straight lines between that leave it by so little [m]."""
     shares = np.arange(FINE) / FINE
     times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
@@ -150,7 +150,7 @@ def rows(keys: Array, deviation: float = DEVIATION) -> Array:
         piece = path[kept[-1] : end + 1]
         shares = (piece[:, :1] - piece[0, 0]) / (piece[-1, 0] - piece[0, 0])
         off = piece[:, 1:] - (piece[0, 1:] + shares * (piece[-1, 1:] - piece[0, 1:]))
-        return bool(np.hypot(*off.T).max() <= deviation - SPARE)
+        return bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
 
     while kept[-1] < last:
         good, step, growing = kept[-1] + 1, 1, True

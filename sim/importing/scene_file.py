@@ -23,7 +23,7 @@ from pirrht.errors import OptionError, SceneError
 from sim.files import why_unreadable
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
-from sim.importing.solids import Solid, World, distinct
+from sim.importing.solids import Solid, World, distinct, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.limits import FARTHEST, FINEST, content_of
 
@@ -213,8 +213,3 @@ def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
             f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
             f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
         )
-
-
-def text(*values: float) -> str:
-    """Numbers as MJCF has them."""
-    return " ".join(f"{value:.10g}" for value in values)

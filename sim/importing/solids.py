@@ -87,3 +87,8 @@ def distinct(names: Iterable[str], taken: Collection[str]) -> Iterator[str]:
             own = f"{name} {count}"
         seen.add(own)
         yield own
+
+
+def text(*values: float) -> str:
+    """Write numbers as MJCF has them."""
+    return " ".join(f"{value:.10g}" for value in values)
