@@ -78,7 +78,8 @@ class Drive(gymnasium.Env[Array, Array]):
         task = {name: options.pop(name, None) for name in BY_SCENE if name != "preset"} | {"preset": None}
         task["freeze"] = task["freeze"] or None
         if strange := options.keys() - set(SETTINGS):
-            raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment")
+            fit = ", ".join(sorted({*BY_SCENE, *SETTINGS, "penalty", "bound"} - {"preset"}))
+            raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment; those are {fit}")
         s, parts = prepare(scene, **task, given=given), (runs.frozen(task), runs.frozen(given))
         self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
         self.scenario, self.render_mode, self._plant, d = s, None, s.plant(), s.problem.dynamics
