@@ -70,7 +70,7 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
         finally:
             draft.discard()
     except OSError as error:
-        raise OptionError(f"{option} {path_text(path)}: {error.strerror or error}; choose another place") from None
+        raise refused(option, path, error) from None
 
 
 def target_of(path: Path) -> Path:
