@@ -44,6 +44,7 @@ class System:
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
     robots: str = ""  # name of its robots in the help; empty: the help leaves it out
     noise_in: str = ""  # the unit of `--noise`, for the help
+    settings: Settings = field(init=False)  # of a run without options
 
     def __post_init__(self) -> None:
         for name, known, what in (
@@ -54,21 +55,16 @@ class System:
                 raise OptionError(
                     f"system {self.name}: {strange[0]!r} is no {what}; those are {', '.join(sorted(known))}"
                 )
+        object.__setattr__(self, "settings", Settings(**self.defaults))
         if not self.states:
             object.__setattr__(self, "states", POSE[:2])
-            with suppress(Exception):  # `problem` tells what is wrong
+            with suppress(Exception):  # `problem` reports what is wrong
                 object.__setattr__(self, "states", tuple(self.dynamics(self.settings).states))
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
-        _ = self.settings
 
     def __repr__(self) -> str:
         return f"System({self.name!r}, states {' '.join(self.states)})"
-
-    @property
-    def settings(self) -> Settings:
-        """Settings of a run without options."""
-        return Settings(**self.defaults)
 
     @property
     def called(self) -> str:
