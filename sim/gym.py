@@ -179,9 +179,11 @@ def score(
         records that `sim.sweeps.parts` makes rows of a dataset of.
 
     Raises:
-        OptionError: a negative seed, a policy whose control has another shape or is not finite, or a folder that the
-            runs cannot be added to.
+        OptionError: a negative seed, an option next to an environment, a policy whose control has another shape or is
+            not finite, or a folder that the runs cannot be added to.
     """
+    if environment is not None and options:
+        raise OptionError(f"{', '.join(options)}: no argument next to an environment, which has its own; leave it out")
     env = Drive(**options) if environment is None else environment
     drive = env.unwrapped
     assert isinstance(drive, Drive)

@@ -143,6 +143,10 @@ def test_what_cannot_be_is_refused():
     for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
         with pytest.raises(OptionError):
             gym.Drive("slit", **options)
+    with pytest.raises(OptionError, match=r"niose: no argument of an environment; those are bound, .*noise"):
+        gym.score(ahead, seeds=[0], method="m", niose=0.1)
+    with pytest.raises(OptionError, match="noise: no argument next to an environment"):
+        gym.score(ahead, seeds=[0], method="m", environment=gym.Drive("slit"), noise=0.3)
 
 
 def test_the_ranges_of_the_actuators_bound_the_actions():
