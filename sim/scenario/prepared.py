@@ -49,18 +49,13 @@ def prepare(
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
-    task, given = SceneOptions(**options), given or {}
+    given = given or {}
+    _refuse_unknown(options, given)
+    task = SceneOptions(**options)
     system = None if task.system is None else chosen(task.system)
     read = partial(load, scene, loose=loose, **{name: getattr(task, name) for name in BY_SCENE} | {"system": system})
     loaded = read()
     kind = named(loaded.dynamics_name)
-    for name in (name for name in given if name not in BY_SETTING):
-        if name in BY_SCENE:
-            raise OptionError(f"given: {name!r} is no setting but an argument: prepare(..., {name}=...)")
-        like = get_close_matches(name, BY_SETTING, n=1) or sorted(BY_SETTING)
-        raise OptionError(
-            f"given: {name!r} is no setting; {'did you mean' if len(like) == 1 else 'those are'} {', '.join(like)}"
-        )
     overlay = kind.preset(task.preset)
     refuse(kind, given)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
@@ -79,6 +74,20 @@ def prepare(
     if driven:
         scenario.plant()
     return scenario
+
+
+def _refuse_unknown(options: Mapping[str, Any], given: Mapping[str, Any]) -> None:
+    """Refuse names that are no arguments or no settings; OptionError offers the one that is meant, or all."""
+    for where, names, known, what, others, instead in (
+        ("prepare", options, BY_SCENE, "argument", BY_SETTING, "a setting: prepare(..., given={{{!r}: ...}})"),
+        ("given", given, BY_SETTING, "setting", BY_SCENE, "an argument: prepare(..., {}=...)"),
+    ):
+        for name in (name for name in names if name not in known):
+            if name in others:
+                raise OptionError(f"{where}: {name!r} is no {what} but {instead.format(name)}")
+            like = get_close_matches(name, known, n=1)
+            fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted(known))}"
+            raise OptionError(f"{where}: {name!r} is no {what}; {fit}")
 
 
 def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:

@@ -62,6 +62,10 @@ def test_settings_that_are_none_are_refused_by_name():
         prepare("slit", given={"radius": 0.2})
     with pytest.raises(OptionError, match="'sample' is no setting; did you mean samples"):
         prepare("slit", given={"sample": 100})
+    with pytest.raises(OptionError, match=r"'noise' is no argument but a setting: prepare\(..., given=\{'noise': "):
+        prepare("slit", noise=0.2)
+    with pytest.raises(OptionError, match="'robto' is no argument; did you mean robot"):
+        prepare("slit", robto="puck")
 
 
 # -- a limit of |1 - H_i| ----------------------------------------------------------------------------------------
