@@ -71,7 +71,7 @@ class Drive(gymnasium.Env[Array, Array]):
         render_mode: str | None = None, **options: Any,
     ) -> None:  # fmt: skip
         if render_mode is not None:
-            raise OptionError(f"render_mode is {render_mode!r}; there is none: film drives with `pirrht run --video`")
+            raise OptionError(f"render_mode is {render_mode!r}; there is none: film runs with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
         given = {name: options.pop(name) for name in SETTINGS if options.get(name) is not None}
@@ -117,12 +117,12 @@ class Drive(gymnasium.Env[Array, Array]):
             OptionError: before `reset`, after the end, or the action is no control.
         """
         if self._metrics is None or (self.frame is not None and self.frame.outcome is not None):
-            raise OptionError("the drive has not begun or is over; call reset() first")
+            raise OptionError("the run has not begun or is over; call reset() first")
         thought, m = time.perf_counter() - self._asked, self.scenario.problem.dynamics.m
-        wanted = np.asarray(action, dtype=float)
-        if wanted.shape != (m,) or not np.all(np.isfinite(wanted)):
-            raise OptionError(f"the action is {wanted.tolist()}; it must be {m} finite numbers")
-        u = np.clip(wanted, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
+        control = np.asarray(action, dtype=float)
+        if control.shape != (m,) or not np.all(np.isfinite(control)):
+            raise OptionError(f"the action is {control.tolist()}; it must be {m} finite numbers")
+        u = np.clip(control, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
         x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
         plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
         advance = self._plant.advance(lambda x, s: u, self._rng)

@@ -78,12 +78,12 @@ class Option:
         if known and (not whole or value == int(value)):
             return int(value) if whole else value
         shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
-        wanted = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
+        required = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
         if low > 0:
-            wanted = f"a positive number, from {low:g} to {high:g}"
+            required = f"a positive number, from {low:g} to {high:g}"
         if whole:
-            wanted = f"a whole number of at least {low} and at most {high}"
-        raise OptionError(f"{label} is {shown}; it must be {wanted}")
+            required = f"a whole number of at least {low} and at most {high}"
+        raise OptionError(f"{label} is {shown}; it must be {required}")
 
 
 def stated(value: Any, text: str, metavar: Any = "", bounds: tuple[float, float] | None = None, **more: Any) -> Any:

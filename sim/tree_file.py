@@ -94,8 +94,8 @@ def load(
     """Read a tree that was grown in this space for this steering; it grows on as if it had never been written.
 
     Args:
-        limit: H_limit [turns] that is asked for; None: whatever the tree has.
-        classes: most classes per vertex that are asked for; None: whatever the tree has.
+        limit: H_limit [turns] that is required; None: whatever the tree has.
+        classes: most classes per vertex that are required; None: whatever the tree has.
 
     Raises:
         OptionError: no such file, none of ours, damaged, or grown for something else; says what differs.
@@ -276,7 +276,7 @@ def _digest(obstacles: tuple[Obstacle, ...]) -> str:
 
 
 def _motions(movers: tuple[Mover, ...]) -> str:
-    """A digest of the solids of bodies and of how they move."""
+    """Return a digest of the solids of moving obstacles and of their motions."""
     digest = hashlib.sha256()
     for mover in movers:
         motion = mover.motion

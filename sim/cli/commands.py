@@ -142,10 +142,10 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     jobs = engine.checked(grid.jobs())
     scenes = {job.name: job.digest for job in jobs}
     noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
-    asked = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
+    requested = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
     dataset.check(grid.settings, scenes)
     with dataset.locked():
-        dataset.begin(grid.settings, scenes, asked)
+        dataset.begin(grid.settings, scenes, requested)
         if arguments.again:
             dataset.forget_errors()
         return engine.sweep(jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset)

@@ -79,9 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
             bar.update(round(frame.end_time - bar.n, 6))
             favourite = title(frame.metrics.favourite or OTHER)
             bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
-    drive = frame.metrics.result()
-    result = {**drive.json(), **({} if exact is None else {"truth": exact.result()})}
-    tables.summary(drive, result.get("truth"))
+    figures = frame.metrics.result()
+    result = {**figures.json(), **({} if exact is None else {"truth": exact.result()})}
+    tables.summary(figures, result.get("truth"))
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:

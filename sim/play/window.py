@@ -54,7 +54,7 @@ class Mouse:
         events: list[Event] = []
         if self.held is not None and body != self.held:
             if self.held in self._names and not np.array_equal(self._there, self._place):
-                x, y = self._there.tolist()  # not what is shown: the viewer has moved that after its own ways
+                x, y = self._there.tolist()  # not what is shown: the viewer itself has moved that
                 events.append(Move(at=0.0, what=self._names[self.held], to=(x, y)))
             self.held = None
         if body is None or not (body == self._robot or body in self._names):
@@ -71,9 +71,9 @@ class Mouse:
         return events
 
 
-def _pull(way: Array) -> Push:
-    """Return a push towards a place that is `way` (2,) [m] ahead."""
-    speed = PULL * way
+def _pull(ahead: Array) -> Push:
+    """Return a push towards a place that is `ahead` (2,) [m]."""
+    speed = PULL * ahead
     speed *= min(1.0, PULLED / max(float(np.hypot(*speed)), 1e-9))
     return Push(at=0.0, speed=(float(speed[0]), float(speed[1])), lasts=LASTS)
 

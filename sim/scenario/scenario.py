@@ -69,7 +69,7 @@ class Scenario:
     problem: Problem
     space: FreeSpace
     margin: float = 0.0  # that plans leave around the robot [m]
-    widens: bool = True  # whether the limit H_limit may give way; not one that was asked for
+    widens: bool = True  # whether the limit H_limit may give way; not one that was given
 
     def __post_init__(self) -> None:
         check_size(self)

@@ -37,7 +37,7 @@ def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(nam
     copy = again(tree)
     assert_equal_trees(tree, copy)
     assert_equal_references(tree, copy, scenario.start)
-    for more in (151, 400):  # past the room of 256 vertices
+    for more in (151, 400):  # past the space for 256 vertices
         tree.grow(more)
         copy.grow(more)
         assert_equal_trees(tree, copy)
@@ -76,9 +76,9 @@ def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys
     common = ["--seed", "3", "--samples", "20"]
     assert cli.main(["plan", "slit", *common, "--vertices", "150", "-o", str(tree)]) == 0
     assert f"tree: {tree}" in capsys.readouterr().out
-    drive = ["run", "slit", *common, "--max-time", "0.05", "--grow", "2", "--json"]
-    assert cli.main([*drive, str(one), "--vertices", "150"]) == 1
-    assert cli.main([*drive, str(other), "--tree", str(tree)]) == 1
+    words = ["run", "slit", *common, "--max-time", "0.05", "--grow", "2", "--json"]
+    assert cli.main([*words, str(one), "--vertices", "150"]) == 1
+    assert cli.main([*words, str(other), "--tree", str(tree)]) == 1
     first, second = (json.loads(file.read_text()) for file in (one, other))
     for record in (first, second):
         del record["step_ms"], record["deadline_misses"]

@@ -1,4 +1,4 @@
-"""Mouse and keys in the viewer, told by a viewer that is made up."""
+"""Mouse and keys in a viewer that is made up."""
 
 from __future__ import annotations
 
