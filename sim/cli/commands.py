@@ -77,7 +77,6 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
         began = time.perf_counter()
         notice()
         scenario = prepare(scene, robot=name)
-        rehearse(scenario)
         rehearse(scenario, driving=True)
         notice().finish()
         print(f"{name}: kernels for runs {where} are compiled ({time.perf_counter() - began:.0f} s)", flush=True)
