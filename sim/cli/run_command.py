@@ -12,7 +12,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pirrht.control.settings import TREELESS
-from pirrht.errors import NoReference, OptionError, PirrhtError
+from pirrht.errors import OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from sim.cli import tables
@@ -196,7 +196,7 @@ def _next_start(game: Any, screen: Any, outcome: Outcome | None) -> Any:
             continue
         try:
             return game.again(home=screen.home or outcome is Outcome.COLLISION)
-        except (PirrhtError, NoReference) as error:
+        except PirrhtError as error:
             tqdm.write(str(error))
             screen.home = False
     return None

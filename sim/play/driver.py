@@ -12,7 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
-from pirrht.errors import NoReference, PirrhtError
+from pirrht.errors import PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from sim.play.world import World
@@ -87,7 +87,7 @@ class Live(Policy):
                 plan = ready.driver.plan(x, left)
                 self.built = ready
                 return plan
-        except (PirrhtError, NoReference) as error:
+        except PirrhtError as error:
             self._tell(f"{error}; the drive goes on as planned before")
         return self.built.driver.plan(x, left)
 
