@@ -33,6 +33,7 @@ A1, A2, A3, A4 = (np.float32(1.0 / (2 * k + 1)) for k in range(1, 5))
 S1, S2, S3, S4 = (np.float32((-1.0) ** k / math.factorial(2 * k + 1)) for k in range(1, 5))
 C1, C2, C3, C4 = (np.float32((-1.0) ** k / math.factorial(2 * k)) for k in range(1, 5))
 FAR = 12.0  # exponents beyond this are taken as certain survival
+CLOSEST = np.float32(0.3)  # deviations of a bridge, below which `exposure` takes distances as that
 SIDEWAYS = 0.02  # share of noise along a line that counts as towards a wall next to it at least, since lines turn
 MIN_VARIANCE = 1e-12  # variances are kept above this, where noise does not act towards a wall
 LOWEST, PER_LN_2 = np.float32(-87.0), np.float32(1.0 / math.log(2.0))
@@ -154,3 +155,20 @@ def survival(c0, c1, variance):  # type: ignore[no-untyped-def]
         return 0.0
     exponent = 2.0 * c0 * c1 / variance
     return 1.0 if exponent > FAR else 1.0 - math.exp(-exponent)
+
+
+@inlined
+def exposure(c0, c1, deviation, span):  # type: ignore[no-untyped-def]
+    """Return how fast the chance grows that a bridge which misses a wall comes within b s of it, s being small.
+
+    Args: distances from the wall before and after [m], float32; b, the deviation of a second [m/sqrt(s)]; its time [s].
+    Returns: 2 (c0 + c1) / (b span) / (exp(2 c0 c1 / (b^2 span)) - 1) [1/sqrt(s)]. Ends closer to the wall than
+        a part of the bridge's deviation count as that close: this takes off little of the mean, and all of its tail.
+    """
+    spread = deviation * math.sqrt(span)
+    least = CLOSEST * spread
+    near, far = max(c0, least) / spread, max(c1, least) / spread
+    if TWO * near * far > FAR:
+        return ZERO
+    missed = exponential(-TWO * near * far)
+    return TWO * (near + far) * missed / ((ONE - missed) * math.sqrt(span))

@@ -44,10 +44,10 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
                 h += 1
             now[:] = 0.0
             keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), np.empty((0, m)), now)
-            work, key, outcome, taken, last, lasting = one_path(setup, tables, origin, h, s, keep, scratch)
+            work, key, outcome, taken, last, lasting, exposed = one_path(setup, tables, origin, h, s, keep, scratch)
             paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
             span = times[taken - 1] + last if taken <= window else times[window]
-            paths.log_survival[s], paths.span[s] = lasting, span
+            paths.log_survival[s], paths.span[s], paths.exposure[s] = lasting, span, exposed
             for j in range(m):
                 paths.now[s, j], paths.start_control[s, j] = now[0, j] + span * now[1, j], now[1, j]
 
@@ -59,7 +59,7 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
             while number[c] >= first[h + 1]:
                 h += 1
             keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)))
-            _, _, _, steps[c], _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
+            _, _, _, steps[c], _, _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
 
     return Kernels(sample, replay, TUNING.alone)
 

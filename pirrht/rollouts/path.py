@@ -29,18 +29,19 @@ from pirrht.arrays import Array
 from pirrht.geometry.world import NOTHING_MOVES, WALL
 from pirrht.jit import vectors
 from pirrht.jit.jit import borrowing, kernel, load_float64, part
-from pirrht.jit.streams import antithetic, stream
+from pirrht.jit.streams import antithetic, exposure, stream
 from pirrht.jit.vectors import copy_row, copy_rows, solve
 from pirrht.rollouts.exits import exits
 from pirrht.rollouts.first_exit import INSIDE, distances
 from pirrht.rollouts.law import aims
 from pirrht.rollouts.tables import NUMBERS, law_columns
+from pirrht.rollouts.tuning import TUNING
 from pirrht.systems.dynamics import no_drift
 from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, length_for, motion, noise_for, planar, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, planar, walls_for,
 )  # fmt: skip
 
 
@@ -212,7 +213,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     gain_at: Any = kind.control_block if state_dependent_gain else drift
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = planar(kind)[0], motion(kind)
-    length_of, push_of, draw = length_for(kind), walls_for(kind), noise_for(kind)
+    length_of, gap_of, push_of, draw = length_for(kind), gap_for(kind), walls_for(kind), noise_for(kind)
     aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
     relax, record = recorder(kind)
 
@@ -247,7 +248,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         dt, close = length_of(setup, tables, scratch, rates, before, left, now)
         if noisy_position and tables.wall_offset > 0.0:
             walls = push_of(tables, scratch, setup.world, (rates[0] * dt, rates[1] * dt, rates[2] * dt), close)
-        return rates, dt, walls
+        return rates, dt, walls, close
 
     @part
     def turned(setup, tables, scratch, i, share):  # type: ignore[no-untyped-def]
@@ -256,6 +257,17 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
             return np.int64(0)
         goal, moved = setup.world.goal, scratch.moved
         return key_among(tables.marks, goal, i, min(share, 1.0), moved[0], moved[1], scratch.side, scratch.spot)
+
+    @part
+    def expose(scratch, field, stretch, before, rates, close):  # type: ignore[no-untyped-def]
+        """Judge the stretch of time that ends here: (exposure until now, its time, gap at its beginning)."""
+        exposed, since, began = stretch
+        if since < 0.0 or since >= TUNING.stretch:
+            gap, deviation = gap_of(scratch, field, before, rates, close)
+            if since > 0.0:
+                exposed += exposure(np.float32(began), np.float32(gap), np.float32(deviation), np.float32(since))
+            return exposed, 0.0, gap
+        return exposed, since, began
 
     @part
     def keep_state(keep, i, x):  # type: ignore[no-untyped-def]
@@ -267,8 +279,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     def one_path(setup, tables, origin, h, sample, keep, scratch):  # type: ignore[no-untyped-def]
         """Simulate one sample around reference h and write `Kept`.
 
-        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, and the log
-            probability that no wall was met on the way, where that is weighed.
+        Returns work, class key, outcome, steps of the grid taken, time until the exit in the last of them, the log
+            probability that no wall was met on the way, where that is weighed, and the exposure to walls.
         """
         times, x, moved, T = tables.times, scratch.x, scratch.moved, tables.control.shape[1]
         begin(setup, tables, origin, scratch)
@@ -277,13 +289,17 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
         state, work, log_survival = stream(origin.seed, first), 0.0, 0.0
         key = np.int64(tables.marks.opening if moving else 0)
         owed = 0.0  # time for which half of the proposal has not been taken off [s]
+        stretch = 0.0, -1.0, 0.0  # exposure to walls, and what `expose` judges it by
         known, clear = (covariance(scratch.B), False, NO_WALLS), (distances(setup.world, x[0], x[1]), 0.0)
         for i in range(T):
             whole, done = times[i + 1] - times[i], 0.0
             left, exit = whole, INSIDE
             while left > 0.0 and exit == INSIDE:
                 now, where = origin.time + times[i] + done, (i, whole, i == 0 and done == 0.0)
-                rates, dt, walls = evaluate(setup, tables, scratch, known, clear[0], left, now)
+                rates, dt, walls, close = evaluate(setup, tables, scratch, known, clear[0], left, now)
+                if noisy_position:
+                    stretch = expose(scratch, setup.world.field, stretch, clear[0], rates, close)
+                stretch = stretch[0], stretch[1] + dt, stretch[2]
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.law_weight, owed)
@@ -304,7 +320,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 copy_row(moved, x)
             keep_state(keep, i + 1, x)
             if exit != INSIDE:
-                return work, key, exit, i + 1, done, log_survival
-        return work, key, 0, T, times[T] - times[T - 1], log_survival
+                return work, key, exit, i + 1, done, log_survival, stretch[0]
+        return work, key, 0, T, times[T] - times[T - 1], log_survival, stretch[0]
 
     return one_path, scratch_for(kind)

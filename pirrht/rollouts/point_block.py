@@ -17,9 +17,10 @@ from pirrht.jit.streams import antithetic, stream
 from pirrht.rollouts.first_exit import GOAL, INSIDE, at_crossing, bridge_exit, towards_exit
 
 from pirrht.rollouts.point_stages import (  # isort: skip
-    C0, C1, DT, E0, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT, SAMPLE, SIGN, SLOW,
-    SPENT, STEP, SUM0, SUM1, TUBE, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge, cross, draw, fit_steps,
-    judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey, tape_control, tube_control, wall_push,
+    BEGAN, C0, C1, DT, E0, EXPOSURE, FLAG, G0, E1, G1, KEY, LANES, LOG_SURVIVAL, LOST, NX, NY, PUSH0, PUSH1, ROOT,
+    SAMPLE, SIGN, SLOW, SPENT, STEP, SUM0, SUM1, TUBE, WIDE, Z0, Z1, L, X, Y, add_log_ratios, advance, bridge,
+    cross, draw, expose, fit_steps, judge, lane, move, relax, row_of, scratch_of, single, single_matrix, survey,
+    tape_control, tube_control, wall_push,
 )  # fmt: skip
 from pirrht.rollouts.tables import Origin, empty_paths, tube_of
 from pirrht.rollouts.tuning import TUNING
@@ -68,6 +69,7 @@ def retire(setup, tables, h, outcome, share, k, scratch, paths):  # type: ignore
         paths.log_ratio[s, g] = total + more + a0 * (y0 - 0.5 * a0 * until) + a1 * (y1 - 0.5 * a1 * until)
     paths.work[s], paths.key[s] = setup.rate * (times[i] + np.float64(f[SPENT + k]) + until), long[KEY + k]
     paths.outcome[s], paths.steps[s], paths.span[s], paths.log_survival[s] = outcome, i + 1, span, f[LOG_SURVIVAL + k]
+    paths.exposure[s] = f[EXPOSURE + k]
     for j in range(2):
         paths.now[s, j] = inverse[j, 0] * n0 + inverse[j, 1] * n1 + span * paths.start_control[s, j]
 
@@ -182,6 +184,8 @@ def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):
     survey(around, f, short, LANES)
     for k in range(C1 - C0):  # a copy between slices would compile for two seconds
         f[C0 + k] = f[C1 + k]
+    for k in range(LANES):
+        f[BEGAN + k] = min(f[C1 + k], f[E1 + k])
     begun = False
     while n > 0:
         full = min((n + WIDE - 1) // WIDE * WIDE, LANES)  # in bounds the compiler sees
@@ -202,6 +206,7 @@ def block(setup, around, tables, origin, h, rows, number, paths, into, scratch):
         add_log_ratios(h, H, f, a, ratio, full)
         if advance(h, tables.window, follows, f, short, a, full) >= T:
             n = end_late(setup, tables, h, n, scratch, paths)
+        expose(variance, f, short, full)
 
 
 @kernel

@@ -15,7 +15,7 @@ import numpy as np
 from pirrht.geometry.field import bilinear, bilinear_slope, border, cell_in_block, finest_cell, walls_of
 from pirrht.geometry.world import World
 from pirrht.jit.jit import inlined, load_float32, load_float64, load_int64
-from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, halves, logarithm, normals_of
+from pirrht.jit.streams import FAR, GOLDEN, HALF, ONE, TWO, ZERO, exponential, exposure, halves, logarithm, normals_of
 from pirrht.outcome import Outcome
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, fitting, wall_slope
 from pirrht.rollouts.tables import NUMBERS, slope_of, tube_at
@@ -31,8 +31,9 @@ X, Y, Z0, Z1, NX, NY, C0, E0, G0, C1, E1, G1, PUSH0, PUSH1, SUM0, SUM1, SIGN, LO
 # The step's length and its root, time left in the step of the grid, time spent in it [s], log of what is weighed; of
 # the grid cells that the steps lead to, places, one over their width [1/m], and corners, nearest and second; the two
 # nearest walls; time of the last step for which half of the guide has not been taken off the sum [s]; of a tube.
-DT, ROOT, LEFT, SPENT, LOG_SURVIVAL, U, V, PER, CORNER = (L * i for i in range(18, 27))
-WALL, OWED, TUBE, ROWS = 34 * L, 40 * L, 41 * L, 41 + NUMBERS
+DT, ROOT, LEFT, SPENT, LOG_SURVIVAL, EXPOSURE, BEGAN, SINCE = (L * i for i in range(18, 26))
+U, V, PER, CORNER, WALL = (L * i for i in (26, 27, 28, 29, 37))
+OWED, TUBE, ROWS = 43 * L, 44 * L, 44 + NUMBERS
 KEY, SAMPLE, HIGH, LOW = 0, L, 0, L  # rows of its long integers, and of its bits
 FLAG, CELL, STEP, LISTED, STAGE = (L * i for i in range(5))  # of its short integers; cross-sections passed come last
 
@@ -280,6 +281,23 @@ def bridge(variance, weighed, f, short, n):  # type: ignore[no-untyped-def]
         short[FLAG + k] = SLOW if doubt else INSIDE
         slow += 1 if doubt else 0
     return slow
+
+
+@inlined
+def expose(variance, f, short, n):  # type: ignore[no-untyped-def]
+    """Add the `exposure` of lanes that go on, where a stretch of time ends near a wall; `variance` is per second."""
+    far, stretch, deviation = np.float32(FAR * variance), np.float32(TUNING.stretch), np.float32(math.sqrt(variance))
+    for k in range(n):
+        since, c0, c1 = f[SINCE + k] + f[DT + k], f[BEGAN + k], min(f[C1 + k], f[E1 + k])
+        over = since >= stretch
+        near = over & (TWO * c0 * c1 < far * since)
+        short[FLAG + k] = 1 if near else 0
+        f[SINCE + k], f[BEGAN + k] = ZERO if over & ~near else since, c1 if over & ~near else c0
+    for k in range(n):
+        if short[FLAG + k] != 0:
+            c1 = min(f[C1 + k], f[E1 + k])
+            f[EXPOSURE + k] += exposure(f[BEGAN + k], c1, deviation, f[SINCE + k])
+            f[SINCE + k], f[BEGAN + k] = ZERO, c1
 
 
 @inlined

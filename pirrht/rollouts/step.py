@@ -105,20 +105,40 @@ def diffusion_of(kind: KernelSpec) -> Any:
 
 
 @cache
+def gap_for(kind: KernelSpec) -> Any:
+    """Build the kernel of the nearest wall: its distance [m], and the deviation of noise towards it [m/sqrt(s)].
+
+    Where noise acts along a line both are over the share of it that the wall faces (`facing`).
+    """
+    along_line = kind.along_line
+
+    @part
+    def gap_of(scratch, field, before, rates, close):  # type: ignore[no-untyped-def]
+        gap, (xx, _, yy) = min(before[0], before[1]), rates
+        if along_line:
+            gap = min(facing(field, scratch.x[0], scratch.x[1], rates), before[1])
+        gap = min(gap, gap_among(scratch.walls, close, rates, along_line))
+        return max(gap, 0.0), math.sqrt(xx + yy if along_line else max(xx, yy))
+
+    return gap_of
+
+
+@part
+def gap_among(walls, count, cov, along_line):  # type: ignore[no-untyped-def]
+    """Return the least clearance of moving walls [m], along a line over the share of noise they face (`facing`)."""
+    nearest = np.inf
+    for k in range(count):
+        nx, ny, share = walls[k, 1], walls[k, 2], 1.0
+        if along_line:
+            share = (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2])
+        nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
+    return nearest
+
+
+@cache
 def length_for(kind: KernelSpec) -> Any:
     """Build the kernel that fits a step to the clearance, and writes moving walls near it: (dt, how many)."""
     moving, along_line, near = kind.moving is not None, kind.along_line, (kind.moving or NOTHING_MOVES).walls
-
-    @part
-    def gap_among(walls, count, cov):  # type: ignore[no-untyped-def]
-        """Return the least clearance of moving walls [m], along a line over the share of noise they face (`facing`)."""
-        nearest = np.inf
-        for k in range(count):
-            nx, ny, share = walls[k, 1], walls[k, 2], 1.0
-            if along_line:
-                share = (cov[0] * nx * nx + 2.0 * cov[1] * nx * ny + cov[2] * ny * ny) / (cov[0] + cov[2])
-            nearest = min(nearest, walls[k, 0] / math.sqrt(max(share, SIDEWAYS)))
-        return nearest
 
     @part
     def narrowest(tables, scratch, arena, rates, before, left, close):  # type: ignore[no-untyped-def]
@@ -128,7 +148,7 @@ def length_for(kind: KernelSpec) -> Any:
         if along_line and gap > 0.0 and scale * gap * gap < left:
             gap = facing(arena.field, x[0], x[1], (xx, xy, yy))
         if moving:
-            gap = min(gap, gap_among(scratch.walls, close, rates))
+            gap = min(gap, gap_among(scratch.walls, close, rates, along_line))
         return max(min(min(gap, before[1]), max(before[2], TUNING.rim * arena.radius)), 0.0), scale
 
     @part

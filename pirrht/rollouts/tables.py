@@ -181,6 +181,7 @@ class Paths(NamedTuple):
     span: Array  # (S,) time of these steps until the exit [s]
     start_control: Array  # (S, m) the proposal control at the start, without wall drift
     log_survival: Array  # (S,) log probability that no wall was met within the steps, where that is weighed [nats]
+    exposure: Array  # (S,) chance that a path comes nearer to a wall than b times a small length, over it [1/sqrt(s)]
 
 
 def empty_paths(S: int, H: int, m: int) -> Paths:
@@ -188,7 +189,7 @@ def empty_paths(S: int, H: int, m: int) -> Paths:
     return Paths(
         work=np.zeros(S), log_ratio=np.zeros((S, H)), key=np.zeros(S, np.int64), outcome=np.zeros(S, np.int8),
         steps=np.zeros(S, np.int32), now=np.zeros((S, m)), span=np.zeros(S), start_control=np.zeros((S, m)),
-        log_survival=np.zeros(S),
+        log_survival=np.zeros(S), exposure=np.zeros(S),
     )  # fmt: skip
 
 
