@@ -22,7 +22,7 @@ from typing import Any, NamedTuple, Protocol, cast
 import numpy as np
 
 from pirrht import formatting
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.errors import OptionError
@@ -40,6 +40,7 @@ from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
 from pirrht.steering.in_time import homology_of
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
+from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
 from pirrht.topology.tracks import turns_of_step
 
@@ -84,6 +85,7 @@ class Process(NamedTuple):
     B: Array  # B_c, (m, m) [state/sqrt(s)]
     wall: float  # phi/lambda [nats]
     step: float  # of a path [s]; in continuous time at most
+    shortest: float  # in continuous time, near walls [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,21 +183,39 @@ class Desirability:
         Names are those of the straight line from x. Standard errors are sqrt(share (1 - share) / samples). Among moving
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
+        step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
+        homology, turns, ends, outcome = self._walk(x, samples, seed, t, step, TUNING.shortest_path_step)
+        turns, ends, first = turns[outcome == GOAL], ends[outcome == GOAL], homology.at(x, t)
+        closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
+        names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
+        return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
+
+    def collision_probability(
+        self, x: Array, samples: int = 10_000, seed: int = 0, *, step: float, t: float = 0.0
+    ) -> tuple[float, float]:
+        """Simulate the optimal law from x (n,), t [s], held for steps [s] at whose ends walls and goal are judged.
+
+        Return the share of runs that collide, and its standard error.
+        """
+        outcome = self._walk(x, samples, seed, t, step, step)[-1]
+        share = float(np.mean(outcome == COLLISION))
+        return share, math.sqrt(max(share * (1.0 - share), 1.0 / samples) / samples)
+
+    def _walk(
+        self, x: Array, samples: int, seed: int, t: float, step: float, shortest: float
+    ) -> tuple[Homology, Array, Array, IntArray]:
+        """Draw optimally controlled paths by steps [s], at walls as short as the shortest: turns, ends, outcomes."""
         d, homology, x0 = self.problem.dynamics, homology_of(self.problem, self.space), np.append(x, t).astype(float)
-        frame = frame_at(np.zeros(2), self.spacing, self.space.scene.goal)
         process = Process(
-            self.space.field, frame, np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain, d.B_c(x0[:-1]),
-            self.problem.phi / self.problem.temperature,
-            self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step),
+            self.space.field, frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
+            np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain, d.B_c(x0[:-1]),
+            self.problem.phi / self.problem.temperature, step, shortest,
         )  # fmt: skip
         turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
         walk = _walker(self.evaluate, d.drift, self.dt is not None, self.moves)
         walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
-        turns, ends, first = turns[outcome == GOAL], ends[outcome == GOAL], homology.at(x, t)
-        closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
-        names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
-        return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
+        return homology, turns, ends, outcome
 
 
 class Optimal(Policy):
@@ -258,7 +278,7 @@ def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bo
         evaluate(grid, x, slope)
         if n == m:
             root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
-            step = max(min(step, root * root), TUNING.shortest_path_step)
+            step = max(min(step, root * root), process.shortest)
         move(x[:n], process.parameters, f)
         z = np.empty(m)
         for j in range(m):

@@ -1,0 +1,99 @@
+"""Predict the probability of a collision from the weighted samples of a plan.
+
+It has two parts. With a finite final cost phi the law accepts collisions: their share is the weight of samples that end
+in a wall. And a control that is held for a step h is not the law of continuous time, which turns round at every wall.
+Beside a flat wall at a distance c the law's drift is b^2 / c, so that one held step ends behind the wall with the
+probability Phi(-(a + 1 / a)), a = c / (b sqrt(h)). Optimal paths have a density like c^2 there. A path that comes
+within d of the wall with a chance of r d (`Paths.exposure`, small d) then collides with a chance of r d for
+
+    d = 2 b sqrt(h) integral of Phi(-(a + 1 / a + m / (b sqrt(h)))) a^2 da,
+
+m being a margin between walls that plans keep from and those that are hit. The wall seems nearer by d, as a barrier
+does at which one looks from time to time only (Broadie, Glasserman and Kou 1997). Fewer held paths are near the wall,
+so this is a bound, to first order in sqrt(h). It holds where noise acts on the position. Where it acts on derivatives
+of it, a held step ends off its path by O(h^(3/2)), and nothing is added.
+
+Samples head for the goal. A law that ends in a wall on purpose, which is optimal where phi is less than the cost to go,
+is not among them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import ndtr
+
+from pirrht.arrays import BoolArray
+from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.weights import deviation, normalised
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+
+NEAR, CLOSEST = np.arange(0.005, 8.0, 0.01), 0.08  # a of the integral; below the second the drift stays constant
+
+
+class CollisionProbability(NamedTuple):
+    """Probability of a collision until the goal, predicted at one state."""
+
+    probability: float  # 0 to 1
+    error: float  # its standard error
+    accepted: float  # part of it that a finite phi accepts
+    held: float  # part of it that holding the control adds
+    classes: dict[str, float]  # probability by class of the path, given the class
+
+    @property
+    def most(self) -> float:
+        """Upper bound of a one-sided confidence of 95 %."""
+        return min(1.0, self.probability + 1.645 * self.error)
+
+
+def offset(step: float, margin: float = 0.0) -> float:
+    """Return d / b, by which walls seem nearer to a law held for a step [s] with a margin m / b [sqrt(s)].
+
+    Examples:
+        >>> round(offset(1.0), 4), round(offset(1.0, 1.0), 4)
+        (0.1001, 0.0045)
+    """
+    a = NEAR
+    behind = ndtr(-(a + 1.0 / np.maximum(a, CLOSEST) + margin / math.sqrt(step)))
+    return 2.0 * math.sqrt(step) * float(np.sum(behind * a * a) * (a[1] - a[0]))
+
+
+def collision_probability(
+    problem: Problem, estimate: Estimate, *, step: float, margin: float = 0.0, classes: Mapping[int, str] | None = None
+) -> CollisionProbability:
+    """Predict the probability that a run from the state of an estimate ends in a collision.
+
+    Args:
+        step: time for which a control is held [s]: a physics step, or the period where plans are held.
+        margin: distance that plans keep from walls on top of the robot's radius [m].
+        classes: additive class keys to names.
+    """
+    x, d = estimate.rollouts.origin.x, problem.dynamics
+    B = np.zeros((d.n, d.m))
+    B[d.n - d.rows :] = d.B_c(x)
+    noise = float(np.linalg.norm(B[:2], 2))
+    per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
+    parts = estimate.parts
+    weight = normalised(np.concatenate([part.log_weight for part in parts]))[0]
+    ended = np.concatenate([part.paths.outcome for part in parts]) == Outcome.COLLISION
+    held = np.where(ended, 0.0, per_exposure * np.concatenate([part.paths.exposure for part in parts]))
+    key = np.concatenate([part.paths.key for part in parts])
+
+    def probabilities(chosen: BoolArray) -> tuple[float, float]:
+        """Return what is accepted, and what holding adds, among the chosen samples."""
+        total = max(float(weight[chosen].sum()), 1e-300)
+        added = float(weight[chosen] @ held[chosen]) / total
+        return float(weight[chosen & ended].sum()) / total, 1.0 - math.exp(-added)
+
+    accepted, added = probabilities(np.ones(len(weight), dtype=np.bool_))
+    terms = weight * (ended + (1.0 - added) * (held + math.log1p(-added)) - accepted)
+    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
+    return CollisionProbability(
+        probability=min(1.0, accepted + added), accepted=accepted, held=added,
+        error=float(deviation(terms[:, None], first, parts[0].tables.mirrored)[0]),
+        classes={name: min(1.0, sum(probabilities(key == code))) for code, name in (classes or {}).items()},
+    )  # fmt: skip

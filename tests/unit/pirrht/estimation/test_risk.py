@@ -1,0 +1,74 @@
+"""The predicted probability of a collision against closed forms, the exact law and the envelope theorem."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from pirrht.control.controller import Controller
+from pirrht.estimation.risk import collision_probability, offset
+from pirrht.exact.desirability import Desirability
+from pirrht.jit.streams import exposure
+from sim.scenario import prepare
+
+STEP = 0.002  # of the physics [s]
+
+
+def chance_of_a_held_chain(margin: float, far: float = 20.0, points: int = 1500) -> float:
+    """x P(x' = x + 1/x + N(0, 1) ever ends below -margin | x) for large x, by its linear equation."""
+    x = -margin + (np.arange(points) + 0.5) * (far + margin) / points
+    ahead, width = x + 1.0 / np.maximum(x, 0.08), x[1] - x[0]
+    moves, ends = norm.pdf(x - ahead[:, None]) * width, norm.cdf(-margin - ahead)
+    beyond = far + (np.arange(400) + 0.5) * width  # there it falls like 1/x
+    moves[:, -1] += np.sum(norm.pdf(beyond - ahead[:, None]) * width * far / beyond, axis=1)
+    return float(np.linalg.solve(np.eye(points) - moves, ends)[-1] * x[-1])
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.5, 1.0, 2.0])
+def test_the_offset_bounds_the_chance_that_a_held_chain_beside_a_wall_collides_within_a_tenth(margin):
+    exact = chance_of_a_held_chain(margin)
+    assert exact < offset(1.0, margin) < 1.1 * exact
+
+
+def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses():
+    c, d, b, span, near = 0.02, 0.03, 0.2, 0.01, 1e-5
+
+    def missed(shift: float) -> float:
+        return 1.0 - math.exp(-2.0 * (c - shift) * (d - shift) / (b * b * span))
+
+    found = exposure(*(np.float32(v) for v in (c, d, b, span)))
+    assert found * near / b == pytest.approx(1.0 - missed(near) / missed(0.0), rel=2e-3)
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2])
+def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise):
+    scenario = prepare("slit", margin=0.0, given={"noise": noise, "samples": 2000})
+    controller = Controller(
+        scenario.problem, scenario.space, scenario.grown_tree(), scenario.sampling, rng=np.random.default_rng(1)
+    )
+    estimate = controller.plan(scenario.start).estimate
+    assert estimate is not None
+    predicted = collision_probability(scenario.problem, estimate, step=STEP)
+    exact, error = Desirability.of(scenario.problem, scenario.space).collision_probability(
+        scenario.start, 8000, step=STEP
+    )
+    assert predicted.probability == pytest.approx(exact, rel=0.15, abs=3.0 * math.hypot(error, predicted.error))
+    assert predicted.accepted == 0.0
+
+
+def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wall(slit, slit_tree):
+    problem = replace(slit.problem, phi=7.0)
+    settings = replace(slit.sampling, samples=2000, guide="open-loop")
+    controller = Controller(problem, slit.space, slit_tree, settings, rng=np.random.default_rng(2))
+    plan = controller.plan(slit.start)
+    assert plan.estimate is not None
+    predicted = collision_probability(problem, plan.estimate, step=STEP, classes=plan.classes)
+    (part,) = plan.estimate.parts
+    weight = np.exp(part.log_weight - part.log_weight.max())
+    assert 0.0 < predicted.accepted == pytest.approx(weight[part.paths.outcome == 2].sum() / weight.sum())
+    assert predicted.accepted < predicted.probability <= predicted.most
+    assert set(predicted.classes) == set(plan.classes.values())
