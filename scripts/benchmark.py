@@ -11,6 +11,8 @@
                                             standard errors that they claim? --part car: v of the car;
                                             --part moving: at random states and times among bodies;
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
+    python scripts/benchmark.py risk        predicted probability of a collision against the exact law, held for a
+                                            physics step, at random states of random scenes; --part moving
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
@@ -35,8 +37,9 @@ PARTS = {
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
+    "risk": (None, "moving"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "mass", "maps", "presets", "trace")
+TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
 
 
 def main() -> int:

@@ -1,0 +1,83 @@
+"""Choose the least safety margin with which a run collides with at most a given probability."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pirrht.errors import NoReference, OptionError, SceneError
+from pirrht.estimation.risk import CollisionProbability, collision_probability
+from sim.scenario.scenario import Scenario
+
+ROUNDS = 6  # margins that are tried
+FINEST = 1e-4  # margins are whole multiples of this [m]
+WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
+DRAWN = 4  # times the samples of a plan: this estimate is made once per run
+
+
+def predicted(scenario: Scenario, margins: tuple[float, ...] = (0.0,)) -> list[CollisionProbability] | None:
+    """Predict the probability of a collision of a run, by one plan at its start, for margins besides its own [m].
+
+    None: the robot is blocked there, or its noise does not act on the position, for which nothing is predicted.
+    """
+    dynamics, s = scenario.problem.dynamics, scenario.settings
+    if not dynamics.noisy_position or s.exit != "bridge":
+        return None
+    many = scenario.with_settings(samples=DRAWN * s.samples)
+    driver = many.controller(many.grown_tree())
+    driver.begin(many.start)
+    plan = driver.plan(many.start)
+    if plan.estimate is None:
+        return None
+    step = float(scenario.loaded.model.opt.timestep)
+    return [
+        collision_probability(
+            many.problem, plan.estimate, step=step, margin=scenario.margin + more, classes=plan.classes
+        )
+        for more in margins
+    ]
+
+
+def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> Scenario:
+    """Return the scenario of the least margin whose upper bound of the probability of a collision is at most `risk`.
+
+    The next margin is chosen by the samples of the plan with the last one: from their walls the true ones move away.
+
+    Args:
+        at: makes the scenario with a margin [m].
+        stop: whether it is an error if no margin keeps the risk; else the one that comes nearest is taken.
+
+    Raises:
+        OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
+    """
+    scenario = at(0.0)
+    spread = float(np.linalg.norm(scenario.problem.dynamics.B_c(scenario.start)[:2], 2))
+    widest = WIDEST * spread * float(np.sqrt(scenario.loaded.model.opt.timestep))
+    more = tuple(np.arange(0.0, widest + FINEST, FINEST).tolist())
+    nearest: tuple[float, Scenario] | None = None
+    for _ in range(ROUNDS):
+        found = predicted(scenario, more)
+        if found is None:
+            break
+        most = found[0].most
+        if nearest is None or most < nearest[0]:
+            nearest = most, scenario
+        if most <= risk:
+            return scenario
+        enough = next((m for m, one in zip(more[1:], found[1:], strict=True) if one.most <= risk), more[-1])
+        try:
+            scenario = at(round(scenario.margin + enough, 4))
+            scenario.references(scenario.grown_tree())
+        except (NoReference, SceneError):  # no way is as wide as that
+            break
+    if nearest is None:
+        raise OptionError(
+            "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
+        )
+    if stop:
+        raise OptionError(
+            f"--risk is {risk:g}; with a margin of {nearest[1].margin:g} m the probability of a collision is at most "
+            f"{nearest[0]:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
+        )
+    return nearest[1]
