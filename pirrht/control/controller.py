@@ -63,11 +63,12 @@ class Controller(Policy):
     def __init__(
         self, problem: Problem, space: FreeSpace, tree: HomologyTree | None, sampling: Sampling, *,
         method: str = "pi-rrht", shortened: bool = True, consistency: float = 0.8, between: str = "classes",
-        homology: Homology | None = None, predict: ConstantVelocity | None = None, tuning: ControlTuning = TUNING,
-        propose: Sequence[Propose] = (), backend: Backend | None = None, rng: np.random.Generator,
+        held: float | None = None, homology: Homology | None = None, predict: ConstantVelocity | None = None,
+        tuning: ControlTuning = TUNING, propose: Sequence[Propose] = (), backend: Backend | None = None,
+        rng: np.random.Generator,
     ) -> None:  # fmt: skip
         self.settings = ControlSettings(
-            method=method, shortened=shortened, consistency=consistency, between=between, tuning=tuning
+            method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
         )
         self.predict, self.rng = predict, rng
         self._enter(problem, space, tree, sampling, homology, propose, backend)
@@ -98,6 +99,7 @@ class Controller(Policy):
         """
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
+        x = self._off_walls(x)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = of_tree.extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
@@ -112,6 +114,16 @@ class Controller(Policy):
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
+
+    def _off_walls(self, x: Array) -> Array:
+        """Return the nearest state that plans can begin at, where noise has carried x (n,) into the safety margin."""
+        world, gap = self.path_integral.setup.world, self.settings.tuning.off_walls * self.space.scene.robot_radius
+        x, tries = x.copy(), 4  # a second wall may be near
+        while tries > 0 and world.clearance(x[0], x[1], self.run.now) <= 0.0:
+            c, nx, ny, *_ = world.walls(x[0], x[1], self.run.now)[0]
+            x[:2] += (gap - c) * np.array([nx, ny])
+            tries -= 1
+        return x
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
         """Return what a plan at x (n,) samples; see `ProposalBuilder.batch`."""

@@ -5,6 +5,7 @@ A tree must fit the problem; it gives one path per class, and grows anew in anot
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -13,7 +14,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.baselines import follow_best
-from pirrht.control.plan import Plan, controls_followed, pooled
+from pirrht.control.held import HeldLaw
+from pirrht.control.plan import Law, Plan, controls_followed, pooled
 from pirrht.control.policy import ClassFromStart, RunState, from_start
 from pirrht.control.prediction import favourite_path
 from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
@@ -284,11 +286,16 @@ def plan_of(
         memory.mixture = pooled(
             integral.problem, memory.mixture, estimate, followed, push, run.since_estimate, settings.tuning
         )
-    law, run.halt = memory.mixture, None
+    mixture, run.halt = memory.mixture, None
+    law: Law | None = mixture
+    if mixture is not None and settings.held is not None and push.offset > 0.0:
+        spread = integral.problem.dynamics.position_spread(x) * math.sqrt(settings.held)
+        if spread > 0.0:
+            law = HeldLaw(mixture, push, settings.held, spread)
     plan = Plan(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
         replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.time, push=push,
-        shares=None if law is None else law.weights(x, 0.0), followed=memory.followed, space=integral.space,
+        shares=None if mixture is None else mixture.weights(x, 0.0), followed=memory.followed, space=integral.space,
         movers=run.movers,
     )  # fmt: skip
     run.planned, run.since_plan, run.since_estimate = True, 0.0, 0.0

@@ -67,6 +67,7 @@ class ControlTuning(NamedTuple):
     elsewhen: float = 0.1  # a run that begins so much later than its tree assumes regrows it
     regrowth: int = 400  # vertices that such a tree gains, about a third of a usual one
     thorough: int = 4  # cheapest classes whose first guides are improved from all initialisations; each takes 10 ms
+    off_walls: float = 0.01  # clearance of a plan that begins in the safety margin, in radii of the robot
     # Decisions
     decided: float = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
 
@@ -81,6 +82,7 @@ class ControlSettings:
     method: str = "pi-rrht"
     shortened: bool = True  # shorten references inside their class
     consistency: float = 0.8  # factor on the value of the class followed so far under "best-class"
+    held: float | None = None  # time for which the plant holds a control between plans [s]; None: it does not
     between: str = "classes"  # until the next plan follow the state by "classes", or "hold" the control (paper)
     tuning: ControlTuning = TUNING
 

@@ -21,10 +21,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import ndtr
 
 from pirrht.arrays import BoolArray
 from pirrht.estimation.estimate import Estimate
@@ -32,7 +32,8 @@ from pirrht.estimation.weights import deviation, normalised
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 
-NEAR, CLOSEST = np.arange(0.005, 8.0, 0.01), 0.08  # a of the integral; below the second the drift stays constant
+FINE, FARTHEST = 0.02, 8.0  # step and end of the integral over a
+CLOSEST = 0.45  # a below which the drift is constant (`control.held`)
 
 
 class CollisionProbability(NamedTuple):
@@ -50,6 +51,7 @@ class CollisionProbability(NamedTuple):
         return min(1.0, self.probability + 1.645 * self.error)
 
 
+@lru_cache(256)
 def offset(step: float, margin: float = 0.0) -> float:
     """Return d / b, by which walls seem nearer to a law held for a step [s] with a margin m / b [sqrt(s)].
 
@@ -57,9 +59,10 @@ def offset(step: float, margin: float = 0.0) -> float:
         >>> round(offset(1.0), 4), round(offset(1.0, 1.0), 4)
         (0.1001, 0.0045)
     """
-    a = NEAR
-    behind = ndtr(-(a + 1.0 / np.maximum(a, CLOSEST) + margin / math.sqrt(step)))
-    return 2.0 * math.sqrt(step) * float(np.sum(behind * a * a) * (a[1] - a[0]))
+    total = 0.0
+    for a in np.arange(FINE / 2.0, FARTHEST, FINE).tolist():
+        total += 0.5 * math.erfc((a + 1.0 / max(a, CLOSEST) + margin / math.sqrt(step)) / math.sqrt(2.0)) * a * a
+    return 2.0 * math.sqrt(step) * total * FINE
 
 
 def collision_probability(
@@ -72,10 +75,7 @@ def collision_probability(
         margin: distance that plans keep from walls on top of the robot's radius [m].
         classes: additive class keys to names.
     """
-    x, d = estimate.rollouts.origin.x, problem.dynamics
-    B = np.zeros((d.n, d.m))
-    B[d.n - d.rows :] = d.B_c(x)
-    noise = float(np.linalg.norm(B[:2], 2))
+    noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
     per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
     parts = estimate.parts
     weight = normalised(np.concatenate([part.log_weight for part in parts]))[0]

@@ -183,6 +183,12 @@ class Dynamics(ABC):
             return self._block(self.diffusion_block, x)
         return np.asarray(self.G_c(x) @ self.input_noise)
 
+    def position_spread(self, x: Array) -> float:
+        """Deviation that noise gives the position at x (n,) in its worst direction [m/sqrt(s)]."""
+        B = np.zeros((self.n, self.m))
+        B[self.n - self.rows :] = self.B_c(x)
+        return float(np.linalg.norm(B[:2], 2))
+
     def noise_form(self, x: Array) -> tuple[Array, Array]:
         """Matrices (m, m) by which a control u and noise enter together: G_c and B_c, in input form I and s."""
         return (self.G_c(x), self.B_c(x)) if self.input_noise is None else (np.eye(self.m), self.input_noise)

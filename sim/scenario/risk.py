@@ -52,7 +52,7 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
         OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
     """
     scenario = at(0.0)
-    spread = float(np.linalg.norm(scenario.problem.dynamics.B_c(scenario.start)[:2], 2))
+    spread = scenario.problem.dynamics.position_spread(scenario.start)
     widest = WIDEST * spread * float(np.sqrt(scenario.loaded.model.opt.timestep))
     more = tuple(np.arange(0.0, widest + FINEST, FINEST).tolist())
     nearest: tuple[float, Scenario] | None = None

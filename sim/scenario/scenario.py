@@ -248,8 +248,8 @@ class Scenario:
         sampling = self._at_once() if s.method in ("single", "passive") else self.sampling
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
-            between=s.between, homology=self.homology, predict=self._prediction(trees=s.method not in TREELESS),
-            rng=np.random.default_rng(self._seeds()[1]),
+            between=s.between, held=float(self.loaded.model.opt.timestep), homology=self.homology,
+            predict=self._prediction(trees=s.method not in TREELESS), rng=np.random.default_rng(self._seeds()[1]),
         )  # fmt: skip
 
     def mppi(self) -> Mppi:
