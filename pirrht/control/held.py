@@ -7,7 +7,7 @@ a few deviations, and in a gap by half of the way to its middle line.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,8 @@ THROW = (
 NEAR = 6.0  # deviations of a step from a wall beyond which the drift is small
 
 
-class HeldLaw(NamedTuple):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class HeldLaw:
     """A law whose controls are held for a step, and move the robot off a wall no farther than that can help."""
 
     law: Law
