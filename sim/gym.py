@@ -29,7 +29,6 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from sim.drive.metrics import EpisodeMetrics, Frame, Period
-from sim.drive.result import DriveResult
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
@@ -132,19 +131,15 @@ class Drive(gymnasium.Env[Array, Array]):
         over = outcome in (Outcome.GOAL, Outcome.COLLISION)
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
 
-    def figures(self) -> DriveResult:
-        """Return the figures of this run so far as a record.
+    def result(self) -> dict[str, Any]:
+        """Return the figures of this run so far, as `pirrht run --json` has them.
 
         Raises:
             OptionError: nothing has been driven yet.
         """
         if self.frame is None:
             raise OptionError("nothing has been driven yet; call reset() and step() first")
-        return self.frame.metrics.result()
-
-    def result(self) -> dict[str, Any]:
-        """Return the figures of this run so far, as `pirrht run --json` has them."""
-        return self.figures().json()
+        return self.frame.metrics.json()
 
     def _info(self) -> dict[str, Any]:
         frame = self.frame
@@ -212,7 +207,7 @@ def _scored(env: gymnasium.Env[Any, Any], drive: Drive, policy: Any, key: dict[s
             _check(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
         x, _, terminated, truncated, _ = env.step(action)
         step, over = step + 1, terminated or truncated
-    record = runs.finished(key, drive.scenario, drive.figures(), time.perf_counter() - began)
+    record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began)
     return {**record, "samples": None, "dt": None}  # they are the policy's own affair
 
 

@@ -15,9 +15,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError
-from sim.drive.executor import Executor
+from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
-from sim.drive.plant import Advance, Control
 from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
 from sim.play.driver import Built, Live
