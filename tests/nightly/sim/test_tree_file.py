@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.sim.test_tree_file import again, assert_equal_references, assert_equal_trees, packed, signed, unpacked
+from unit.sim.test_tree_file import again, assert_equal_references, assert_equal_trees, packed, repacked, unpacked
 
 from pirrht.errors import OptionError
 from sim import tree_file
@@ -23,4 +23,4 @@ def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
         states = arrays["states"].copy()
         states[vertex, component] = np.nan
         with pytest.raises(OptionError, match="states and costs are not numbers"):
-            tree_file.load(signed({**arrays, "states": states}), tree.space, tree.steering)
+            tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)
