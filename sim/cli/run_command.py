@@ -227,8 +227,8 @@ class Live:
 
             self.close()
             built, self._space = self._game.live.built, frame.plan.space
-            scenario = built.world.scenario
-            shown, about = (scenario.loaded, built.tree, built.driver.path_integral), settings_json(scenario)
+            scenario = built.scenario
+            shown, about = (scenario.loaded, built.driver.tree, built.driver.path_integral), settings_json(scenario)
             self._recorders = [Recorder(*shown, Sinks(connect=url), settings=about) for url in self._urls]
         for recorder in self._recorders:
             recorder.log(frame, frame.news)
