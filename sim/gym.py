@@ -199,7 +199,7 @@ def score(
                 x, _, terminated, truncated, _ = env.step(action)
                 step, over = step + 1, terminated or truncated
             assert drive.frame is not None
-            record = runs.finished(key, drive.scenario, drive.frame.metrics.result(), time.perf_counter() - began)
+            record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began)
             records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])
     return records

@@ -22,7 +22,7 @@ from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
-from sim.drive.executor import Advance, Control, Executor
+from sim.drive.executor import Executor
 from sim.drive.metrics import Frame
 from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
