@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import pirrht
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
-from sim.drive.metrics import explained as figures
+from sim.drive.result import explained as figures
 from sim.options import DAILY, check, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option

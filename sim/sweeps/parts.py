@@ -15,7 +15,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.drive.metrics import FIGURES, columns
+from sim.drive.result import FIGURES, columns
 from sim.files import why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated

@@ -14,7 +14,8 @@ from pirrht.outcome import Outcome
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
 from sim.drive.executor import Advance
-from sim.drive.metrics import FIGURES, EpisodeMetrics, Frame, Period, ending, explained
+from sim.drive.metrics import EpisodeMetrics, Frame, Period, ending
+from sim.drive.result import FIGURES, explained
 from sim.rehearsal import rehearse, small_of
 from sim.scenario import Scenario, prepare
 from sim.sweeps import runs
