@@ -30,6 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         missing = [one for one in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(one) is None]
         if missing:
             raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
+        parser.check_outputs(arguments)
         from sim.cli import commands
 
         with ending.unwinding():
