@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator
 from contextlib import closing
 
@@ -10,10 +9,11 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.policy import Policy
+from pirrht.exact.desirability import Desirability
 from sim.drive import realtime
-from sim.drive.clock import Clock
-from sim.drive.metrics import EpisodeMetrics, Frame, Period
-from sim.drive.plant import Plant
+from sim.drive.executor import Plant
+from sim.drive.metrics import EpisodeMetrics, Frame, Period, TimedPlan
+from sim.drive.realtime import Clock
 
 __all__ = ["Frame", "run"]
 
@@ -22,7 +22,7 @@ MOST_VERTICES = 1_000_000  # of a tree that grows during a run: some GiB of memo
 
 def run(
     plant: Plant, policy: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int | None = None,
-    clock: Clock | None = None,
+    clock: Clock | None = None, grid: Desirability | None = None,
 ) -> Generator[Frame]:  # fmt: skip
     """Drive from start until the goal, a collision or max_time [s].
 
@@ -30,12 +30,13 @@ def run(
         grow: vertices that the policy's tree gains per period, until it has MOST_VERTICES; None: none, by a clock as
             many as there is time for.
         clock: goes on while plans are made (`realtime`); None: the plant waits for them.
+        grid: the exact solution, with which every control is compared.
 
     Raises:
         NoReference: already the start has no reference.
     """
     plant.reset(start)
-    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time)
+    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid)
     if clock is None:
         periods = _in_turn(plant, policy, rng, grow or 0)
     else:
@@ -52,12 +53,9 @@ def _in_turn(plant: Plant, policy: Policy, rng: np.random.Generator, grow: int) 
     """Plan and drive by turns."""
     policy.begin(plant.state)
     while True:
-        began = time.perf_counter()
-        plan = policy.plan(plant.state)
-        seconds, tree = time.perf_counter() - began, policy.tree
-        vertices = 0 if tree is None else tree.size
-        advance = plant.advance(plan.at, rng)
+        made = TimedPlan.of(policy, plant.state)
+        advance = plant.advance(made.plan.at, rng)
         policy.observe(advance.states, advance.time)
-        yield Period(plan=plan, advance=advance, plan_seconds=seconds, vertices=vertices, run=policy.run)
+        yield Period(**vars(made), advance=advance)
         if policy.tree is not None and grow:
-            policy.tree.grow(min(vertices + grow, MOST_VERTICES))
+            policy.tree.grow(min(made.vertices + grow, MOST_VERTICES))

@@ -1,25 +1,21 @@
-"""Triangles of COLLADA files (.dae), placed as Gazebo places them.
-
-Gazebo applies the unit of length and the transforms of the nodes, and ignores `<up_axis>`.
-"""
+"""Triangles of COLLADA files (.dae), placed by unit and nodes as in Gazebo, which ignores `<up_axis>`."""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.sdf_files import parse
-from sim.mjcf.limits import MOST_NESTED, MOST_NODES, MOST_TRIANGLES
+from sim.mjcf.limits import MOST_ELEMENTS, MOST_TRIANGLES
 
-Faces = NDArray[np.int64]
+_INSIDE = ("node", "skin", "instance_node", "instance_geometry", "instance_controller")
 
 
 def read_collada(path: Path, name: str = "") -> Array:
@@ -28,94 +24,55 @@ def read_collada(path: Path, name: str = "") -> Array:
         root = parse(path, "a COLLADA file")
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
-        ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-        found = list(_Document(root, name, ids).triangles())
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
-        return unit * np.concatenate([np.empty((0, 3, 3)), *found])
-    except (ValueError, LookupError, OverflowError, RecursionError, StopIteration, RuntimeError) as error:
+        return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
+    except (ValueError, LookupError, OverflowError, AttributeError) as error:
         reason = " ".join(str(error).split())[:100]
         raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
 
 
-@dataclass(slots=True)
-class _Document:
-    root: ET.Element
-    name: str
-    ids: dict[str, ET.Element]
-    nodes: int = 0
-    count: int = 0  # of triangles
-    shapes: dict[str, Array] = field(default_factory=dict)  # triangles by id of the geometry
-
-    def triangles(self) -> Iterator[Array]:
-        """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
-        scene = self.root.find("scene/instance_visual_scene")
-        if scene is None:
-            geometries = self.root.iterfind("library_geometries/geometry")
-            yield from (self._shape(geometry) for geometry in geometries if self._named(geometry))
-        else:
-            for node in self._at(scene).findall("node"):
-                yield from self._node(node, np.eye(4), not self.name, 0)
-
-    def _at(self, element: ET.Element, key: str = "url") -> ET.Element:
-        return self.ids[element.get(key, "")]
-
-    def _named(self, element: ET.Element) -> bool:
-        return self.name in ("", element.get("name"), element.get("id"))
-
-    def _node(self, node: ET.Element, pose: Array, wanted: bool, depth: int) -> Iterator[Array]:
-        self.nodes += 1
-        if self.nodes > MOST_NODES or depth > 2 * MOST_NESTED:
-            raise ValueError(f"more than {MOST_NODES} nodes, or nested deeper than {2 * MOST_NESTED}")
-        wanted = wanted or self._named(node)
-        for part in node:
+def _placed(root: ET.Element, name: str) -> Iterator[Array]:
+    """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
+    ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+    shapes: dict[ET.Element, Array] = {}
+    elements = triangles = 0
+    scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
+    todo = [(element, np.eye(4), not name) for element in scene]
+    while todo:
+        element, pose, wanted = todo.pop()
+        if element.tag == "skin" or element.tag.startswith("instance_"):
+            element = ids[element.get("url", element.get("source", ""))]
+        wanted = wanted or name in (element.get("name"), element.get("id"))
+        if element.tag == "geometry" and wanted:
+            if element not in shapes:
+                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids)])
+            yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
+        elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
+        if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
+            raise ValueError(f"its instances have more than {MOST_ELEMENTS} elements or {MOST_TRIANGLES} triangles")
+        for part in element:
             pose = pose @ _matrix(part)
-        for part in node:
-            if part.tag in ("node", "instance_node"):
-                inner = part if part.tag == "node" else self._at(part)
-                yield from self._node(inner, pose, wanted, depth + 1)
-            elif part.tag in ("instance_geometry", "instance_controller"):
-                geometry = self._at(part)
-                skin = geometry.find("skin")
-                geometry = geometry if skin is None else self._at(skin, "source")
-                if wanted or self._named(geometry):
-                    yield self._shape(geometry) @ pose[:3, :3].T + pose[:3, 3]
-
-    def _shape(self, geometry: ET.Element) -> Array:
-        key = geometry.get("id", "")
-        if key not in self.shapes:
-            self.shapes[key] = np.concatenate([np.empty((0, 3, 3)), *self._primitives(geometry)])
-        self.count += len(self.shapes[key])
-        if self.count > MOST_TRIANGLES:
-            raise ValueError(f"more than {MOST_TRIANGLES} triangles")
-        return self.shapes[key]
-
-    def _primitives(self, geometry: ET.Element) -> Iterator[Array]:
-        for part in geometry.iterfind("mesh/*"):
-            inputs = {one.get("semantic"): one for one in part.findall("input")}
-            if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
-                stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
-                first = int(inputs["VERTEX"].get("offset", 0))
-                for indices in part.iter("p"):
-                    corners = _whole(indices.text)[first::stride]
-                    yield self._points(inputs["VERTEX"])[_faces(part, corners)]
-
-    def _points(self, source: ET.Element) -> Array:
-        vertices = self._at(source, "source")
-        block = self._at(next(one for one in vertices.findall("input") if one.get("semantic") == "POSITION"), "source")
-        accessor = block.find("technique_common/accessor")
-        stride = 3 if accessor is None else int(accessor.get("stride", 3))
-        return _numbers(block.findtext("float_array")).reshape(-1, stride)[:, :3]
+        todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
 
 
-def _numbers(text: str | None) -> Array:
-    return np.array((text or "").split(), dtype=float)
-
-
-def _whole(text: str | None) -> Faces:
-    values = np.array((text or "").split(), dtype=np.int64)
-    if np.any(values < 0):
-        raise ValueError("a negative index")
-    return values
+def _polygons(geometry: ET.Element, ids: dict[Any, Any]) -> Iterator[Array]:
+    """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
+    for part in geometry.iterfind("mesh/*"):
+        inputs = {one.get("semantic"): one for one in part.findall("input")}
+        if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
+            block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
+            width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
+            points = _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
+            stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
+            for indices in part.iter("p"):
+                corners = points[_numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]]
+                counts = np.array([len(corners)])
+                if part.tag in ("triangles", "polylist"):
+                    counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+                place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+                inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
+                before = inner - 1 if part.tag == "tristrips" else first[inner]
+                yield corners[np.stack([before, inner, inner + 1], axis=1)]
 
 
 def _matrix(part: ET.Element) -> Array:
@@ -133,17 +90,5 @@ def _matrix(part: ET.Element) -> Array:
     return matrix
 
 
-def _faces(part: ET.Element, indices: Faces) -> Faces:
-    """Split polygons of these corners into triangles (t, 3), around their first corners."""
-    if part.tag == "triangles":
-        return indices.reshape(-1, 3)
-    if part.tag == "tristrips":
-        return np.lib.stride_tricks.sliding_window_view(indices, 3)
-    counts = _whole(part.findtext("vcount")) if part.tag == "polylist" else np.array([len(indices)])
-    if counts.sum() != len(indices) or np.any(counts < 3):
-        raise ValueError("polygons of less than three corners, or more corners than indices")
-    triangles = counts - 2
-    begin = np.repeat(np.cumsum(counts) - counts, triangles)
-    step = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles)
-    fans: Faces = indices[np.stack([begin, begin + step + 1, begin + step + 2], axis=1)]
-    return fans
+def _numbers(text: str | None, kind: type = float) -> Array:
+    return np.array((text or "").split(), dtype=kind)

@@ -6,21 +6,20 @@ lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out ex
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
+from trimesh.graph import connected_component_labels
+from trimesh.intersections import slice_faces_plane
 from trimesh.triangles import area, cross
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError, SceneError
-from sim.importing.collada import Faces, read_collada
+from sim.importing.collada import read_collada
 from sim.importing.solids import FLAT, World, part_solid
 from sim.mjcf.limits import FARTHEST, content_of
 
@@ -33,71 +32,64 @@ _SAME = 1e-5  # corners closer than this are one, and points closer to a plane l
 _EMPTY = 1e-12  # area of no triangle [m2]
 
 
-@dataclass(frozen=True, slots=True)
-class MeshKey:
-    """Which mesh of which file."""
-
-    path: Path
-    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
-    name: str = ""  # of a submesh; empty for all
-    centred: bool = False  # the middle of its bounds becomes the origin
-    hull: bool = False  # its hull is asked for
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """Convex parts of one mesh."""
-
-    vertices: tuple[Array, ...]  # (v, 3) each, corners of the hull [m]
-    rough: float = 0.0  # how far a hull sticks out at most [m]; 0 if all are within `CONCAVE`
-
-
 def read_mesh(source: Path) -> World:
     """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
-    parts = split(MeshKey(source))
-    corners = _by_coacd(source) if parts.rough else parts.vertices
-    flat = np.vstack(corners)[:, :2]
+    parts, rough = split(source)
+    parts = _by_coacd(source) if rough else parts
+    flat = np.vstack(parts)[:, :2]
     ground = np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1).ravel()
-    solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(corners, 1))
+    solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(parts, 1))
     return World(kind="mesh", solids=solids, ground=ground)
 
 
-def _by_coacd(source: Path) -> tuple[Array, ...]:
+def _by_coacd(source: Path) -> list[Array]:
     try:
         import coacd
     except ImportError:
         raise OptionError(
             f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
         ) from None
-    triangles = _read(source, "")
-    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source, "")))
     coacd.set_log_level("error")
     closed = "off" if mesh.is_watertight else "auto"  # what is open is closed first, on a coarse grid
     try:
         found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, preprocess_mode=closed)
     except Exception as error:  # of a library in C++
         raise SceneError(f"{source}: CoACD finds no convex parts ({' '.join(str(error).split())})") from None
-    return tuple(np.asarray(corners, dtype=float) for corners, _ in found)
+    return [np.asarray(corners, dtype=float) for corners, _ in found]
 
 
-def split(key: MeshKey) -> Parts:
-    """Split a mesh into convex parts; SceneError if it is unreadable, of another format, or without triangles."""
-    triangles = _read(key.path, key.name)
+def split(
+    path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), name: str = "", *, centred: bool = False, hull: bool = False
+) -> tuple[list[Array], float]:
+    """Split a mesh, or its submesh of a name, into convex parts.
+
+    Args:
+        centred: whether the middle of its bounds becomes the origin.
+        hull: whether its hull is asked for.
+
+    Returns:
+        corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
+
+    Raises:
+        SceneError: it is unreadable, of another format, or without triangles.
+    """
+    triangles = _read(path, name)
     if not len(triangles):
-        which = f" under the name {key.name!r}" if key.name else ""
-        raise SceneError(f"{key.path}: it has no triangles{which}; export it again")
-    if key.centred:
+        which = f" under the name {name!r}" if name else ""
+        raise SceneError(f"{path}: it has no triangles{which}; export it again")
+    if centred:
         corners = triangles.reshape(-1, 3)
         triangles = triangles - (corners.min(axis=0) + corners.max(axis=0)) / 2
-    triangles = triangles * key.scale
+    triangles = triangles * scale
     if not np.all(np.abs(triangles) <= FARTHEST):
-        raise SceneError(f"{key.path}: corners are farther out than {FARTHEST:g} m; scale it down")
-    pieces = [] if key.hull else _pieces(triangles)
+        raise SceneError(f"{path}: corners are farther out than {FARTHEST:g} m; scale it down")
+    pieces = [] if hull else _pieces(triangles)
     parts = [part for piece in pieces for part in _convex(piece)] if len(pieces) <= MOST_PARTS else []
     if 0 < len(parts) <= MOST_PARTS:
-        return Parts(tuple(hull for hull, _ in parts), max(rough if rough > CONCAVE else 0.0 for _, rough in parts))
-    hull = _hull(triangles)
-    return Parts((_corners(hull),), 0.0 if key.hull else float(_depths(triangles, hull).max()))
+        return [corners for corners, _ in parts], max(rough if rough > CONCAVE else 0.0 for _, rough in parts)
+    whole = _hull(triangles)
+    return [_corners(whole)], 0.0 if hull else float(_depths(triangles, whole).max())
 
 
 def _read(path: Path, name: str) -> Array:
@@ -120,9 +112,12 @@ def _read(path: Path, name: str) -> Array:
 
 def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
     """Cut one connected surface (t, 3, 3) into convex parts: corners of each hull, and how far it sticks out."""
-    if np.einsum("ti,ti->", piece[:, 0], np.cross(piece[:, 1], piece[:, 2])) < 0:
+    if np.linalg.det(piece).sum() < 0:
         piece = piece[:, ::-1]  # normals outward
-    closed, count, todo = _is_closed(piece), 0, [piece]
+    faces = _indexed(piece)
+    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
+    closed = not np.any(np.unique(edges, axis=0, return_counts=True)[1] % 2)
+    count, todo = 0, [piece]
     while todo:
         part = todo.pop()
         hull = _hull(part)
@@ -130,8 +125,7 @@ def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
         if depths.max() > CONCAVE and count + len(todo) < MOST_CUTS:
             across = cross(part)
             face = int(np.argmax(np.where(depths > CONCAVE, depths, 0) * np.linalg.norm(across, axis=1) ** 0.5))
-            normal = across[face] / np.linalg.norm(across[face])
-            todo += [p for side in _cut(part, normal, part[face, 0] @ normal) for p in _pieces(side)]
+            todo += _cut(part, part[face, 0], across[face] / np.linalg.norm(across[face]))
             continue
         plates = [] if closed or hull.area <= _OPEN * area(part).sum() else list(_plates(part))
         for points in plates or [_corners(hull)]:
@@ -150,8 +144,7 @@ def _hull(triangles: Array) -> ConvexHull:
 
 
 def _corners(hull: ConvexHull) -> Array:
-    found: Array = hull.points[hull.vertices]
-    return found
+    return np.asarray(hull.points[hull.vertices])
 
 
 def _depths(triangles: Array, hull: ConvexHull) -> Array:
@@ -161,33 +154,19 @@ def _depths(triangles: Array, hull: ConvexHull) -> Array:
     depths = np.full(points.shape[1], np.inf)
     for *normal, offset in np.unique(hull.equations, axis=0):
         np.minimum(depths, -offset - np.array(normal) @ points, out=depths)
-    found: Array = np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :])
-    return found
+    return np.asarray(np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :]))
 
 
-def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
-    """Cut a surface with a plane: what lies behind it, and what lies before it, (t, 3, 3) each."""
-    heights = triangles @ normal - offset
+def _cut(triangles: Array, point: Array, normal: Array) -> list[Array]:
+    """Cut a surface with a plane through a point; what hangs together behind it, and what does before it."""
+    corners = triangles.reshape(-1, 3)
+    heights = (corners - point) @ normal
     heights[np.abs(heights) < _SAME] = 0.0
-    upper, lower = np.any(heights > 0, axis=1), np.any(heights < 0, axis=1)
-    flat = ~upper & ~lower
-    faces = cross(triangles) @ normal
-    behind, before = (lower & ~upper) | (flat & (faces > 0)), (upper & ~lower) | (flat & (faces <= 0))
-    crossing, h = triangles[upper & lower], heights[upper & lower]
-    above = h > 0
-    alone = np.where(above.sum(axis=1) == 1, np.argmax(above, axis=1), np.argmin(above, axis=1))
-    order = (alone[:, None] + np.arange(3)) % 3
-    (a, b, c), h = np.moveaxis(np.take_along_axis(crossing, order[..., None], 1), 1, 0), np.take_along_axis(h, order, 1)
-    p = a + (b - a) * (h[:, :1] / (h[:, :1] - h[:, 1:2]))
-    q = a + (c - a) * (h[:, :1] / (h[:, :1] - h[:, 2:]))
-    tip = np.stack([a, p, q], axis=1)
-    rest = np.concatenate([np.stack([p, b, c], axis=1), np.stack([p, c, q], axis=1)])
-    up = h[:, 0] > 0
-    both = np.concatenate([up, up])
-    return (
-        np.concatenate([triangles[behind], tip[~up], rest[both]]),
-        np.concatenate([triangles[before], tip[up], rest[~both]]),
-    )
+    faces, found = np.arange(len(corners)).reshape(-1, 3), []
+    for side in (-1, 1):
+        vertices, kept, _ = slice_faces_plane(corners, faces, side * normal, point, cached_dots=side * heights)
+        found += _pieces(vertices[kept])
+    return found
 
 
 def _plates(part: Array) -> Iterator[Array]:
@@ -208,21 +187,11 @@ def _pieces(triangles: Array) -> list[Array]:
     if not len(triangles):
         return []
     faces = _indexed(triangles)
-    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
-    size = int(faces.max()) + 1
-    group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(size, size)), directed=False)[1]
-    of_face = group[faces[:, 0]]
+    of_face = connected_component_labels(np.concatenate([faces[:, :2], faces[:, 1:]]))[faces[:, 0]]
     order = np.argsort(of_face, kind="stable")
     return np.split(triangles[order], np.flatnonzero(np.diff(of_face[order])) + 1)
 
 
-def _indexed(triangles: Array) -> Faces:
+def _indexed(triangles: Array) -> IntArray:
     corners = np.round(triangles.reshape(-1, 3) / _SAME)
     return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
-
-
-def _is_closed(triangles: Array) -> bool:
-    """Whether every edge belongs to an even number of triangles."""
-    faces = _indexed(triangles)
-    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
-    return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0))

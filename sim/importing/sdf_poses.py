@@ -1,9 +1,13 @@
-"""Frames of an SDF file: where its models, links and collisions are, whatever their poses refer to."""
+"""Frames of an SDF file: where its models, links and collisions are, whatever their poses refer to.
+
+Poses follow SDFormat 1.4 to 1.11: nested and included models, links, collisions, frames, `relative_to` and
+`placement_frame`. Poses of a state block take precedence, as in Gazebo: those of models and links are in world
+coordinates.
+"""
 
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
@@ -12,16 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.mjcf.limits import FARTHEST, MOST_NESTED
+from sim.mjcf.limits import FARTHEST
 
-_NAMED = ("model", "link", "frame")
 _LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
 _SHORTEST = 1e-9  # quaternion that still has a direction
-
-
-def label_of(element: ET.Element) -> str:
-    """How messages call an element."""
-    return f'{element.tag} "{element.get("name", "")}"'
 
 
 def is_true(text: str | None) -> bool:
@@ -50,126 +48,107 @@ def transform(values: Array, *, degrees: bool = False) -> Array:
     return matrix
 
 
-@dataclass(slots=True, eq=False)
-class Scope:
-    """A world, a model or a link with the frames that can be named in it."""
+class Frames:
+    """Where the elements below a world, or a model that is the origin, are.
 
-    element: ET.Element
-    path: Path  # of the file, for messages
-    own: Array  # (4, 4) its frame in the world
-    label: str = ""  # names from the world down, joined by ::
-    static: bool = False
-    state: ET.Element | None = None  # what a <state> block says of it
-    parent: Scope | None = None
-    depth: int = 0
-    _parts: dict[str, ET.Element] = field(default_factory=dict)
-    _known: dict[str, Array | None] = field(default_factory=dict)  # None: being resolved
+    Args:
+        path: of the file, for messages.
+    """
 
-    def __post_init__(self) -> None:
-        """Register the frames declared inside, whose names must differ."""
-        if self.depth > MOST_NESTED:
-            self.refuse(f"models are nested deeper than {MOST_NESTED}; flatten them")
-        for part in (part for part in self.element if part.tag in _NAMED):
-            name = part.get("name")
-            if not name or name in self._parts:
-                self.refuse(f'{label_of(part)} needs a name of its own; write name="..."')
-            self._parts[name] = part
-
-    @classmethod
-    def of_world(cls, world: ET.Element, path: Path) -> Scope:
-        """The outermost scope."""
-        state = world.find("state")
-        scope = cls(element=world, path=path, own=np.eye(4), state=state)
+    def __init__(self, root: ET.Element, path: Path) -> None:
+        self.root, self._path = root, path
+        self._parents = {part: parent for parent in root.iter() for part in parent}
+        self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
+        self._named: dict[ET.Element, dict[str, ET.Element]] = {}
+        state = root.find("state")
         for change in ("insertions", "deletions"):
             if state is not None and len(state.findall(f"{change}/*")):
-                scope.refuse(f"<state> has <{change}>; save the world anew or remove them")
-        return scope
+                self.refuse(root, f"<state> has <{change}>; save the world anew or remove them")
 
-    def refuse(self, reason: str) -> NoReturn:
-        """Raise the SceneError of something in this scope."""
-        where = f'in "{self.label}" ' if self.label else ""
-        raise SceneError(f"{self.path}: " + " ".join(f"{where}{reason}".split()))
+    def refuse(self, element: ET.Element, reason: str) -> NoReturn:
+        """Raise the SceneError of an element."""
+        what = "" if element is self.root else f'{element.tag} "{self.label(element)}": '
+        raise SceneError(f"{self._path}: " + " ".join(f"{what}{reason}".split()))
 
-    def child(self, model: ET.Element) -> Scope:
-        """The scope of a model declared here."""
-        return self._inner(model, self.static or is_true(model.findtext("static")))
+    def label(self, element: ET.Element) -> str:
+        """Join the names from the root down to an element by ::."""
+        if element is self.root:
+            return ""
+        return "::".join(filter(None, (self.label(self._parents[element]), element.get("name", ""))))
 
-    def link(self, link: ET.Element) -> Scope:
-        """The scope of a link declared here; names in it are looked up in its model."""
-        return self._inner(link, self.static)
+    def static(self, model: ET.Element) -> bool:
+        """Whether a model, or one that it is in, is said to stay."""
+        return model is not self.root and (is_true(model.findtext("static")) or self.static(self._parents[model]))
+
+    def named(self, scope: ET.Element) -> dict[str, ET.Element]:
+        """Return the models, links and frames declared in a world or model, whose names must differ."""
+        if scope not in self._named:
+            found = self._named[scope] = {}
+            for part in (part for part in scope if part.tag in ("model", "link", "frame")):
+                name = part.get("name")
+                if not name or name in found:
+                    self.refuse(part, 'it needs a name of its own; write name="..."')
+                found[name] = part
+        return self._named[scope]
 
     def pose(self, element: ET.Element) -> Array:
-        """Where an element declared here is in the world, (4, 4)."""
-        pose, base = element.find("pose"), ""
-        raw = np.eye(4) if pose is None else self._transform(pose, label_of(element))
-        if pose is not None:
-            base = pose.get("relative_to", "")
-            if pose.get("frame"):
-                self.refuse(f'{label_of(element)} has a pose in frame="{pose.get("frame")}"; write relative_to')
-        base = base or element.get("attached_to", "")
-        placed: Array = (self.resolve(base) if base else self.own) @ raw
-        frame = element.get("placement_frame") if element.tag == "model" else None
-        if frame:  # the pose is that of a frame inside
-            inside = self._inner(element, self.static, np.eye(4))
-            inside.state = None  # it speaks of the world
-            placed = placed @ np.linalg.inv(inside.resolve(frame))
-        return placed
-
-    def resolve(self, name: str) -> Array:
-        """The frame of that name in the world, (4, 4)."""
-        if self.element.tag == "link" and self.parent is not None:
-            return self.parent.resolve(name)
-        if name in ("__model__", "world"):
-            return self.own if name == "__model__" else np.eye(4)
-        first, _, rest = name.partition("::")
-        part = self._parts.get(first)
-        if part is None or (rest and part.tag != "model"):
-            known = ", ".join(self._parts) or "none"
-            self.refuse(f'a pose is relative to "{name}", which is not declared there ({known}); fix it')
-        return self.child(part).resolve(rest) if rest else self._place(part)
-
-    def _inner(self, part: ET.Element, static: bool, own: Array | None = None) -> Scope:
-        return Scope(
-            element=part,
-            path=self.path,
-            own=self._place(part) if own is None else own,
-            label="::".join(filter(None, (self.label, part.get("name", "")))),
-            static=static,
-            state=self._state_of(part),
-            parent=self,
-            depth=self.depth + 1,
-        )
-
-    def _place(self, part: ET.Element) -> Array:
-        """A model, link or frame declared here in the world; the state block has the last word."""
-        name = part.get("name", "")
-        if name not in self._known:
-            self._known[name] = None
-            state = self._state_of(part)
-            pose = None if state is None else state.find("pose")
-            self._known[name] = self.pose(part) if pose is None else self._transform(pose, label_of(part))
-        known = self._known[name]
+        """Return where an element is in the world, (4, 4)."""
+        if element not in self._poses:
+            self._poses[element] = None
+            self._poses[element] = self._placed(element)
+        known = self._poses[element]
         if known is None:
-            self.refuse(f"the pose of {label_of(part)} is relative to itself; fix its relative_to")
+            self.refuse(element, "its pose is relative to itself; fix its relative_to")
         return known
 
-    def _state_of(self, part: ET.Element) -> ET.Element | None:
-        if self.state is None or part.tag == "frame":
+    def resolve(self, name: str, scope: ET.Element) -> Array:
+        """Return the frame of a name used in a world, model or link, (4, 4)."""
+        scope = self._parents[scope] if scope.tag == "link" else scope
+        if name in ("__model__", "world"):
+            return self.pose(scope) if name == "__model__" else np.eye(4)
+        first, _, rest = name.partition("::")
+        part = self.named(scope).get(first)
+        if part is None or (rest and part.tag != "model"):
+            known = ", ".join(self.named(scope)) or "none"
+            self.refuse(scope, f'a pose in it is relative to "{name}", which is not declared there ({known}); fix it')
+        return self.resolve(rest, part) if rest else self.pose(part)
+
+    def _placed(self, element: ET.Element) -> Array:
+        """Work out a pose, in which the state block has the last word."""
+        parent, state = self._parents[element], self._state(element)
+        known = None if state is None else state.find("pose")
+        if known is not None:
+            return self._matrix(known, element)
+        pose = element.find("pose")
+        pose = ET.Element("pose") if pose is None else pose
+        if pose.get("frame"):
+            self.refuse(element, f'its pose is in frame="{pose.get("frame")}"; write relative_to')
+        base = pose.get("relative_to") or element.get("attached_to")
+        placed = (self.resolve(base, parent) if base else self.pose(parent)) @ self._matrix(pose, element)
+        frame = element.get("placement_frame") if element.tag == "model" else None
+        return placed @ np.linalg.inv(Frames(element, self._path).resolve(frame, element)) if frame else placed
+
+    def _state(self, element: ET.Element) -> ET.Element | None:
+        """Find what a state block says of a model or link."""
+        if element is self.root:
+            return element.find("state")
+        around = self._state(self._parents[element]) if element.tag in ("model", "link") else None
+        if around is None:
             return None
-        name = part.get("name", "")
-        names = (name, f"{self.label}::{name}")
-        state = next((s for s in self.state.findall(part.tag) if s.get("name") in names), None)
+        names = (element.get("name", ""), self.label(element))
+        state = next((one for one in around.findall(element.tag) if one.get("name") in names), None)
         scale = None if state is None else state.findtext("scale")
-        if scale is not None and not np.array_equal(numbers(scale, 3), [1, 1, 1]):  # type: ignore[arg-type]
-            self.refuse(f"<state> scales {label_of(part)} by {scale.strip()!r}; scale its sizes and write 1 1 1")
+        if scale is not None and (numbers(scale, 3) is None or np.any(numbers(scale, 3) != 1.0)):
+            self.refuse(element, f"<state> scales it by {scale.strip()!r}; scale its sizes and write 1 1 1")
         return state
 
-    def _transform(self, pose: ET.Element, what: str) -> Array:
-        """The matrix of a pose element, (4, 4)."""
+    def _matrix(self, pose: ET.Element, element: ET.Element) -> Array:
+        """Read the pose element of another element, (4, 4)."""
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
         values = numbers(text, 7 if quaternion else 6, _LOST)
-        turn = None if values is None else numbers(" ".join(text.split()[3:]), len(values) - 3)
-        if values is None or turn is None or (quaternion and np.linalg.norm(turn) < _SHORTEST):
-            self.refuse(f"{what} has <pose> {text[:60]!r}; write x y z and roll pitch yaw, none beyond {FARTHEST:g}")
+        far = values is None or np.any(np.abs(values[3:]) > FARTHEST)
+        if values is None or far or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+            must = f"write x y z and roll pitch yaw, none beyond {FARTHEST:g}"
+            self.refuse(element, f"its <pose> is {text[:60]!r}; {must}")
         return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))

@@ -27,10 +27,9 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim import tree_file
 from sim.drive import episode
-from sim.drive.clock import Clock
-from sim.drive.executor import Executor
+from sim.drive.executor import Analytic, Executor, Plant
 from sim.drive.metrics import Frame
-from sim.drive.plant import Analytic, Plant
+from sim.drive.realtime import Clock
 from sim.mjcf import Loaded
 from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
@@ -294,9 +293,14 @@ class Scenario:
         return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
-        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None
-    ) -> Generator[Frame]:
-        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; a frame per period."""
+        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
+        grid: Desirability | None = None,
+    ) -> Generator[Frame]:  # fmt: skip
+        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; a frame per period.
+
+        Args:
+            grid: the exact solution, with which every control is compared.
+        """
         s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
         clock = Clock() if s.real_time else None
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock)
+        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock, grid=grid)

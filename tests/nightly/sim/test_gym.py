@@ -162,26 +162,14 @@ def test_runs_of_another_task_are_not_mixed_in(swept, changes, what):
     assert what in str(caught.value)
 
 
-@pytest.mark.parametrize(
-    ("action", "what"),
-    [
-        (np.zeros(3), r"seed 4, step 0: the policy returned the shape \(3,\); expected .* shape \(2,\)"),
-        (1.0, r"the policy returned the shape \(\); expected .* shape \(2,\)"),
-        ("left", r"the policy returned 'left'; expected"),
-        (np.array([1.0, np.nan]), r"seed 4, step 0: the policy returned \[1.0, nan\]; a control must be finite"),
-    ],
-)
-def test_a_policy_that_returns_no_control_is_named_with_seed_and_step(action, what: str):
-    with pytest.raises(OptionError, match=what):
+@pytest.mark.parametrize("action", [np.zeros(3), 1.0, "left", np.array([1.0, np.nan])])
+def test_what_is_no_control_or_no_seed_is_named_and_moves_nothing(action):
+    with pytest.raises(OptionError, match=r"^seed 4, step 0: the policy returned .*; a control is finite .* \(2,\)$"):
         gym.score(lambda x: action, scene="slit", seeds=[4], method="m")
-
-
-def test_actions_that_are_no_control_and_seeds_that_are_none_are_refused_and_move_nothing():
     env = gym.Drive(**FAST)
     env.reset()
-    for action in ([np.nan, 0.0], [1.0], 1.0):
-        with pytest.raises(OptionError, match="must be 2 finite numbers"):
-            env.step(np.array(action))
+    with pytest.raises(OptionError, match="a control is finite"):
+        env.step(action)
     env.step(np.zeros(2))
     assert env.result()["steps"] == 1
     for seed in (-1, 0.5):

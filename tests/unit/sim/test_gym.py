@@ -68,7 +68,7 @@ def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: Ho
     env = gym.Drive("slit", noise=0.3, period=0.002)
     states, rewards, ends, info = driven(env, Following(scenario.controller(slit_tree)), seed=2)
     np.testing.assert_array_equal(states[1:], np.vstack([frame.advance.states for frame in frames]))
-    one, other = frames[-1].metrics.result().json(), env.result()
+    one, other = frames[-1].metrics.json(), env.result()
     for name in ("time", "cost", "path_length"):
         assert other[name] == pytest.approx(one[name], rel=1e-9)
     for name in ("outcome", "executed_class"):

@@ -16,10 +16,9 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from sim.cli import main
-from sim.play import drive, driver, events
+from sim.play import drive, events
 from sim.play.drive import LATENCY, Play, first
-from sim.play.events import Event, Move, Noise, Push
-from sim.play.world import World
+from sim.play.events import Event, Move, Noise, Push, World
 from sim.scenario import Scenario, prepare
 
 FEW = {"vertices": 150, "samples": 40, "max_time": 8.0}
@@ -121,7 +120,7 @@ def test_what_cannot_be_moved_or_planned_changes_no_plan_and_is_reported(monkeyp
     def nothing(world: World, before: object) -> None:
         raise OptionError("no plan here")
 
-    monkeypatch.setattr(driver, "build", nothing)
+    monkeypatch.setattr(drive, "build", nothing)
     play, frames, said = played(scenario(), event, until=0.6)
     assert len(said) == len(reasons)
     assert all(reason in line for reason, line in zip(reasons, said, strict=True))

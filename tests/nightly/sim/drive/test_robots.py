@@ -15,9 +15,8 @@ from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Executor
+from sim.drive.executor import Analytic, Executor
 from sim.drive.metrics import Length, spread
-from sim.drive.plant import Analytic
 from sim.mjcf import Loaded, load, models_folder
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, MeshKey, Parts, split
+from sim.importing.meshes import CONCAVE, split
 from sim.importing.solids import as_box
 
 
@@ -21,71 +21,71 @@ def ring() -> trimesh.Trimesh:
     return trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
 
 
-def parts(mesh: trimesh.Trimesh, path: Path, **more) -> Parts:
+def parts(mesh: trimesh.Trimesh, path: Path, **more) -> tuple[list[np.ndarray], float]:
     mesh.export(path)
-    return split(MeshKey(path, **more))
+    return split(path, **more)
 
 
-def volume(found: Parts) -> float:
-    return sum(trimesh.convex.convex_hull(v).volume for v in found.vertices)
+def volume(parts: list[np.ndarray]) -> float:
+    return sum(trimesh.convex.convex_hull(v).volume for v in parts)
 
 
 @pytest.mark.parametrize("suffix", ["stl", "obj"])
 def test_a_ring_of_walls_leaves_its_inside_free(tmp_path, suffix):
     mesh = ring()
-    found = parts(mesh, tmp_path / f"ring.{suffix}")
-    assert len(found.vertices) == 6
+    found, rough = parts(mesh, tmp_path / f"ring.{suffix}")
+    assert len(found) == 6
     assert volume(found) == pytest.approx(mesh.volume, rel=1e-5)
-    assert found.rough == 0
+    assert rough == 0
 
 
 def test_normals_that_point_inward_and_mirroring_scales_change_nothing(tmp_path):
     mesh = ring()
     for scale in ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
         mesh.invert()
-        found = parts(mesh, tmp_path / "ring.stl", scale=scale)
+        found, _ = parts(mesh, tmp_path / "ring.stl", scale=scale)
         assert volume(found) == pytest.approx(abs(mesh.volume), rel=1e-5)
 
 
 def test_what_does_not_hang_together_is_separate(tmp_path):
     boxes = [trimesh.creation.box((1, 1, 1), trimesh.transformations.translation_matrix((x, 0, 0))) for x in (0, 5)]
-    found = parts(trimesh.util.concatenate(boxes), tmp_path / "two.stl", scale=(2.0, 1.0, 1.0))
-    assert sorted(float(v[:, 0].mean().round(6)) for v in found.vertices) == [0.0, 10.0]
+    found, _ = parts(trimesh.util.concatenate(boxes), tmp_path / "two.stl", scale=(2.0, 1.0, 1.0))
+    assert sorted(float(v[:, 0].mean().round(6)) for v in found) == [0.0, 10.0]
     assert volume(found) == pytest.approx(4.0)
 
 
 def test_walls_without_thickness_become_plates_around_free_space(tmp_path):
     shell = trimesh.creation.box((6, 4, 2))
     shell.update_faces(np.abs(shell.face_normals[:, 2]) < 0.5)  # neither floor nor ceiling
-    found = parts(shell, tmp_path / "shell.stl")
-    assert len(found.vertices) == 4
+    found, _ = parts(shell, tmp_path / "shell.stl")
+    assert len(found) == 4
     assert volume(found) < 0.05
 
 
 def test_a_box_without_a_bottom_is_a_box(tmp_path):
     box = trimesh.creation.box((1, 1, 1))
     box.update_faces(box.face_normals[:, 2] > -0.5)
-    assert volume(parts(box, tmp_path / "box.stl")) == pytest.approx(1.0)
+    assert volume(parts(box, tmp_path / "box.stl")[0]) == pytest.approx(1.0)
 
 
 def test_round_shapes_are_within_the_tolerance(tmp_path):
     torus = trimesh.creation.torus(1.0, 0.2)
-    found = parts(torus, tmp_path / "torus.stl")
-    assert found.rough == 0
+    found, rough = parts(torus, tmp_path / "torus.stl")
+    assert rough == 0
     assert abs(volume(found) - torus.volume) < CONCAVE * torus.area
-    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found.vertices)
+    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found)
 
 
 def test_a_hull_is_what_is_asked_for(tmp_path):
-    assert len(parts(ring(), tmp_path / "ring.stl", hull=True).vertices) == 1
+    assert len(parts(ring(), tmp_path / "ring.stl", hull=True)[0]) == 1
 
 
 def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
     rng = np.random.default_rng(0)
     many = trimesh.Trimesh(rng.uniform(-1, 1, (3600, 3)), np.arange(3600).reshape(-1, 3), process=False)
-    found = parts(many, tmp_path / "many.stl")
-    assert len(found.vertices) == 1
-    assert found.rough > 0.5
+    found, rough = parts(many, tmp_path / "many.stl")
+    assert len(found) == 1
+    assert rough > 0.5
 
 
 @given(
@@ -128,7 +128,7 @@ BAD = [
 def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
     with pytest.raises(SceneError) as caught:
-        split(MeshKey(tmp_path / name))
+        split(tmp_path / name)
     message = str(caught.value)
     assert words in message
     assert name in message
