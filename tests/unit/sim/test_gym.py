@@ -156,7 +156,7 @@ def test_the_ranges_of_the_actuators_bound_the_actions():
     assert gym.Drive("slit", robot="unicycle", bound=2.0).action_space.high == 2.0
     assert gym.Drive("slit", robot="unicycle", plant="sde").action_space.high == np.inf
     wheels = np.array([[10.0, -1.5], [10.0, 1.5]])
-    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
+    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2, bool), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
     low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
     np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
     for u in (low, high):
