@@ -12,7 +12,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from sim.drive import episode
-from sim.drive.plant import Analytic
+from sim.drive.executor import Analytic
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2

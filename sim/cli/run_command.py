@@ -19,7 +19,6 @@ from sim.cli import tables
 from sim.cli.plan_command import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
-from sim.drive.truth import ExactReference
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
@@ -49,7 +48,6 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.truth:
         with progress("exact value") as solved:
             truth = scenario.truth(solved)
-    exact = None if truth is None else ExactReference(truth)
     tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, width(), scenario.homology))
@@ -67,11 +65,10 @@ def run(arguments: argparse.Namespace) -> int:
         recorder = Recorder(*shown, sinks, look, settings=about, grid=truth)
         if recorder.server is not None:
             print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-    with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
+    with closing(scenario.drive(scenario.plant(), driver, grid=truth)) as frames, recorder or nullcontext(), bar:
         for frame in frames:
-            known = None if exact is None else exact.add(frame.plan)
             if recorder is not None:
-                recorder.log(frame, frame.news, known)
+                recorder.log(frame, frame.news, frame.truth)
             if film is not None:
                 film.add(frame, driver.path_integral)
             if frame.news and frame.outcome is None:  # how it ended is in the summary
@@ -79,9 +76,8 @@ def run(arguments: argparse.Namespace) -> int:
             bar.update(round(frame.end_time - bar.n, 6))
             favourite = title(frame.metrics.favourite or OTHER)
             bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
-    figures = frame.metrics.result()
-    result = {**figures.json(), **({} if exact is None else {"truth": exact.result()})}
-    tables.summary(figures, result.get("truth"))
+    result = frame.metrics.json()
+    tables.summary(frame.metrics)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -158,11 +154,10 @@ def play(arguments: argparse.Namespace) -> int:
                 last = _played(game, start, screen, live)
     if last is None:
         return 1
-    result = last.metrics.result()
-    tables.summary(result)
+    tables.summary(last.metrics)
     if arguments.json:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
-        write_json(arguments.json, {**run_json(scenario, [], result.json()), "events": done})
+        write_json(arguments.json, {**run_json(scenario, [], last.metrics.json()), "events": done})
     return 0 if last.outcome is Outcome.GOAL else 1
 
 

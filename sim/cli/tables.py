@@ -14,8 +14,8 @@ from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
-from sim.drive import clock
-from sim.drive.result import DriveResult
+from sim.drive import realtime
+from sim.drive.metrics import EpisodeMetrics
 from sim.drive.truth import Truth
 from sim.report.comparisons import BASE, Key, Record, extra_costs, pairs_of
 from sim.scenario import Scenario
@@ -150,7 +150,7 @@ def odds(scenario: Scenario) -> str:
     return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{doubt}"
 
 
-def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
+def summary(run: EpisodeMetrics) -> None:
     """Print the results of a run; with a truth also how far from the optimal control it was."""
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
@@ -174,10 +174,10 @@ def summary(run: DriveResult, truth: dict[str, Any] | None = None) -> None:
             f"the weakest on {run.least_ess:.1f} at {run.least_ess_time:.2f} s: a guess; try more --samples"
         )
     if run.real_time is not None:
-        lines.append(clock.summary(run.real_time))
+        lines.append(realtime.summary(run.real_time))
     times = f"median {ms['median']:.1f} ms, p95 {ms['p95']:.1f}, max {ms['max']:.1f}, {run.deadline_misses} {late}"
     lines.append(f"{counted(run.steps, 'control step')}: {times}")
-    if truth is not None:
+    if (truth := run.truth) is not None:
         lines.append(
             f"compared with the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}"

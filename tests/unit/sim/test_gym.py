@@ -64,7 +64,7 @@ def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: Ho
     env = gym.Drive("slit", noise=0.3, period=0.002)
     states, rewards, ends, info = driven(env, Following(scenario.controller(slit_tree)), seed=2)
     np.testing.assert_array_equal(states[1:], np.vstack([frame.advance.states for frame in frames]))
-    one, other = frames[-1].metrics.result().json(), env.result()
+    one, other = frames[-1].metrics.json(), env.result()
     for name in ("time", "cost", "path_length", "outcome", "executed_class"):
         assert other[name] == (one[name] if isinstance(one[name], str | None) else pytest.approx(one[name], rel=1e-9))
     assert info["min_clearance"] == pytest.approx(one["min_clearance"], abs=1e-9)
@@ -162,7 +162,7 @@ def test_the_ranges_of_the_actuators_bound_the_actions():
     assert gym.Drive("slit", robot="unicycle", bound=2.0).action_space.high == 2.0
     assert gym.Drive("slit", robot="unicycle", plant="sde").action_space.high == np.inf
     wheels = np.array([[10.0, -1.5], [10.0, 1.5]])
-    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
+    limited = SimpleNamespace(actuator_ctrllimited=np.ones(2, bool), actuator_ctrlrange=np.array([[-20.0, 16.0]] * 2))
     low, high = control_limits(limited, wheels, Unicycle(V=1.0, rho=0.5))
     np.testing.assert_allclose([low, high], [[-2.0], [2.0]])
     for u in (low, high):

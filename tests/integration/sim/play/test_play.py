@@ -75,7 +75,7 @@ def test_a_moved_obstacle_makes_the_tree_anew_in_the_background(monkeypatch):
 
     monkeypatch.setattr(HomologyTree, "grow", watched)
     play, frames, _ = played(scenario(), Move(at=0.5, what="upper wall", to=(3.4, 2.45)), until=1.2)
-    assert threads == [True, False]
+    assert [*dict.fromkeys(threads)] == [True, False]
     spaces = [frame.plan.space for frame in frames]
     change = next(i for i, space in enumerate(spaces) if space is not spaces[0])
     assert frames[change].time == pytest.approx(0.5 + LATENCY)

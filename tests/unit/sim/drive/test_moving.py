@@ -13,8 +13,7 @@ from pirrht.geometry.scene import Workspace
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Executor
-from sim.drive.plant import Advance, Analytic
+from sim.drive.executor import Advance, Analytic, Executor
 from sim.mjcf import load
 
 EVERYWHERE = np.full(2, np.inf)
