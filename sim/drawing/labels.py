@@ -8,6 +8,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
+from sim.drawing.strokes import interpolated, parted
 from sim.plotting.ground import outline
 
 LETTER, PADDING, HEIGHT = 6.3, 14.0, 23.0  # of labels as Rerun's viewer draws them [px]
@@ -68,8 +69,7 @@ class Labels:
 def dense(line: Array, spacing: float) -> Array:
     """Return points on a polyline (k, 2), no farther from each other than a spacing."""
     steps = np.maximum(1, np.ceil(np.linalg.norm(np.diff(line, axis=0), axis=1) / spacing)).astype(int)
-    at = np.concatenate([[0.0], *(k + np.arange(1, n + 1) / n for k, n in enumerate(steps))])
-    return np.column_stack([np.interp(at, np.arange(len(line)), line[:, i]) for i in (0, 1)])
+    return interpolated(line, np.arange(float(len(line))), parted(steps))
 
 
 def inside(corners: Array, spacing: float) -> Array:

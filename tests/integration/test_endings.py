@@ -14,6 +14,20 @@ from pirrht.errors import OptionError
 from sim.cli.ending import ended, unwinding
 
 
+def failing(error: BaseException, number: int | None = None):
+    """A command that fails, maybe while a signal unwinds."""
+
+    def command() -> int:
+        with unwinding():
+            try:
+                if number is not None:
+                    signal.raise_signal(number)
+            finally:
+                raise error
+
+    return command
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_contexts_clean_up_while_a_signal_unwinds(number, capsys):
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -35,9 +49,21 @@ def test_contexts_clean_up_while_a_signal_unwinds(number, capsys):
     signal.signal(signal.SIGHUP, ignored)
 
 
+@pytest.mark.parametrize(
+    ("errors", "status", "line"),
+    [  # a name of many lines; and a pipe that is found closed while a signal unwinds, as by a progress bar
+        ([OptionError("--json a\nb\x1b[2J\ud800: no")], 2, r"pirrht: --json a\nb\x1b[2J\ud800: no"),
+        ([BrokenPipeError(32, "Broken pipe"), signal.SIGTERM], 128 + signal.SIGTERM, "pirrht: terminated"),
+    ],
+)
+def test_an_error_is_one_line_and_does_not_hide_a_signal(errors, status, line, capsys):
+    assert ended(failing(*errors)) == status
+    assert capsys.readouterr().err == line + "\n"
+
+
 def test_errors_of_this_program_are_not_hidden():
     with pytest.raises(RuntimeError, match="of its own"):
-        ended(lambda: (_ for _ in ()).throw(RuntimeError("of its own")))
+        ended(failing(RuntimeError("of its own")))
 
 
 def test_whoever_heeds_a_signal_already_goes_on_doing_so():
@@ -45,28 +71,15 @@ def test_whoever_heeds_a_signal_already_goes_on_doing_so():
     before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
     try:
         with unwinding():
-            assert ended(lambda: signal.raise_signal(signal.SIGTERM) or 0) == 0
+            signal.raise_signal(signal.SIGTERM)
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == [signal.SIGTERM]
 
 
 def test_a_broken_pipe_that_is_not_the_output_is_reported(capsys):
-    error = BrokenPipeError(32, "Broken pipe", "socket of a viewer")
-    assert ended(lambda: (_ for _ in ()).throw(error)) == 2
+    assert ended(failing(BrokenPipeError(32, "Broken pipe", "socket of a viewer"))) == 2
     assert capsys.readouterr().err == "pirrht: socket of a viewer: Broken pipe\n"
-
-
-def test_a_pipe_that_is_found_closed_while_a_signal_unwinds_does_not_hide_the_signal(capsys):
-    def command() -> int:
-        with unwinding():
-            try:
-                signal.raise_signal(signal.SIGTERM)
-            finally:
-                raise BrokenPipeError(32, "Broken pipe")  # as a progress bar does that cannot be taken away
-
-    assert ended(command) == 128 + signal.SIGTERM
-    assert capsys.readouterr().err == "pirrht: terminated\n"
 
 
 HANDLED = """
@@ -89,8 +102,3 @@ def test_a_pipe_that_closes_while_a_signal_is_handled_costs_no_second_line(name)
     os.close(writer)
     assert done.returncode == 128 + getattr(signal, name)
     assert done.stderr.count("\n") == 1, done.stderr
-
-
-def test_a_line_has_no_second_one_whatever_names_it_holds(capsys):
-    assert ended(lambda: (_ for _ in ()).throw(OptionError("--json a\nb\x1b[2J\ud800: no"))) == 2
-    assert capsys.readouterr().err == "pirrht: --json a\\nb\\x1b[2J\\ud800: no\n"

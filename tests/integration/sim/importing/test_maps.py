@@ -181,9 +181,9 @@ def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, name, task, what:
     [
         ({"image": None}, "the key image is missing"),
         ({"image": "gone.pgm"}, "gone.pgm does not exist"),
-        ({"resolution": "fine"}, "resolution is 'fine'; it must be a number"),
+        ({"resolution": "fine"}, "resolution is 'fine'; it must be the side"),
         ({"resolution": 0}, "resolution is 0; it must be the side of a cell in metres, 0.0001 to 100"),
-        ({"resolution": "1" + "0" * 400}, "it must be a number"),
+        ({"resolution": "1" + "0" * 400}, "it must be the side"),
         ({"image": "[1, 2]"}, "image is [1, 2]; it must be the name of a file"),
         ({"image": "x" * 300}, "does not exist"),
         ({"origin": "[1.0e+308, 0, 0]"}, "none beyond 1e+06"),

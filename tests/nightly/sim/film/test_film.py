@@ -116,7 +116,8 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
     told: list[str] = []
     monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
     noted: list[str] = []
-    monkeypatch.setattr(offscreen.Offscreen, "note", lambda self, rows: noted.extend(text for text, _ in rows))
+    draw = offscreen.Offscreen.draw
+    monkeypatch.setattr(offscreen.Offscreen, "draw", lambda self, rows: noted.extend(t for t, _ in rows) or draw(self))
     for scene, expected in (("crossing", ["crosser"]), ("slit", [])):
         noted.clear()
         told.clear()
@@ -150,9 +151,9 @@ def test_a_file_that_cannot_be_made_is_refused_before_the_drive(tmp_path, monkey
 def test_without_graphics_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
     pytest.importorskip("PIL")
     monkeypatch.setattr(offscreen, "CHOSEN", None)
-    monkeypatch.setattr(offscreen, "BACKENDS", ("nothing", "nowhere"))
+    monkeypatch.setattr(offscreen, "BACKEND", "nowhere")
     assert main([*SHORT, "--png", str(tmp_path / "a.png")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert "nothing" in said
+    assert "nowhere" in said
     assert "libosmesa6" in said
