@@ -111,7 +111,7 @@ def _status(command: Callable[[], int]) -> int:
             return 0
         line = f"{error.filename or 'standard output'}: {error.strerror or error}"
     except Exception as error:
-        systems = sys.modules.get("sim.system_import")
+        systems = sys.modules.get("sim.systems.registry")
         blamed = None if systems is None else systems.blamed(error)
         if blamed is None:  # of no system of the user's, so it is ours
             raise

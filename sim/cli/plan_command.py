@@ -26,7 +26,7 @@ from sim.cli import tables
 from sim.drive.truth import Truth
 from sim.files import check_writable, path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
-from sim.scenario import Scenario, convergence, prepare
+from sim.scenario import Scenario, prepare
 from sim.systems import POSE, typed
 from sim.text import counted, say, width
 
@@ -163,7 +163,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if arguments.convergence:
         tree, vertices = scenario.empty_tree(), scenario.settings.vertices
         with progress("plan", vertices, " vertices") as grown:
-            lengths = convergence.grow(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=grown)
+            lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=grown)
         references = scenario.references(tree)
     else:
         tree, references = planned(scenario)
@@ -177,7 +177,7 @@ def plan(arguments: argparse.Namespace) -> int:
         tree_file.save(tree, arguments.output)
         print(f"tree: {path_text(arguments.output)}")
     if arguments.json:
-        more = {} if lengths is None else {"convergence": convergence_json(lengths)}
+        more = {} if lengths is None else {"convergence": lengths}
         write_json(arguments.json, {**found, **more})
     if arguments.png:
         figures.draw_plan(arguments.png, scenario, tree, references)

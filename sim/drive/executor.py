@@ -30,8 +30,8 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import stance_of
-from sim.mjcf.forces import check_motion
 from sim.mjcf.mocap import Mocap, Sweep
+from sim.mjcf.robot import check_motion
 from sim.systems import named
 
 FOOTPRINT = "robot/footprint"  # geom of every robot

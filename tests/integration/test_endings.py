@@ -14,6 +14,19 @@ from pirrht.errors import OptionError
 from sim.cli.ending import Stopped, ended
 
 
+def failing(error: BaseException, then: BaseException | None = None):
+    """A command that fails, and once more while the first error unwinds."""
+
+    def command() -> int:
+        try:
+            raise error
+        finally:
+            if then is not None:
+                raise then
+
+    return command
+
+
 @pytest.mark.parametrize("stop", [KeyboardInterrupt(), Stopped(signal.SIGTERM), Stopped(signal.SIGHUP)])
 def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -34,9 +47,21 @@ def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
     signal.signal(signal.SIGHUP, ignored)
 
 
+@pytest.mark.parametrize(
+    ("errors", "status", "line"),
+    [  # a name of many lines; and a pipe that is found closed while a signal unwinds, as by a progress bar
+        ([OptionError("--json a\nb\x1b[2J\ud800: no")], 2, r"pirrht: --json a\nb\x1b[2J\ud800: no"),
+        ([Stopped(signal.SIGTERM), BrokenPipeError(32, "Broken pipe")], 128 + signal.SIGTERM, "pirrht: terminated"),
+    ],
+)
+def test_an_error_is_one_line_and_does_not_hide_a_signal(errors, status, line, capsys):
+    assert ended(failing(*errors)) == status
+    assert capsys.readouterr().err == line + "\n"
+
+
 def test_errors_of_this_program_are_not_hidden():
     with pytest.raises(RuntimeError, match="of its own"):
-        ended(lambda: (_ for _ in ()).throw(RuntimeError("of its own")))
+        ended(failing(RuntimeError("of its own")))
 
 
 def test_a_second_signal_while_the_first_is_reported_leaves_one_line(capsys, monkeypatch):
@@ -50,7 +75,7 @@ def test_a_second_signal_while_the_first_is_reported_leaves_one_line(capsys, mon
         return write(text)
 
     monkeypatch.setattr(sys.stderr, "write", struck_once)
-    assert ended(lambda: (_ for _ in ()).throw(Stopped(signal.SIGTERM))) == 128 + signal.SIGTERM
+    assert ended(failing(Stopped(signal.SIGTERM))) == 128 + signal.SIGTERM
     assert capsys.readouterr().err == "pirrht: terminated\n"
 
 
@@ -68,21 +93,9 @@ def test_a_broken_pipe_that_is_not_the_output_is_reported(capsys, monkeypatch):
     reader, writer = os.pipe()  # an output that is read
     with os.fdopen(writer, "w") as out, monkeypatch.context() as patched:
         patched.setattr(sys, "stdout", out)
-        error = BrokenPipeError(32, "Broken pipe", "socket of a viewer")
-        assert ended(lambda: (_ for _ in ()).throw(error)) == 2
+        assert ended(failing(BrokenPipeError(32, "Broken pipe", "socket of a viewer"))) == 2
     os.close(reader)
     assert capsys.readouterr().err == "pirrht: socket of a viewer: Broken pipe\n"
-
-
-def test_a_pipe_that_is_found_closed_while_a_signal_unwinds_does_not_hide_the_signal(capsys):
-    def command() -> int:
-        try:
-            raise Stopped(signal.SIGTERM)
-        finally:
-            raise BrokenPipeError(32, "Broken pipe")  # as a progress bar does that cannot be taken away
-
-    assert ended(command) == 128 + signal.SIGTERM
-    assert capsys.readouterr().err == "pirrht: terminated\n"
 
 
 HANDLED = """
@@ -104,8 +117,3 @@ def test_a_pipe_that_closes_while_a_signal_is_handled_costs_no_second_line(name)
     os.close(writer)
     assert done.returncode == 128 + getattr(signal, name)
     assert done.stderr.count("\n") == 1, done.stderr
-
-
-def test_a_line_has_no_second_one_whatever_names_it_holds(capsys):
-    assert ended(lambda: (_ for _ in ()).throw(OptionError("--json a\nb\x1b[2J\ud800: no"))) == 2
-    assert capsys.readouterr().err == "pirrht: --json a\\nb\\x1b[2J\\ud800: no\n"
