@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.obstacle import Mover
-from sim.drawing.strokes import at_most, interpolated, parted
+from sim.drawing.strokes import at_most, interpolated
 from sim.plotting.ground import fading, outline
 
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
@@ -88,7 +88,8 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
         times = np.concatenate([[low], knots[(knots > low) & (knots < high)], [high]])
         yaw = np.interp(times - lap + shift, rows[:, 0], rows[:, 3])
         parts = np.maximum(1, np.ceil(np.abs(np.diff(yaw)) / TURN)).astype(int)
-        times = np.interp(parted(parts), np.arange(len(times)), times)
+        at = np.interp(np.arange(parts.sum() + 1), np.append(0, np.cumsum(parts)), np.arange(len(times)))
+        times = np.interp(at, np.arange(len(times)), times)
         seen = np.minimum(times, max(low, high - JUMP))  # at the end of a lap it is where the next one begins
         found += [Tube(times=times, rings=rings) for rings in outlines(mover, seen, corners)]
     return found
