@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from mjcf_samples import SITES, mjcf
 
 from pirrht import (
     Controller,
@@ -28,7 +25,6 @@ from pirrht import (
 )
 from pirrht.arrays import Array
 from pirrht.systems.dynamics import no_drift
-from sim.mjcf import Loaded, load
 
 SCENE = Scene(
     name="field", lower=np.array([0.0, -1.0]), upper=np.array([4.0, 3.0]), obstacles=(), robot_radius=0.1,
@@ -169,18 +165,3 @@ def test_differences_of_headings_are_at_most_half_a_turn() -> None:
     np.testing.assert_allclose(np.exp(1j * off[:, 2]), np.exp(1j * (x - y)[:, 2]))
     np.testing.assert_array_equal(Unicycle().difference(x[7], y[7]), off[7])
     np.testing.assert_array_equal(SingleIntegrator().difference(x[:, :2], y[:, :2]), (x - y)[:, :2])
-
-
-DOOR = '<body name="door" mocap="true" pos="5 5 0.1"><geom name="door" size="0.3"/></body>'
-
-
-@pytest.fixture
-def loaded(tmp_path: Path) -> Callable[[str], Loaded]:
-    """The door in an otherwise empty scene, with what is to stand in `<custom>`."""
-
-    def loaded(custom: str) -> Loaded:
-        path = tmp_path / "scene.xml"
-        path.write_text(mjcf(SITES + DOOR, head=f"<custom>{custom}</custom>"))
-        return load(path)
-
-    return loaded

@@ -8,59 +8,17 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import block, scene_of
-from guides import best
 from moving import hall, moved
 
 from pirrht.control.controller import Controller
-from pirrht.control.proposals import least_cost
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
-from pirrht.proposals.guidance import DDPGuidance
-from pirrht.proposals.tuning import TUNING
 from pirrht.steering.in_time import InTime
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.rover import Rover
 from pirrht.systems.single_integrator import SingleIntegrator
-from sim.scenario import prepare
-
-STATES = {"rover": (4.6, 4.0, 1.4), "car": (4.9, 3.4, 0.4, 0.0)}  # the goal is at (5.5, 2.5)
-AWAY = {"rover": (4.4, 2.6, 3.0), "car": (4.5, 2.5, -2.8, 0.0)}
-
-
-@cache
-def planner(robot: str, scene: str = "slit", **given) -> Controller:
-    """A controller in `slit`, two threads, seed 0."""
-    scenario = prepare(scene, robot=robot, given={"vertices": 500, "samples": 400, "threads": 2, **given})
-    controller = scenario.controller(scenario.grown_tree())
-    assert isinstance(controller, Controller)
-    return controller
-
-
-def turned(x) -> np.ndarray:
-    return np.array([*x[:2], x[2] + np.pi, *(-v for v in x[3:])])
-
-
-@pytest.mark.parametrize("robot", ["rover", "car"])
-def test_a_first_guide_is_never_dearer_than_the_one_that_follows_the_reference(robot):
-    controller = planner(robot)
-    guidance = controller.path_integral.guidance
-    assert isinstance(guidance, DDPGuidance)
-    for x in (STATES[robot], AWAY[robot], turned(STATES[robot]), turned(AWAY[robot])):
-        state = np.array(x)
-        controller.begin(state)
-        reference = controller.tree.references(state)[0]
-        times = controller.path_integral.grid(least_cost(controller.problem, state, [reference.trajectory]))
-        key = controller.homology.key(reference.winding)
-        usual = best(guidance, state, times, key, reference.trajectory)
-        query = guidance.query(state, times, key, 0.0)
-        first, *others = guidance.optima(query, reference.trajectory, thorough=True)
-        assert first.valid
-        for rival in others:
-            assert rival.penalised < first.penalised + TUNING.alternative * controller.problem.temperature
-        if usual is not None and usual.valid:
-            assert first.penalised <= usual.penalised
 
 
 @cache

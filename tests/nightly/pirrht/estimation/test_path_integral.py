@@ -86,17 +86,6 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
         assert within(values, value)
 
 
-@pytest.mark.parametrize("b", [0.3, 0.5])
-@pytest.mark.parametrize("radius", [0.1, 0.3])
-def test_at_the_default_step_the_rim_of_a_disc_costs_nothing(radius, b):
-    """psi over 24 seeds within 3 standard errors of 0.2 % or less, and within 0.5 %, of the Bessel functions."""
-    found, _, value, _ = around_disc(b, radius, Sampling(samples=4000), led=False)
-    share = np.exp(np.array([e.log_psi for e in found]) + value / annulus(b, radius)[0].temperature)
-    assert share.std(ddof=1) / np.sqrt(SEEDS) < 0.002
-    assert share.mean() == pytest.approx(1.0, abs=0.005)
-    assert within(share, 1.0)
-
-
 # -- rates and blocks that depend on the state -------------------------------------------------------------------
 
 

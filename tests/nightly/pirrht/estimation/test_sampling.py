@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from batches import batch_of
-from unit.pirrht.estimation.test_path_integral import PLANS, of
 from unit.pirrht.estimation.test_sampling import (
     strip,  # noqa: F401
     to_both_sides,
@@ -38,24 +36,6 @@ def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, cou
 def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Scenario, slit_tree: HomologyTree):
     controller = slit.with_settings(noise=0.1, samples=200).controller(slit_tree)
     assert_cautious([controller.plan(slit.start).estimate for _ in range(300)])
-
-
-def test_standard_errors_of_pairs_cover_what_repeated_plans_show(slit: Scenario, slit_tree: HomologyTree):
-    """A standard deviation from 60 plans (seeds 0 to 59) has a relative standard error of 9 %; b = 0.1, N = 600.
-
-    The largest pair counts several times: with more noise it all hangs on rare heavy samples, that no standard error
-    knows of before they come.
-    """
-    source, times = of(slit, samples=600), np.arange(61) * 0.1
-    trajectories = [r.trajectory for r in slit_tree.references(slit.start)]
-    corners = [np.vstack([t.path.start[1:, :2], slit.space.scene.goal.center]) for t in trajectories]
-    tapes = np.array([t.tape(times) for t in trajectories])
-    batch = batch_of(source, slit.start, times, tapes, corners=corners)
-    found = [source.estimate(source.rollout(batch, seed)) for seed in range(PLANS)]
-    claimed = np.sqrt(np.mean([e.value_error**2 for e in found]))
-    assert 0.8 < claimed / np.std([e.value for e in found], ddof=1) < 1.9
-    claimed = np.sqrt(np.mean([np.sum(e.control_error**2) for e in found]))
-    assert 0.8 < claimed / np.sqrt(np.var([e.control for e in found], axis=0, ddof=1).sum()) < 1.9
 
 
 @pytest.mark.parametrize("weights", ["balance", "average"])

@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from discs import disc
-from moving import busy, hall, moved
+from moving import busy
 
-from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.world import NEVER
 from pirrht.jit.jit import kernel
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.exits import sweep, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
-from pirrht.problem import Problem
-from pirrht.systems.dynamics import Dynamics
 
 RESTART = 0.9  # when one of them is suddenly elsewhere [s]
 
@@ -54,17 +45,3 @@ def test_a_straight_way_is_met_where_fcl_says():
             assert entered == pytest.approx(0.0, abs=0.02) or abs(math.remainder(share * dt + t, RESTART)) < 1e-5
             assert not crowd.meets(a, t, a + 0.9 * share * (b - a), t + 0.9 * share * dt)
     assert met > 12
-
-
-@dataclass(frozen=True, eq=False)
-class Line:
-    """Places (k, 3) [m, m, rad] that a reference passes."""
-
-    start: Array
-
-
-def crossed(dynamics: Dynamics, R: Array) -> PathIntegral:
-    rows = [(0.0, 2.2, 1.6, 0.0), (3.0, 2.2, 3.4, 0.0)]
-    scene = hall("crossed", [moved("walker", rows, disc("disc", 0.0, 0.0, 0.3))], goal=(3.6, 2.5))
-    problem = Problem(dynamics=dynamics, scene=scene, R=R)
-    return path_integral(problem, FreeSpace.of(scene), Sampling(threads=1))

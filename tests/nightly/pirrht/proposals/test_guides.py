@@ -22,7 +22,6 @@ from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import DDPGuide, empty_course
-from pirrht.proposals.walls import clearance_costs
 from pirrht.rollouts.cpu import kind_of
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -122,34 +121,6 @@ def beside_a_pillar() -> PathIntegral:
     )  # fmt: skip
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     return path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
-
-
-def test_the_derivatives_of_a_steps_price_are_those_of_differences():
-    """In both positions and the velocity lost, at 40 places by the pillar, seed 1; Hessians are never indefinite."""
-    integral = beside_a_pillar()
-    task, rng = integral.guidance.tasks[100.0], np.random.default_rng(1)
-    scratch, cost, expand = clearance_costs(None)
-    walls = scratch(integral.setup)
-    g, H, near = np.zeros(6), np.zeros((6, 6)), 0
-
-    def price(z):
-        (x, y), (nx, ny), (bx, by) = z.reshape(3, 2)
-        return cost(integral.setup, task, (x, y, nx - x, ny - y, bx, by, 0.0, STEP), 3, walls)
-
-    for _ in range(40):
-        angle, gap = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.02, 0.1)
-        tail = np.array([2.0, 1.9]) + (0.4 + gap) * np.array([np.cos(angle), np.sin(angle)])
-        z = np.concatenate([tail, tail + rng.normal(scale=0.02, size=2), rng.normal(scale=0.5, size=2)])
-        x, y, nx, ny, bx, by = z
-        if not expand(integral.setup, task, (x, y, nx - x, ny - y, bx, by, 0.0, STEP), 3, walls, g, H):
-            continue
-        h = 1e-7
-        slope = np.array([(price(z + h * e) - price(z - h * e)) / (2.0 * h) for e in np.eye(6)])
-        np.testing.assert_allclose(g, slope, atol=2e-3 * np.abs(slope).max())
-        np.testing.assert_allclose(H, H.T, atol=1e-12)
-        assert np.linalg.eigvalsh(H).min() > -1e-9 * np.abs(H).max()
-        near += 1
-    assert near > 30
 
 
 def test_a_backward_pass_knows_what_a_small_step_gains():

@@ -17,7 +17,6 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
@@ -89,11 +88,6 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
             assert integral.homology.key(winding) == rollouts.paths.key[s]
             seen.add(winding)
     assert len(seen) > 4
-
-
-def jumper() -> Mover:
-    """A disc that sweeps along and starts over where a path may be."""
-    return moved("jumper", [(0.0, 2.0, 2.5, 0.0), (0.55, 2.0, 4.5, 0.0)], disc("disc", 0.0, 0.0, 0.3), repeat=True)
 
 
 def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():

@@ -74,9 +74,3 @@ def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule)
         np.testing.assert_array_equal(other.control, found[0].control)
         np.testing.assert_array_equal(plan.tape, plans[0].tape)
         assert other.value == found[0].value
-
-
-def test_another_seed_gives_other_samples(slit, slit_tree):
-    one, other = (at_start(slit, slit_tree, 0.2, 100, seed=seed) for seed in (0, 1))
-    assert one.value != other.value
-    assert not np.any(one.rollouts.paths.now == other.rollouts.paths.now)

@@ -118,19 +118,6 @@ def test_distances_are_those_of_mujoco(kind, tilted):
 
 @every_kind
 @every_solid
-def test_free_poses_are_those_without_contact_in_mujoco(kind, tilted):
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        oracle, obstacle = random_solid(kind, tilted, rng)
-        points = rng.uniform(-1.5, 1.5, (100, 2))
-        free = among(obstacle).free(points)
-        depths = np.array([oracle.deepest_contact(point) for point in points])
-        assert np.all(depths[free] > -MILLIMETRE)
-        assert np.all(oracle.gaps(points[~free]) < MILLIMETRE)
-
-
-@every_kind
-@every_solid
 def test_straight_paths_are_free_when_all_their_points_are(kind, tilted):
     rng = np.random.default_rng(3)
     fraction = np.linspace(0, 1, 80)[:, None]

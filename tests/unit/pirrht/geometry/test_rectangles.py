@@ -11,17 +11,6 @@ from hypothesis.extra.numpy import arrays
 from pirrht.geometry.rectangles import cover, union
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_the_union_of_the_rectangles_is_the_set_of_cells(seed: int):
-    rng = np.random.default_rng(seed)
-    shape = tuple(rng.integers(1, 40, size=2))
-    cells = rng.random(shape) < rng.uniform(0.05, 0.95)
-    pieces = cover(cells)
-    np.testing.assert_array_equal(union(pieces, shape) > 0, cells)
-    runs = int(np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1))
-    assert len(pieces) <= runs  # no more than rows cut at every gap
-
-
 @pytest.mark.parametrize(
     ("picture", "count"),
     [

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from moving import SCENES, hall
 
 from pirrht.freespace import FreeSpace
-from pirrht.jit.jit import kernel
-from pirrht.moving.exits import watch
-from pirrht.planner.in_time import BAND, model
 from pirrht.planner.shorten import resume, shorten
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
@@ -27,11 +22,6 @@ def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np
     return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
 
 
-@kernel
-def _watch(moving):  # type: ignore[no-untyped-def]
-    return watch(moving)
-
-
 def cost_of(knots: np.ndarray) -> float:
     step = np.diff(knots, axis=0)
     return float(np.sum(step[:, 2] + (step[:, 0] ** 2 + step[:, 1] ** 2) / step[:, 2]))
@@ -42,27 +32,6 @@ def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_
     found = taut(FreeSpace.of(hall("empty", [])), knots)
     assert cost_of(found) == pytest.approx(2.0 * 4.2, rel=1e-4)
     assert found[-1] == pytest.approx([5.2, 2.5, 4.2], abs=0.02)
-
-
-def test_the_slope_of_the_model_is_that_of_its_value():
-    """By central differences, for places and for the duration, with bodies, limit and goal lacking."""
-    space, steering = FreeSpace.of(replace(SCENES["oblique"](), obstacles=())), InTime(speed=1.4)
-    around, modelled = EdgeChecker.of(space, steering).around, model(space.moving.kernels)
-    near = _watch(space.moving)
-    t = np.linspace(0.017, 3.3, 13)
-    knots = np.column_stack([1.0 + 4.0 * t / 3.3, 2.9 + 0.5 * np.sin(3.0 * t), t])
-    n = 2 * (len(knots) - 1)
-    parts = np.empty((n, BAND)), np.empty(n + 1), np.empty(n + 1)
-
-    def value(change: np.ndarray) -> float:
-        moved = knots.copy()
-        moved[1:, :2] += change[:-1].reshape(-1, 2)
-        moved[:, 2] += (t - t[0]) / (t[-1] - t[0]) * change[-1]
-        return modelled(around, near, steering.numbers, moved, 50.0, 0.3, parts, False)
-
-    modelled(around, near, steering.numbers, knots, 50.0, 0.3, parts, True)
-    numeric = [(value(1e-6 * row) - value(-1e-6 * row)) / 2e-6 for row in np.eye(n + 1)]
-    assert parts[2] == pytest.approx(np.array(numeric), abs=1e-5 * np.abs(parts[2]).max())
 
 
 def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.graph import ROOT, Graph, class_at
+from pirrht.planner.graph import Graph, class_at
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
@@ -101,31 +101,3 @@ def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering:
     if 0 < classes < 8:
         assert tree.graph.pruned[0] > 0
     assert tree.node_count > tree.size or classes == 1
-
-
-@pytest.mark.parametrize(("steering", "classes"), CASES)
-def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
-    tree = grown(space, steering, classes)
-    gr = tree.graph
-    for v in range(tree.size):
-        count = int(gr.nodes[v])
-        assert count == len(nodes(tree, v)) == len(set(gr.key[v, :count]))
-        assert count <= classes or not classes
-        for slot in range(count):
-            turns = class_at(gr, v, slot)
-            assert gr.key[v, slot] == tree.space.homology.key(turns)
-            e = gr.parent[v, slot]
-            if e == ROOT:
-                assert tree.in_goal[v]
-                assert gr.cost[v, slot] == 0.0
-                continue
-            assert np.all(np.abs(gr.straight[v] + turns) <= tree.limit)
-            assert gr.tail[e] == v
-            parent = nodes(tree, int(gr.head[e]))[tuple(turns - added(gr, e))]
-            assert gr.cost[v, slot] == pytest.approx(parent + gr.edge_cost[e], abs=1e-9)
-
-
-def test_equal_seeds_grow_equal_trees(space: FreeSpace) -> None:
-    one, other = (grown(space, Dubins(rho=0.4), 4) for _ in range(2))
-    np.testing.assert_array_equal(one.states[: one.size], other.states[: other.size])
-    np.testing.assert_array_equal(one.graph.cost, other.graph.cost)

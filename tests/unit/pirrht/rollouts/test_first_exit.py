@@ -18,7 +18,6 @@ from pirrht.rollouts.first_exit import (
     at_crossing,
     bridge_exit,
     distances,
-    endpoint_exit,
     first_crossing,
     towards_exit,
 )
@@ -150,12 +149,3 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
         assert np.hypot(0.9 + dx - 0.6, 3.1 + dy - 3.2) == pytest.approx(arena.radius)
         across = np.array([-unit[1], unit[0]])
         assert np.dot([dx, dy], across) == pytest.approx(share * np.dot([-0.2, 0.1], across)), i
-
-
-def test_the_endpoint_rule_reads_the_end_only():
-    space = room()
-    arena = space.world
-    assert endpoint_exit(arena, 3.0, 2.0) == INSIDE
-    assert endpoint_exit(arena, 2.0, 2.0) == COLLISION
-    assert endpoint_exit(arena, -0.1, 2.0) == COLLISION
-    assert endpoint_exit(arena, 0.6, 3.1) == GOAL

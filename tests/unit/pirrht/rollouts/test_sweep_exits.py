@@ -3,30 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from walled_room import room
 
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit
-
-
-def test_a_sweep_never_passes_through_a_thin_wall():
-    """2000 random segments across a wall of 2 cm, up to 4 m long, all of them longer than it is thick."""
-    space = room()
-    arena = space.world
-    rng = np.random.default_rng(5)
-    for _ in range(2000):
-        tail, head = rng.uniform([0.01, 0.01], [1.9, 3.99]), rng.uniform([2.1, 0.01], [3.99, 3.99])
-        if rng.random() < 0.5:
-            tail, head = head, tail
-        if space.scene.goal.contains(tail):
-            continue
-        exit, share, _ = sweep_exit(arena, *tail, *head)
-        assert exit != INSIDE
-        where = tail + share * (head - tail)
-        if exit == COLLISION:
-            assert space.collision.clearance(where[None])[0] < 0.02
-        else:
-            assert np.hypot(*(where - np.array(space.world.goal))) == pytest.approx(space.world.radius)
 
 
 def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():
