@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from discs import Row, block, disc
+from discs import Row, block, disc, scene_of
 from scipy.spatial import ConvexHull
 
 from pirrht.geometry.obstacle import Motion, Mover
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Obstacle, Scene
 
 START = np.array([1.0, 2.5])
 
@@ -31,15 +31,8 @@ def hall(
     name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5), radius: float = 0.1
 ) -> Scene:
     """A workspace of 6 x 5 m with a start at (1, 2.5) and a goal's disc of 0.3 m."""
-    return Scene(
-        name=name,
-        lower=np.zeros(2),
-        upper=np.array([6.0, 5.0]),
-        obstacles=tuple(standing),
-        goal=Goal(center=np.array(goal, dtype=float), radius=0.3),
-        start=np.array([*START, 0.0]),
-        robot_radius=radius,
-        movers=tuple(movers),
+    return scene_of(
+        standing, start=START, goal=(*goal, 0.3), side=(6.0, 5.0), radius=radius, name=name, movers=tuple(movers)
     )
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from discs import scene_of
 
 from pirrht import (
     Controller,
@@ -13,12 +14,10 @@ from pirrht import (
     Dubins,
     Dynamics,
     FreeSpace,
-    Goal,
     HomologyTree,
     OptionError,
     Problem,
     Sampling,
-    Scene,
     SingleIntegrator,
     StraightLine,
     Unicycle,
@@ -26,10 +25,7 @@ from pirrht import (
 from pirrht.arrays import Array
 from pirrht.systems.dynamics import no_drift
 
-SCENE = Scene(
-    name="field", lower=np.array([0.0, -1.0]), upper=np.array([4.0, 3.0]), obstacles=(), robot_radius=0.1,
-    start=np.array([1.0, 2.0, 0.3]), goal=Goal(center=np.array([3.0, 0.0]), radius=0.2),
-)  # fmt: skip
+SCENE = scene_of(start=(1.0, 2.0, 0.3), goal=(3.0, 0.0, 0.2), lower=(0.0, -1.0), side=(4.0, 3.0))
 
 
 def system(**changes: Any) -> Dynamics:

@@ -27,11 +27,7 @@ def known(name: str, b: float) -> Desirability:
     return Desirability.of(problem, FreeSpace.of(scene))
 
 
-JUDGED = [
-    (name, b) if (name, b) == ("crossing", 0.2) else thorough(name, b)
-    for name in ("crossing", "closing_door", "pincer")
-    for b in (0.2, 0.3)
-]
+JUDGED = [(name, b) if (name, b) == ("crossing", 0.2) else thorough(name, b) for name in SCENES for b in (0.2, 0.3)]
 
 
 @pytest.mark.parametrize(("name", "b"), JUDGED)

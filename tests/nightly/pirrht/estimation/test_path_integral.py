@@ -20,7 +20,7 @@ from closed_forms import (
     strip_space,
     within,
 )
-from discs import disc
+from discs import disc, scene_of
 from scipy.integrate import solve_bvp
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 from thoroughly import first
@@ -31,7 +31,6 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.rollouts.cpu import kernels_for
@@ -257,10 +256,8 @@ def test_exit_at_step_ends_samples_the_chain_that_the_grid_solves(slit):
 
 def test_weights_stay_finite_where_collisions_cost_a_million_lambda():
     """A unicycle before a post, its goal straight behind it, around the Dubins curves past the post."""
-    scene = Scene(
-        name="car", lower=np.array([-1.0, -3.0]), upper=np.array([5.0, 3.0]), obstacles=(disc("post", 2.0, 0.0, 0.3),),
-        goal=Goal(center=np.array([4.0, 0.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
+    ends = {"start": (0.0, 0.0), "goal": (4.0, 0.0, 0.4), "lower": (-1.0, -3.0), "side": (5.0, 3.0)}
+    scene = scene_of([disc("post", 2.0, 0.0, 0.3)], **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1), phi=1000.0)
     assert problem.temperature == pytest.approx(0.0009)
     assert problem.phi / problem.temperature > 1e6

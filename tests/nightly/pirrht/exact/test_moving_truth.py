@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block, disc
+from discs import block, disc, scene_of
 from moving import SCENES, START, moved
 from thoroughly import first, thorough
 
-from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
+from pirrht import FreeSpace, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import OptionError
 from pirrht.exact.desirability import Desirability
 from pirrht.geometry.obstacle import Mover
@@ -34,16 +34,7 @@ SHARES = {  # the same; in front, through the gap, and between, below, above
 
 def room(*movers: Mover, goal: tuple[float, float] = (4.3, 0.6), radius: float = 0.2, standing: tuple = ()) -> Scene:
     """5 x 3 m, for a robot so large that the grid is coarse."""
-    return Scene(
-        name="room",
-        lower=np.zeros(2),
-        upper=np.array([5.0, 3.0]),
-        obstacles=standing,
-        goal=Goal(center=np.array(goal), radius=0.3),
-        start=np.array([0.6, 1.5, 0.0]),
-        robot_radius=radius,
-        movers=movers,
-    )
+    return scene_of(standing, start=(0.6, 1.5), goal=(*goal, 0.3), side=(5.0, 3.0), radius=radius, movers=movers)
 
 
 def solved(scene: Scene, b: float = 0.3, phi: float = np.inf, q: float = 1.0, **options: float) -> Desirability:
@@ -167,11 +158,8 @@ def test_a_passage_between_bodies_that_slide_past_each_other_has_two_walls():
             for side, y in ((1.0, 0.86), (-1.0, 0.14))
         ]  # fmt: skip
         solids = tuple(solid for wall in walls for solid in wall.at(0.0))
-        return Scene(
-            name="corridor", lower=np.zeros(2), upper=np.array([3.0, 1.0]), robot_radius=0.1,
-            obstacles=() if speed else solids, movers=tuple(walls) if speed else (),
-            goal=Goal(center=np.array([2.5, 0.5]), radius=0.05), start=np.array([0.5, 0.5, 0.0]),
-        )  # fmt: skip
+        parts = {"movers": tuple(walls)} if speed else {"obstacles": solids}
+        return scene_of(**parts, start=(0.5, 0.5), goal=(2.5, 0.5, 0.05), side=(3.0, 1.0))
 
     x = np.array([[0.4, 0.5], [1.0, 0.46], [1.6, 0.53], [2.2, 0.5], [2.9, 0.48]])
     moving, still = solved(corridor(0.4), 0.2), solved(corridor(0.0), 0.2, spacing=0.01)

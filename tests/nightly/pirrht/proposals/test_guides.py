@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from discs import disc
+from discs import disc, scene_of
 from guides import best, valid
 
 from pirrht.arrays import Array
@@ -17,7 +17,6 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
@@ -34,10 +33,7 @@ STEP = 0.1
 
 def in_the_open(dynamics: Dynamics) -> PathIntegral:
     """A sampler in a wide empty room."""
-    scene = Scene(
-        name="open", lower=np.array([-20.0, -20.0]), upper=np.array([20.0, 20.0]), obstacles=(),
-        goal=Goal(center=np.array([3.0, 1.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
+    scene = scene_of(start=(0.0, 0.0), goal=(3.0, 1.0, 0.4), lower=(-20.0, -20.0), side=20.0, radius=0.15)
     R = 0.02 * np.linalg.inv(dynamics.B_c(np.zeros(4)) @ dynamics.B_c(np.zeros(4)).T)
     return path_integral(Problem(dynamics=dynamics, scene=scene, R=R), FreeSpace.of(scene), Sampling(dt=STEP))
 
@@ -114,11 +110,8 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
 @cache
 def beside_a_pillar() -> PathIntegral:
     """A mass before a pillar of radius 0.3 that stands in its way to the goal."""
-    scene = Scene(
-        name="pillar", lower=np.zeros(2), upper=np.array([5.0, 4.0]), start=np.array([0.5, 2.0, 0.0]),
-        obstacles=(disc("pillar", 2.0, 1.9, 0.3),), robot_radius=0.1,
-        goal=Goal(center=np.array([4.0, 2.0]), radius=0.3),
-    )  # fmt: skip
+    pillar = disc("pillar", 2.0, 1.9, 0.3)
+    scene = scene_of([pillar], start=(0.5, 2.0), goal=(4.0, 2.0, 0.3), side=(5.0, 4.0))
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2))
     return path_integral(problem, FreeSpace.of(scene), Sampling(dt=STEP, threads=1))
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from discs import disc
+from discs import disc, scene_of
 from guides import assert_alike, psi_around, valid
 from thoroughly import thorough
 from wind import Balloon
@@ -18,7 +18,6 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -127,10 +126,7 @@ AT = np.array([0.5, 1.0])
 
 def around_a_post(dynamics: Dynamics, **sampling: object) -> PathIntegral:
     """A sampler in a room of 3 x 2 m with a post below the way."""
-    scene = Scene(
-        name="post", lower=np.zeros(2), upper=np.array([3.0, 2.0]), obstacles=(disc("post", 1.4, 0.7, 0.1),),
-        goal=Goal(center=np.array([2.5, 1.0]), radius=0.3), start=np.append(AT, 0.0), robot_radius=0.1,
-    )  # fmt: skip
+    scene = scene_of([disc("post", 1.4, 0.7, 0.1)], start=AT, goal=(2.5, 1.0, 0.3), side=(3.0, 2.0))
     B = dynamics.B_c(AT)
     problem = Problem(dynamics=dynamics, scene=scene, R=0.02 * np.linalg.inv(B @ B.T))
     return path_integral(problem, FreeSpace.of(scene), Sampling(draws="independent", threads=1, **sampling))

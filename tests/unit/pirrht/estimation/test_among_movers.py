@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block, disc
+from discs import block, disc, scene_of
 from moving import SCENES, hall, moved
 
 from pirrht.arrays import Array
@@ -17,7 +17,7 @@ from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.scene import Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -40,12 +40,9 @@ def held(integral: PathIntegral, x: Array, control: Array, count: int, time: flo
 
 
 def walled(speed: float) -> Scene:
-    wall = moved("wall", [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)],
-                 block("wall", 0.0, 0.0, (0.1, 1.5)))  # fmt: skip
-    return Scene(
-        name="walled", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(), robot_radius=0.2,
-        goal=Goal(center=np.array([4.3, 0.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), movers=(wall,),
-    )  # fmt: skip
+    rows = [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)]
+    wall = moved("wall", rows, block("wall", 0.0, 0.0, (0.1, 1.5)))
+    return scene_of(start=(0.6, 1.5), goal=(4.3, 0.6, 0.3), side=(5.0, 3.0), radius=0.2, movers=(wall,))
 
 
 @pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from batches import batch_of
+from discs import scene_of
 from euler import Euler
 
-from pirrht import FreeSpace, Goal, Problem, Sampling, Scene, SingleIntegrator, path_integral
+from pirrht import FreeSpace, Problem, Sampling, SingleIntegrator, path_integral
 from pirrht.estimation.estimate import Estimate
 
 X, SAMPLES = np.array([1.6, 1.0]), 20_000
@@ -16,11 +17,7 @@ PAPER = {"exit": "endpoint", "steps": "uniform", "guide": "open-loop", "draws": 
 
 def estimated(weights: str, backend: Euler | None, seed: int) -> tuple[Estimate, np.ndarray]:
     """Estimate around two control sequences in a room whose walls end many paths; its open-loop control too."""
-    goal = Goal(center=np.array([2.8, 1.0]), radius=0.4)
-    scene = Scene(
-        name="room", lower=np.zeros(2), upper=np.array([4.0, 2.0]), obstacles=(), goal=goal,
-        start=np.array([*X, 0.0]), robot_radius=0.2,
-    )  # fmt: skip
+    scene = scene_of(start=X, goal=(2.8, 1.0, 0.4), side=(4.0, 2.0), radius=0.2)
     problem = Problem(dynamics=SingleIntegrator(b=0.4), scene=scene, R=2.0 * np.eye(2), phi=4.0)
     sampling = Sampling(**PAPER, weights=weights)
     integral = path_integral(problem, FreeSpace.of(scene), sampling, backend=backend)

@@ -7,34 +7,21 @@ import math
 import numpy as np
 import pytest
 from benchmarks.annulus import convergence
+from discs import disc, scene_of
 
-from pirrht import FreeSpace, Goal, Kind, Obstacle, Problem, Scene, SingleIntegrator, Unicycle
+from pirrht import FreeSpace, Obstacle, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.errors import PirrhtError
 from pirrht.exact.desirability import Desirability
 
 START = np.array([1.0, 2.5])
 
 
-def scene(*obstacles: Obstacle, width: float = 4.0, radius: float = 0.15) -> Scene:
-    return Scene(
-        name="room",
-        lower=np.zeros(2),
-        upper=np.array([width, 4.0]),
-        obstacles=obstacles,
-        goal=Goal(center=np.array([0.825 * width, 2.0]), radius=0.3),
-        start=np.array([0.125 * width, 2.0, 0.0]),
-        robot_radius=radius,
-    )
+def scene(*obstacles: Obstacle) -> Scene:
+    return scene_of(obstacles, start=(0.5, 2.0), goal=(3.3, 2.0, 0.3), side=4.0, radius=0.15)
 
 
 def post(x: float, y: float, radius: float) -> Obstacle:
-    return Obstacle(
-        name=f"post {x:g}",
-        kind=Kind.CYLINDER,
-        size=np.array([radius, 0.25, 0.0]),
-        position=np.array([x, y, 0.25]),
-        rotation=np.eye(3),
-    )
+    return disc(f"post {x:g}", x, y, radius)
 
 
 def solved(scene: Scene, b: float, phi: float = np.inf, **options: float) -> Desirability:
@@ -61,15 +48,7 @@ def test_the_error_of_the_control_falls_faster_than_the_spacing():
 
 def test_between_free_walls_psi_is_the_hyperbolic_cosine_of_an_interval():
     """phi = 0 at the border: far from goal and ends a strip is an interval, u* = (lambda/R) k tanh(k x)."""
-    room = Scene(
-        name="strip",
-        lower=np.array([-0.5, 0.0]),
-        upper=np.array([0.5, 6.0]),
-        obstacles=(),
-        goal=Goal(center=np.array([0.0, 0.4]), radius=0.1),
-        start=np.array([0.0, 3.5, 0.0]),
-        robot_radius=0.1,
-    )
+    room = scene_of(start=(0.0, 3.5), goal=(0.0, 0.4), lower=(-0.5, 0.0), side=(0.5, 6.0))
     b, k = 0.4, 1.0 / 0.4**2
     grid = solved(room, b, phi=0.0)
     for x in (0.0, 0.2, -0.37, 0.49):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 
 RADIUS, HEIGHT, HALF = 0.12, 0.1, 2.5
 MILLIMETRE = 1e-3
@@ -81,17 +81,7 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
 
 
 def among(*obstacles: Obstacle, half: float = HALF) -> Collision:
-    scene = Scene(
-        name="test",
-        lower=np.full(2, -half),
-        upper=np.full(2, half),
-        obstacles=obstacles,
-        goal=Goal(center=np.zeros(2), radius=0.1),
-        start=np.zeros(3),
-        robot_radius=RADIUS,
-        robot_height=HEIGHT,
-    )
-    return Collision(scene.world, scene.footprint)
+    return Collision(Workspace(np.full(2, -half), np.full(2, half), obstacles), Footprint(RADIUS, HEIGHT))
 
 
 def mixed(rng: np.random.Generator) -> Collision:

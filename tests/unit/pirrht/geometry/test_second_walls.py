@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from rooms import DOORWAY, room
-from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
+from tilted import solid
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.freespace import FreeSpace
@@ -19,20 +18,6 @@ from pirrht.geometry.walls import APART_COSINE, RISE_SINE
 
 GAP = 0.012  # the field tells at most this much less than the clearance in what follows [m]
 HEIGHT = 0.12
-
-
-def solid(kind: Kind, rng: np.random.Generator, tilted: bool) -> Obstacle:
-    size = np.exp(rng.uniform(np.log(0.08), np.log(0.6), 3))
-    vertices = faces = None
-    if kind is Kind.MESH:
-        corners = rng.uniform(-1, 1, (12, 3)) * size
-        hull = ConvexHull(corners)
-        vertices, faces = corners[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
-    turn = Rotation.random(random_state=int(rng.integers(2**31)))
-    return Obstacle(
-        name=kind.value, kind=kind, size=size, position=np.array([*rng.uniform(0.5, 3.5, 2), HEIGHT]),
-        rotation=turn.as_matrix() if tilted else np.eye(3), vertices=vertices, faces=faces,
-    )  # fmt: skip
 
 
 def among(*obstacles: Obstacle) -> Collision:
@@ -84,7 +69,7 @@ def of_field(space: FreeSpace, points: Array) -> tuple[Array, Array]:
 @pytest.mark.parametrize("seed", range(3))
 def test_both_walls_are_those_of_a_search_through_all_solids(seed: int, reach: float) -> None:
     rng = np.random.default_rng([3, seed])
-    collision = among(*(solid(kind, rng, i % 2 == 0) for i, kind in enumerate([*Kind, *Kind])))
+    collision = among(*(solid(kind, kind.value, rng.uniform(0.5, 3.5, 2), rng) for kind in [*Kind, *Kind]))
     points = rng.uniform(0, 4, (300, 2))
     found = collision.nearest_walls(points, range(12), reach)
     first, second, sure = expected(collision, points, reach)

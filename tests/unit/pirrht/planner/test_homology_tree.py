@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from discs import scene_of
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.graph import class_at
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -134,10 +134,7 @@ def dense(points: Array) -> Array:
 
 
 def test_without_obstacles_there_is_one_straight_class():
-    scene = Scene(
-        name="empty", lower=np.zeros(2), upper=np.full(2, 5.0), obstacles=(), robot_radius=0.1,
-        goal=Goal(center=np.array([4.0, 4.0]), radius=0.2), start=np.array([1.0, 0.0001, 0.0]),
-    )  # fmt: skip
+    scene = scene_of(start=(1.0, 0.0001), goal=(4.0, 4.0, 0.2), side=5.0)
     tree = tree_in(FreeSpace.of(scene), vertices=50)
     (reference,) = tree.references(np.array([1.0, 1.0]))
     assert reference.id == "-"

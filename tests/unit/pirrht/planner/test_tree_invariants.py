@@ -6,10 +6,11 @@ import heapq
 
 import numpy as np
 import pytest
+from discs import disc, scene_of
 from numpy.typing import NDArray
 
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Scene
 from pirrht.planner.graph import Graph, class_at
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
@@ -30,17 +31,8 @@ CASES = [
 def posts() -> Scene:
     """Five posts between start and goal, the goal in reach of many draws."""
     spots = [(1.6, 2.0), (2.9, 3.2), (3.0, 1.1), (4.2, 2.3), (1.5, 3.7)]
-    return Scene(
-        name="posts", lower=np.zeros(2), upper=np.array([6.0, 4.6]), robot_radius=0.1,
-        goal=Goal(center=np.array([5.3, 2.5]), radius=0.35), start=np.array([0.5, 2.4, 0.0]),
-        obstacles=tuple(
-            Obstacle(
-                name=f"post{i}", kind=Kind.CYLINDER, size=np.array([0.2, 0.2, 0.0]),
-                position=np.array([*spot, 0.1]), rotation=np.eye(3),
-            )
-            for i, spot in enumerate(spots)
-        ),
-    )  # fmt: skip
+    obstacles = [disc(f"post{i}", *spot, 0.2) for i, spot in enumerate(spots)]
+    return scene_of(obstacles, start=(0.5, 2.4), goal=(5.3, 2.5, 0.35), side=(6.0, 4.6))
 
 
 @pytest.fixture(scope="module")

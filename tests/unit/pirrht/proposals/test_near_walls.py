@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 import pytest
-from discs import block
+from discs import block, scene_of
 from scipy.integrate import quad
 from scipy.stats import norm
 
@@ -17,7 +17,6 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
@@ -92,10 +91,7 @@ def test_controls_are_told_without_the_push_and_add_what_is_missing_along_each_w
 def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
     obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
-    scene = Scene(
-        name="beside", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(obstacle,), robot_radius=0.2,
-        goal=Goal(center=np.array([4.3, 1.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]),
-    )  # fmt: skip
+    scene = scene_of([obstacle], start=(0.6, 1.5), goal=(4.3, 1.6, 0.3), side=(5.0, 3.0), radius=0.2)
     problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
     space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
     integral = path_integral(problem, space, Sampling(threads=1, first=0.01))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from rooms import walled as room
 from scipy.special import erfcx
 from scipy.stats import kstest, norm
-from walled_room import room
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from walled_room import room
+from rooms import walled as room
 
 from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE, sweep_exit
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from discs import scene_of
 from windings_by_angle import turns_of_curve
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.planner.shorten import shorten
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
@@ -136,13 +136,6 @@ def test_the_tape_drives_the_unicycle_to_the_head() -> None:
         assert np.hypot(*(path.points[-1] - head[:2])) < 1e-8
 
 
-def plain() -> Scene:
-    return Scene(
-        name="plain", lower=np.zeros(2), upper=np.ones(2) * 9, obstacles=(), start=np.ones(3),
-        robot_radius=0.1, goal=Goal(center=np.ones(2) * 8, radius=0.3),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("circles", [1.0, 2.0, 5.0, 1.0 - 1e-12, 1.0 + 1e-12])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
@@ -164,7 +157,7 @@ def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> None:
     """Turn towards the goal point and go straight: nothing shorter reaches the disc."""
-    space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
+    space, rng = FreeSpace.of(scene_of(start=(1.0, 1.0), goal=(8.0, 8.0, 0.3), side=9.0)), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
     checker = EdgeChecker.of(space, CAR)
