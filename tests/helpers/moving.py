@@ -37,11 +37,13 @@ def hall(
 
 
 def busy() -> Scene:
-    """Bodies that turn, and one that starts over elsewhere after 0.9 s."""
+    """Bodies of one and two solids that turn, one of which starts over elsewhere and one where it ends."""
     way = [(0.0, 1.5, 1.5, 0.3), (0.4, 2.0, 1.2, 1.0), (1.1, 2.5, 2.4, -1.0)]
-    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.2, 2.9, 4.0)]
+    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.0, 1.0, 6.283185307179586)]
+    ell = block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)
     bodies = [
-        moved("once", way, block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)),
+        moved("once", way, *ell),
+        moved("again", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3))), repeat=True),
         moved("around", lap, block("bar", 0.0, 0.0, (0.5, 0.05)), repeat=True),
     ]
     return hall("busy", bodies)

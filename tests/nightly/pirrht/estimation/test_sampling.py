@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from unit.pirrht.estimation.test_sampling import (
-    strip,  # noqa: F401
-    to_both_sides,
-)
+from closed_forms import at_strip, strip, strip_space
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampling import Sampling
+from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
+from pirrht.problem import Problem
 from sim.scenario import Scenario
+
+
+def corridor() -> tuple[Problem, FreeSpace]:
+    return strip(0.5, 0.5), strip_space(0.5)
 
 
 def assert_cautious(estimates: list[Estimate]) -> None:
@@ -28,9 +31,11 @@ def assert_cautious(estimates: list[Estimate]) -> None:
 
 @pytest.mark.parametrize("counts", [[400, 400], [400, 150]], ids=["equal counts", "unequal counts"])
 @pytest.mark.parametrize("weights", ["balance", "average"])
-def test_the_reported_error_covers_the_spread_of_300_repeats(strip, weights, counts):
-    integral = path_integral(*strip, Sampling(dt=0.05, first=0.0125, guide="open-loop", weights=weights))
-    assert_cautious([to_both_sides(integral, seed, counts=counts) for seed in range(300)])
+def test_the_reported_error_covers_the_spread_of_300_repeats(weights, counts):
+    integral = path_integral(
+        strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, first=0.0125, guide="open-loop", weights=weights)
+    )
+    assert_cautious([at_strip(integral, 0.2, (1, -1), seed, counts=counts) for seed in range(300)])
 
 
 def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Scenario, slit_tree: HomologyTree):
@@ -39,11 +44,13 @@ def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Sce
 
 
 @pytest.mark.parametrize("weights", ["balance", "average"])
-def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(strip, weights):
-    integral = path_integral(*strip, Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1))
+def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(weights):
+    integral = path_integral(
+        strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1)
+    )
 
     def psi(counts: list[int]) -> Array:
-        return np.exp([to_both_sides(integral, seed, counts=counts).log_psi for seed in range(1000)])
+        return np.exp([at_strip(integral, 0.2, (1, -1), seed, counts=counts).log_psi for seed in range(1000)])
 
     equal = psi([50, 50])
     for counts in ([85, 15], [15, 85]):
