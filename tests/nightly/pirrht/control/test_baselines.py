@@ -11,6 +11,7 @@ from closed_forms import SEEDS, annulus, disc_entry, wave_number, within
 from discs import block, scene_of
 from moving import hall, moved
 from scipy.special import k0
+from trees import grown
 from unit.pirrht.control.test_methods import RADIUS, B
 
 from pirrht.control.baselines import Mppi
@@ -78,8 +79,7 @@ def alone_in_a_room(b: float) -> Controller:
     scene = scene_of([], start=(0.6, 1.5), goal=(2.4, 1.5), side=3.0)
     problem = Problem(dynamics=Rover(b=b), scene=scene, R=np.diag([2.0, 0.5]))
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, Tracked.of(problem), rng=np.random.default_rng(0))
-    tree.grow(200)
+    tree = grown(space, Tracked.of(problem), 200, limit=0.6)
     return Controller(problem, space, tree, Sampling(samples=1000, threads=1), rng=np.random.default_rng(1))
 
 
@@ -111,8 +111,7 @@ def test_both_optima_are_sampled_where_noise_makes_them_alike(seed: int):
     rows = [(0.0, 2.19, 3.28, -2.86), (0.91, 2.43, 2.95, -1.67), (1.82, 2.27, 2.32, -0.48), (2.58, 2.14, 1.80, -0.86)]
     scene = hall("sweeper", [moved("bar", rows, block("bar", 0.0, 0.0, (0.46, 0.07)))], goal=(4.23, 2.735))
     problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
-    tree = HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(seed))
-    tree.grow(600)
+    tree = grown(space, InTime(), 600, seed=seed)
     controller = Controller(problem, space, tree, Sampling(samples=300, threads=1), rng=np.random.default_rng(1))
     x = np.array([0.38, 1.447])
     controller.begin(x, 0.758)

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from moving import SCENES
 from thoroughly import thorough
+from trees import grown
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -37,8 +37,7 @@ def test_plans_value_is_that_of_the_grid_at_random_states_and_times(name, b):
     A tree of 800 vertices that is aimed at a state does not find every dash through a gap that is about to close.
     """
     truth, space, rng, off = known(name, b), FreeSpace.of(SCENES[name]()), np.random.default_rng(5), []
-    tree = HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(1))
-    tree.grow(400)
+    tree = grown(space, InTime(), 400, seed=1)
     sampling = Sampling(samples=2000, threads=1)
     one = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(2))
     while len(off) < 8:
@@ -58,8 +57,7 @@ def test_close_to_the_goal_the_control_is_that_of_the_grid():
     off by 0.8 % along the rim, or 0.8 % too weak towards it. Mean over 6 states and both directions, seed 7.
     """
     truth, space, off = known("closing_door", 0.3), FreeSpace.of(SCENES["closing_door"]()), []
-    tree = HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(1))
-    tree.grow(100)
+    tree = grown(space, InTime(), 100, seed=1)
     sampling = Sampling(samples=20_000, threads=1, first=0.01)
     one, goal = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(7)), space.scene.goal
     for angle, beyond in ((1.4, 0.28), (1.0, 0.36), (0.8, 0.33), (-1.4, 0.28), (-1.0, 0.36), (-0.8, 0.33)):

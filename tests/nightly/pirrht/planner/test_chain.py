@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from discs import scattered
-from unit.pirrht.planner.test_taut import Foreign, by_class, tree_by
+from trees import grown
+from unit.pirrht.planner.test_taut import Foreign, by_class
 
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.steering.dubins import Dubins
-from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import Tracked
 from pirrht.systems.second_order_car import SecondOrderCar
 
@@ -21,10 +21,10 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
     """Free, of the same class, never longer, and hardly longer than what is made for Dubins curves."""
     space = FreeSpace.of(scattered(seed))
     car = Dubins(rho=0.4)
-    tree = tree_by(space, Foreign(car), 250)
+    tree = grown(space, Foreign(car), 250)
     x = space.scene.start[:3]
     rough, fine = tree.references(x, shortened=False), by_class(tree.references(x))
-    special = tree_by(space, car, 250).references(x)
+    special = grown(space, car, 250).references(x)
     assert len(rough) >= 2
     for before in rough:
         after = fine[before.winding]
@@ -41,16 +41,9 @@ def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(see
 # -- going on ------------------------------------------------------------------------------------------------------
 
 
-def grown_of(problem: Problem, steering: Steering, seed: int) -> HomologyTree:
-    space = FreeSpace.of(problem.scene)
-    tree = HomologyTree(space, steering, limit=0.9, rng=np.random.default_rng(seed))
-    tree.grow(300)
-    return tree
-
-
 def lines(seed: int) -> HomologyTree:
     problem = Problem(dynamics=SecondOrderCar(), scene=scattered(seed), R=np.diag([2.0, 2.0]))
-    return grown_of(problem, Tracked.of(problem, pace=1.0), seed)
+    return grown(FreeSpace.of(problem.scene), Tracked.of(problem, pace=1.0), 300, seed=seed, limit=0.9)
 
 
 @pytest.mark.parametrize("seed", [0, 3])

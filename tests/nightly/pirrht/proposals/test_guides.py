@@ -10,6 +10,7 @@ import pytest
 from discs import disc, scene_of
 from guides import assert_alike, best, psi_around, valid
 from thoroughly import thorough
+from trees import grown
 from wind import Balloon
 
 from pirrht.arrays import Array
@@ -190,8 +191,7 @@ def in_slit(robot: str) -> tuple[FreeSpace, HomologyTree, PathIntegral]:
         problem = Problem(dynamics=SecondOrderCar(b=0.1), scene=scene, R=np.eye(2), q=cruising, q_min=1.0)
         vertices = 300
     space, steering = FreeSpace.of(scene), (MassSteering if robot == "mass" else Tracked).of(problem)
-    tree = HomologyTree(space, steering, limit=0.6, rng=np.random.default_rng(0))
-    tree.grow(vertices)
+    tree = grown(space, steering, vertices, limit=0.6)
     return space, tree, path_integral(problem, space, Sampling(dt=0.1, draws="independent", threads=1))
 
 

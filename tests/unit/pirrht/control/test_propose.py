@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from trees import grown
 from wider import Wider
 
 from pirrht import (
     Controller,
     FreeSpace,
-    HomologyTree,
     OptionError,
     Problem,
     Sampling,
@@ -53,8 +53,7 @@ def driver(**options) -> Controller:
     scene = Scene.from_boxes(WALLS, **TASK)
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(200)
+    tree = grown(space, StraightLine.of(problem), 200)
     return Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1), **options)
 
 

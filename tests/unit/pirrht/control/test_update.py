@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from thoroughly import thorough
+from trees import grown
 
 from pirrht import (
     Controller,
     Dubins,
     FreeSpace,
-    HomologyTree,
     OptionError,
     Problem,
     Sampling,
@@ -43,8 +43,7 @@ def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300, method
         problem = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0)
         steering, sampling = Dubins.of(problem), Sampling(samples=100)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(vertices)
+    tree = grown(space, steering, vertices)
     return Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(1))
 
 

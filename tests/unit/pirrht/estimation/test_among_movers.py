@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from discs import block, disc, scene_of
 from moving import SCENES, hall, moved
+from trees import grown
 
 from pirrht.arrays import Array
 from pirrht.control.controller import Controller
@@ -19,7 +20,6 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.outcome import Outcome
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import InTime
@@ -111,8 +111,7 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
     for one in (scene, shut):
         problem, space = Problem(dynamics=SingleIntegrator(b=0.3), scene=one, R=2.0 * np.eye(2)), FreeSpace.of(one)
         steering = InTime() if one.movers else StraightLine.of(problem)
-        tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(1))
-        tree.grow(400)
+        tree = grown(space, steering, 400, seed=1)
         sampling = Sampling(samples=1000, threads=1)
         plans.append((Controller(problem, space, tree, sampling, rng=np.random.default_rng(2)), bool(one.movers)))
     rng = np.random.default_rng(8)

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from discs import block, disc, scene_of
+from trees import grown
 
-from pirrht import FreeSpace, Goal, HomologyTree, Problem, Scene, SceneError, SingleIntegrator, StraightLine
+from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearances
@@ -31,16 +32,9 @@ def shelf(*, center: tuple[float, float], radius: float, pillar: float | None = 
     return replace(scene_of([solid], start=(0.5, 2.0), goal=center), goal=Goal(center=np.array(center), radius=radius))
 
 
-def grown(space: FreeSpace) -> HomologyTree:
-    problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=space.scene, R=2.0 * np.eye(2))
-    tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
-    tree.grow(300)
-    return tree
-
-
 def line(space: FreeSpace) -> Array:
     """The cheapest reference from the start, as points a centimetre apart or less (k, 2) [m]."""
-    corners = grown(space).references(space.scene.start[:2])[0].trajectory.points
+    corners = grown(space, StraightLine(), 300).references(space.scene.start[:2])[0].trajectory.points
     return np.concatenate([np.linspace(a, b, 500) for a, b in zip(corners, corners[1:], strict=False)])
 
 

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from trees import grown
 
 from pirrht import (
     Controller,
     FreeSpace,
-    HomologyTree,
     Problem,
     Sampling,
     Scene,
@@ -79,8 +79,7 @@ def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_f
     plans = []
     for scene in (made, read):
         problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2 * np.eye(2)), FreeSpace.of(scene)
-        tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
-        tree.grow(200)
+        tree = grown(space, StraightLine.of(problem), 200, limit=0.6)
         controller = Controller(problem, space, tree, Sampling(samples=50), rng=np.random.default_rng(1))
         plans.append(controller.plan(scene.start[:2]))
     one, other = plans

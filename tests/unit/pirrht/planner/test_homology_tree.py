@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from discs import scene_of
+from trees import grown
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
@@ -20,10 +21,8 @@ from sim.scenario import Scenario
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
 
 
-def tree_in(space: FreeSpace, *, seed: int = 0, vertices: int = 300, **options) -> HomologyTree:
-    tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(seed), **options)
-    tree.grow(vertices)
-    return tree
+def tree_in(space: FreeSpace, *, vertices: int = 300, limit: float = 0.6, **options) -> HomologyTree:
+    return grown(space, StraightLine(), vertices, limit=limit, **options)
 
 
 def by_class(references: list[Reference]) -> dict[str, Reference]:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
+from trees import grown
 
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
@@ -30,10 +31,8 @@ WAYS = {  # classes that matter
 }
 
 
-def grown(space: FreeSpace, seed: int, vertices: int = 250, steering: InTime | None = None) -> HomologyTree:
-    tree = HomologyTree(space, steering or InTime(), limit=0.8, rng=np.random.default_rng(seed))
-    tree.grow(vertices)
-    return tree
+def in_time(space: FreeSpace, seed: int, vertices: int = 250) -> HomologyTree:
+    return grown(space, InTime(), vertices, seed=seed)
 
 
 def collides(space: FreeSpace, found: Reference) -> bool:
@@ -48,7 +47,7 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
     """Before and behind; through the gap and around; between, below and above: within a hundredth, at 20 seeds."""
     space, costs = FreeSpace.of(SCENES[name]()), []
     for seed in range(20):
-        found = {one.id: one.cost for one in grown(space, seed, 200).references(START)}
+        found = {one.id: one.cost for one in in_time(space, seed, 200).references(START)}
         costs.append([found[way] for way in WAYS[name]])
     assert np.all(np.ptp(costs, axis=0) < 0.012 * np.min(costs, axis=0))
 
@@ -57,7 +56,7 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
 @pytest.mark.parametrize("shortened", [True, False])
 def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_after(name, shortened):
     space = FreeSpace.of(SCENES[name]())
-    tree = grown(space, 3)
+    tree = in_time(space, 3)
     homology, references = tree.homology, tree.references(START, shortened=shortened)
     for one in references:
         knots = one.path.knots
@@ -80,7 +79,7 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
 def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
     block = [disc("post", 3.0, 2.6, 0.4)]
     space = FreeSpace.of(hall("standing", [], block))
-    found = grown(space, 0, 400).references(START)
+    found = in_time(space, 0, 400).references(START)
     assert {one.id for one in found} == {"0", "1"} or {one.id for one in found} == {"0", "-1"}
     a, b, c = np.array([1.0, 2.5]), np.array([3.0, 2.6]), np.array([5.5, 2.5])
     reach = [np.sqrt(np.sum((p - b) ** 2) - 0.25) for p in (a, c)]
@@ -101,15 +100,15 @@ def test_far_bodies_do_not_multiply_the_classes_that_count():
             [np.arange(5) * 0.8, np.array(corners[k % 4]) + rng.normal(0.0, 0.1, (5, 2)), np.zeros(5)]
         )
         far.append(moved(f"far{k}", rows, disc("disc", 0.0, 0.0, 0.1)))
-    alone = grown(FreeSpace.of(crossing), 0, 300).references(START)
-    found = grown(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
+    alone = in_time(FreeSpace.of(crossing), 0, 300).references(START)
+    found = in_time(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
     assert [one.winding for one in found[:2]] == [(w, *[0] * 12) for (w,) in (alone[0].winding, alone[1].winding)]
     assert [one.cost for one in found[:2]] == pytest.approx([one.cost for one in alone], rel=2e-3)
 
 
 def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     space, kept = FreeSpace.of(SCENES["pincer"]()), BytesIO()
-    tree = grown(space, 2, 120)
+    tree = in_time(space, 2, 120)
     save(tree, kept)
     kept.seek(0)
     again = load(kept, space, InTime())
@@ -123,7 +122,7 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
 @pytest.mark.parametrize("name", SCENES)
 def test_references_do_not_depend_on_the_number_of_threads(name):
     """Neither the first nor those that go on from them a little further on."""
-    tree = grown(FreeSpace.of(SCENES[name]()), 2, 600)
+    tree = in_time(FreeSpace.of(SCENES[name]()), 2, 600)
     found = []
     for threads in (1, 3):
         first = tree.references(START, threads=threads)
@@ -134,7 +133,7 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
 
 
 def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
-    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 400)
+    tree = in_time(FreeSpace.of(SCENES["pincer"]()), 0, 400)
     first = {one.winding: one for one in tree.references(START)}
     place = START + np.array([0.1, 0.0, 0.1])
     known = {winding: one.path for winding, one in list(first.items())[:1]}

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from discs import block, disc, scattered, scene_of
+from trees import grown
 
 from pirrht.arrays import Array
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.shorten import taut_polyline
-from pirrht.planner.tree import HomologyTree
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
@@ -34,7 +34,7 @@ def length(points: Array) -> float:
 @pytest.mark.parametrize("seed", range(8))
 def test_every_corner_of_a_taut_reference_touches_something(seed: int):
     space = FreeSpace.of(scattered(seed))
-    for reference in tree_by(space, StraightLine(), seed=seed).references(space.scene.start[:2]):
+    for reference in grown(space, StraightLine(), 500, seed=seed).references(space.scene.start[:2]):
         points = line_of(reference)
         assert np.all(space.collision.segments_free(points[:-1], points[1:]))
         assert space.homology.winding(points) == reference.winding
@@ -62,7 +62,7 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
     space = FreeSpace.of(scene_of([disc("pillar", 3.0, 3.0, radius)], start=(0.5, 3.0), goal=(5.5, 3.0)))
     inflated, far = radius + RADIUS, 2.5
     whole = 2.0 * (np.sqrt(far**2 - inflated**2) + inflated * np.arcsin(inflated / far))
-    references = tree_by(space, StraightLine()).references(space.scene.start[:2])
+    references = grown(space, StraightLine(), 500).references(space.scene.start[:2])
     assert len(references) == 2
     for reference in references:
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
@@ -93,12 +93,6 @@ class Foreign(Steering):
         return self.own.roots(goal)
 
 
-def tree_by(space: FreeSpace, steering: Steering, vertices: int = 500, seed: int = 0) -> HomologyTree:
-    tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(seed))
-    tree.grow(vertices)
-    return tree
-
-
 def by_class(references: list[Reference]) -> dict[tuple[int, ...], Reference]:
     return {reference.winding: reference for reference in references}
 
@@ -107,7 +101,7 @@ def by_class(references: list[Reference]) -> dict[tuple[int, ...], Reference]:
 def test_straight_lines_of_a_foreign_steering_are_as_taut_as_our_own(seed: int):
     space = FreeSpace.of(scattered(seed))
     x = space.scene.start[:2]
-    foreign, own = (tree_by(space, s, 150).references(x) for s in (Foreign(StraightLine()), StraightLine()))
+    foreign, own = (grown(space, s, 150).references(x) for s in (Foreign(StraightLine()), StraightLine()))
     shared = by_class(foreign).keys() & by_class(own).keys()
     assert len(shared) >= 2
     for winding in shared:

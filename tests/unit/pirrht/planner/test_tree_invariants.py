@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from discs import disc, scene_of
 from numpy.typing import NDArray
+from trees import grown
 
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
@@ -38,12 +39,6 @@ def posts() -> Scene:
 @pytest.fixture(scope="module")
 def space() -> FreeSpace:
     return FreeSpace.of(posts())
-
-
-def grown(space: FreeSpace, steering: Steering, classes: int, vertices: int = 150) -> HomologyTree:
-    tree = HomologyTree(space, steering, limit=0.8, classes=classes, rng=np.random.default_rng(4))
-    tree.grow(vertices)
-    return tree
 
 
 def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
@@ -83,7 +78,7 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
 
 @pytest.mark.parametrize(("steering", "classes"), CASES)
 def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering: Steering, classes: int) -> None:
-    tree = grown(space, steering, classes)
+    tree = grown(space, steering, 150, seed=4, classes=classes)
     expected = searched(tree)
     for v in range(tree.size):
         kept = nodes(tree, v)

@@ -13,13 +13,13 @@ import pytest
 from batches import batch_of
 from discs import disc, scene_of
 from guides import best, valid
+from trees import grown
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.dubins import Dubins
@@ -37,8 +37,7 @@ def case(
     scene = scene_of(posts, **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(300)
+    tree = grown(space, Dubins.of(problem), 300)
     return problem, space, tuple((r.trajectory, r.winding) for r in tree.references(scene.start))
 
 

@@ -11,6 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 from discs import disc, scene_of
+from trees import grown
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
@@ -32,8 +33,7 @@ def case(b: float) -> tuple[Problem, FreeSpace, HomologyTree]:
     scene = scene_of([disc("post", 2.2, -0.2, 0.4)], **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(300)
+    tree = grown(space, Dubins.of(problem), 300)
     return problem, space, tree
 
 
