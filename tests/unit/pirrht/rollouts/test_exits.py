@@ -10,6 +10,7 @@ from scipy.stats import kstest, norm
 
 from pirrht.arrays import Array
 from pirrht.geometry.field import clearance
+from pirrht.jit.jit import kernel
 from pirrht.jit.streams import stream, uniform
 from pirrht.rollouts.first_exit import (
     COLLISION,
@@ -68,19 +69,21 @@ def test_the_law_scales_with_the_deviation():
 # -- in a scene --------------------------------------------------------------------------------------------------
 
 
+@kernel
+def _steps(arena, step, before, after, cov, weighed, state, outcome, share, lasting):  # type: ignore[no-untyped-def]
+    for i in range(len(outcome)):
+        state, outcome[i], share[i], lasting[i] = bridge_exit(arena, step, before, after, cov, weighed, state)
+
+
 def bridges(
     tail: Array, head: Array, variance: float, count: int = DRAWS, *, weighed: bool = False
 ) -> tuple[Array, Array, Array]:
     """Outcomes, shares and logarithms of survival of many isotropic steps with the same ends."""
-    space = room()
-    arena = space.world
-    before, after = (distances(arena, *map(float, p)) for p in (tail, head))
+    arena, step = room().world, (*map(float, tail), *map(float, head))
+    before, after = distances(arena, *step[:2]), distances(arena, *step[2:])
+    outcome, share, lasting = np.empty(count, int), np.empty(count), np.empty(count)
     cov = (variance, 0.0, variance)
-    state, outcome, share, lasting = stream(np.uint64(4), 0), np.empty(count, int), np.empty(count), np.empty(count)
-    for i in range(count):
-        state, outcome[i], share[i], lasting[i] = bridge_exit(
-            arena, (*map(float, tail), *map(float, head)), before, after, cov, weighed, np.uint64(state)
-        )
+    _steps(arena, step, before, after, cov, weighed, np.uint64(stream(np.uint64(4), 0)), outcome, share, lasting)
     return outcome, share, lasting
 
 
