@@ -15,7 +15,7 @@ from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Analytic, Executor
+from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Length, spread
 from sim.mjcf import Loaded, load, models_folder
 from sim.mjcf.robot import control_limits
@@ -34,7 +34,7 @@ def problem_of(robot: str):
     return problem
 
 
-def pair(folder: Path, robot: str, b: float, *, steps: int = 10, **scene: str) -> tuple[Executor, Analytic]:
+def pair(folder: Path, robot: str, b: float, *, steps: int = 10, **scene: str) -> tuple[Executor, Plant]:
     return plants(scene_file(folder, **scene), robot, problem_of(robot), b, steps)
 
 

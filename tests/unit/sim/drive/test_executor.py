@@ -14,13 +14,13 @@ from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Analytic, ClearanceChecker, Executor
+from sim.drive.executor import ClearanceChecker, Executor, Plant
 from sim.mjcf import load
 
 
 def pair(
     folder: Path, robot: str, b: float, option: str = "", world: str = "", steps: int = 10
-) -> tuple[Executor, Analytic]:
+) -> tuple[Executor, Plant]:
     loaded = load(scene_file(folder, option=option, world=world), robot=robot)
     dynamics = SingleIntegrator(b=b) if robot == "puck" else Unicycle(V=0.8, rho=0.7, b=b)
     return both(loaded, problem_of(loaded, dynamics), steps * float(loaded.model.opt.timestep))
@@ -66,7 +66,7 @@ def test_equal_seeds_give_equal_noise_whatever_is_done_with_it(tmp_path):
 def test_a_period_that_is_no_multiple_of_the_physics_step_is_refused_with_both(period):
     loaded = load("slit")
     problem = problem_of(loaded, SingleIntegrator())
-    for build in (lambda: Executor(loaded, problem, period=period), lambda: Analytic(problem, len, period=period)):
+    for build in (lambda: Executor(loaded, problem, period=period), lambda: Plant(problem, len, period=period)):
         with pytest.raises(OptionError, match=rf"{period:g} s .* 0\.002 s"):
             build()
 

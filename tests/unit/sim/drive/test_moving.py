@@ -13,7 +13,7 @@ from pirrht.geometry.scene import Workspace
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Advance, Analytic, Executor
+from sim.drive.executor import Advance, Plant
 from sim.mjcf import load
 
 EVERYWHERE = np.full(2, np.inf)
@@ -26,7 +26,7 @@ def pair(folder, world: str, custom: str, period: float, *, robot="puck", b=QUIE
     return loaded, both(loaded, problem_of(loaded, dynamics), period)
 
 
-def still(plant: Executor | Analytic):
+def still(plant: Plant):
     return hold(*np.zeros(2 if len(plant.state) == 2 else 1))
 
 
@@ -70,7 +70,7 @@ def test_mujocos_bodies_are_at_every_physics_step_where_their_motions_say_across
     np.testing.assert_array_equal(data.body("post").xpos, [5, 5, 0.1])
 
 
-def hit(plant: Executor | Analytic, periods: int = 200) -> tuple[float, Advance]:
+def hit(plant: Plant, periods: int = 200) -> tuple[float, Advance]:
     """The time of the collision of a robot that rests at the origin."""
     plant.reset(np.zeros(3))
     rng = np.random.default_rng(0)

@@ -18,7 +18,7 @@ from pirrht.outcome import Outcome
 from sim.cli import main
 from sim.drive import episode
 from sim.drive.episode import Frame
-from sim.drive.executor import Analytic
+from sim.drive.executor import Plant
 from sim.drive.metrics import TimedPlan
 from sim.drive.realtime import BEHIND, IDLE, MOST_PIECES, Clock, Planner
 from sim.recording.stream import Stream
@@ -96,7 +96,7 @@ def plan(x: Array, speed: float) -> Plan:
 
 def frames_of(scenario: Scenario, policy: FakePolicy, periods: int):
     quiet = scenario.with_settings(noise=1e-6)
-    plant = Analytic(quiet.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
+    plant = Plant(quiet.problem, lambda points: np.ones(len(points)), period=PERIOD, physics_step=STEP)
     rng = np.random.default_rng(0)
     return episode.run(plant, policy, scenario.start, rng, max_time=periods * PERIOD, clock=policy.clock)
 
