@@ -29,7 +29,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from sim.drive.metrics import EpisodeMetrics, Frame, Period
+from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
@@ -122,7 +122,7 @@ class Drive(gymnasium.Env[Array, Array]):
         x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
         plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
         advance = self._plant.advance(lambda x, s: u, self._rng)
-        self.frame = self._metrics.frame(Period(plan=plan, advance=advance, plan_seconds=thought))
+        self.frame = self._metrics.frame(TimedPlan(plan=plan, plan_seconds=thought), advance)
         outcome = self.frame.outcome
         reward = -advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
         self._asked = time.perf_counter() if outcome is None else None

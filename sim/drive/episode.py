@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from contextlib import closing
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from pirrht.arrays import Array
 from pirrht.control.policy import Policy
 from pirrht.exact.desirability import Desirability
 from sim.drive import realtime
-from sim.drive.executor import Plant
-from sim.drive.metrics import EpisodeMetrics, Frame, Period, TimedPlan
+from sim.drive.executor import Advance, Plant
+from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.drive.realtime import Clock
 
 __all__ = ["Frame", "run"]
@@ -38,24 +39,24 @@ def run(
     plant.reset(start)
     metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid)
     if clock is None:
-        periods = _in_turn(plant, policy, rng, grow or 0)
+        periods: Generator[Any] = _in_turn(plant, policy, rng, grow or 0)
     else:
         periods = realtime.periods(plant, policy, rng, clock, grow=grow, max_time=max_time)
     with closing(periods):
         for period in periods:
-            frame = metrics.frame(period)
+            frame = metrics.frame(*period)
             yield frame
             if frame.outcome is not None:
                 return
 
 
-def _in_turn(plant: Plant, policy: Policy, rng: np.random.Generator, grow: int) -> Generator[Period]:
+def _in_turn(plant: Plant, policy: Policy, rng: np.random.Generator, grow: int) -> Generator[tuple[TimedPlan, Advance]]:
     """Plan and drive by turns."""
     policy.begin(plant.state)
     while True:
         made = TimedPlan.of(policy, plant.state)
         advance = plant.advance(made.plan.at, rng)
         policy.observe(advance.states, advance.time)
-        yield Period(**vars(made), advance=advance)
+        yield made, advance
         if policy.tree is not None and grow:
             policy.tree.grow(min(made.vertices + grow, MOST_VERTICES))

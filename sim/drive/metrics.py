@@ -23,7 +23,6 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, RunState
 from pirrht.estimation.estimate import OTHER
 from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Driven
@@ -41,23 +40,24 @@ STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 class Length:
     """The length of a path that goes on, from its start at x (n,)."""
 
-    def __init__(self, problem: Problem, x: Array) -> None:
-        self._spread, self._smooth = spread(problem, x), not problem.dynamics.noisy_position
-        self._time = CHORD * problem.temperature / problem.least_rate
+    def __init__(self, x: Array) -> None:
         self._first = self._last = self._begun = (float(x[0]), float(x[1]))  # of the path, so far, of the chord
+        self._problem: Problem | None = None  # whose noise the last states had
         self._steps, self._step = 0, 0.0  # of the chord, and their length [s]
         self._chords = 0.0  # complete ones [m]
         self.noisy = 0.0  # length of the path with all its noise [m]
 
-    def add(self, states: Array, step: float, noisy: float) -> None:
-        """Go on through states (k, n), `step` seconds apart, over a path of `noisy` metres."""
+    def add(self, problem: Problem, states: Array, step: float, noisy: float) -> None:
+        """Go on through states (k, n) of a problem, `step` seconds apart, over a path of `noisy` metres."""
         self.noisy += noisy
         if not len(states):
             return
+        if problem is not self._problem:
+            self._problem, self._spread = problem, spread(problem, states[0])
         places = [(float(x), float(y)) for x, y in states[:, :2]]
         self._last, self._step = places[-1], step
-        each, first = max(1, round(self._time / step)), self._steps
-        for end in range(each - first, len(places) + 1, each):
+        each, first = max(1, round(CHORD * problem.temperature / problem.least_rate / step)), self._steps
+        for end in range(max(1, each - first), len(places) + 1, each):
             self._chords += self._chord(places[end - 1], each)
             self._begun = places[end - 1]
         self._steps = (first + len(places)) % each
@@ -65,15 +65,10 @@ class Length:
     @property
     def total(self) -> float:
         """Length of the path without its noise [m]; at least the distance of its ends, at most the noisy length."""
-        if self._smooth:
+        if self._problem is None or not self._problem.dynamics.noisy_position:
             return self.noisy
         total = self._chords + self._chord(self._last, self._steps)
         return min(self.noisy, max(total, dist(self._first, self._last)))
-
-    @property
-    def both(self) -> tuple[float, float]:
-        """Length without and with the path's noise [m]."""
-        return self.total, self.noisy
 
     def _chord(self, end: tuple[float, float], steps: int) -> float:
         return sqrt(max(0.0, dist(self._begun, end) ** 2 - self._spread * steps * self._step))
@@ -112,18 +107,10 @@ class TimedPlan:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Period(TimedPlan):
-    """One control period as plant and planner know it."""
-
-    advance: Advance
-    late: Array | None = None  # how late each physics step began, (k,) [s]; None without a clock
-    missed: bool = False  # whether its plan was not ready when it began
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Frame(Period):
+class Frame(TimedPlan):
     """One control period: where the robot was, what was planned there and what came of it."""
 
+    advance: Advance
     step: int  # number of the period, from 0
     time: float  # simulated time at its start [s]
     outcome: Outcome | None  # how the run ended in this period, TIMEOUT included; None while it goes on
@@ -174,41 +161,35 @@ class EpisodeMetrics:
         self.deadline_misses = 0  # plans that took longer than the period, by a clock those that were late
         self.blocked: list[tuple[float, float]] = []  # from when to when the robot was [s]
         self.last: Frame | None = None
-        self._seconds: list[float] = []  # that plans took
+        self.plan_seconds: list[float] = []  # wall time of each [s]
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
-        self._passed = np.zeros(2)  # lengths [m] before the present world, without noise and with it
-        self._enter(task.space, x)
+        self._length, self._driven = Length(x), Driven(task.homology, x)
+        self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
 
-    def _enter(self, space: FreeSpace, x: Array) -> None:
-        """Start classes and lengths anew in a world."""
-        self._space, self._checker = space, ClearanceChecker(space.scene)
-        self._length = Length(self._task.problem, x)
-        self._driven = Driven(self._task.homology, x, self.time)
+    def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
+        """Take the next period into account.
 
-    def frame(self, period: Period) -> Frame:
-        """Take the next period into account."""
-        plan, advance, begin, last = period.plan, period.advance, self.time, self.last
+        Args:
+            late: how late each physics step began, (k,) [s]; None without a clock.
+        """
+        plan, begin, last, task = made.plan, self.time, self.last, self._task
         if plan.space is not None and plan.space is not self._space:
-            if last is not None and period.run is last.run:  # among other obstacles, to the same goal
+            if last is not None and made.run is last.run:  # among other obstacles, to the same goal
                 self._driven.enter(plan.space.homology)
-                self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
             else:
-                self._passed += self._length.both
-                self._enter(plan.space, plan.state)
+                self._driven = Driven(task.homology, plan.state, begin)
+            self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
         clearance = self._checker.at(plan.state, begin)
-        self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, period.vertices
-        self._length.add(advance.states, advance.time / max(1, len(advance.states)), advance.length)
+        self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
+        self._length.add(task.problem, advance.states, advance.time / max(1, len(advance.states)), advance.length)
         if len(advance.states):
             self._driven.observe(advance.states, self.time)
-        self.path_length, self.noisy_path_length = np.add(self._passed, self._length.both).tolist()
+        self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
-        outcome, driven, news = (
-            ending(advance, begin, self._max_time),
-            self._driven.winding(),
-            self._count(period, begin),
-        )
+        outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
+        news = self._count(made, begin, late)
         if outcome is not None:
             self.outcome = outcome.name.lower()
             news.append(f"{self.outcome} at {self.time:.2f} s")
@@ -218,16 +199,16 @@ class EpisodeMetrics:
         if truth is not None:
             self._truths.append((truth.value, truth.distance(plan.control)))
         self.last = Frame(
-            **vars(period), step=self.steps, time=begin, outcome=outcome, cost=self.cost, length=self.path_length,
-            noisy_length=self.noisy_path_length, clearance=clearance, driven_class=driven, truth=truth,
-            news="; ".join(news) or None, metrics=self,
+            **vars(made), advance=advance, step=self.steps, time=begin, outcome=outcome, cost=self.cost,
+            length=self.path_length, noisy_length=self.noisy_path_length, clearance=clearance, driven_class=driven,
+            truth=truth, news="; ".join(news) or None, metrics=self,
         )  # fmt: skip
         self.steps += 1
         return self.last
 
-    def _count(self, period: Period, begin: float) -> list[str]:
+    def _count(self, made: TimedPlan, begin: float, late: Array | None) -> list[str]:
         """Count a period that began at a time [s]; return lines for a person on what is new."""
-        plan, estimate, news = period.plan, period.plan.estimate, list[str]()
+        plan, estimate, news = made.plan, made.plan.estimate, list[str]()
         if self.last is None:
             self.value_estimate = plan.exact if estimate is None else estimate.value
         was_blocked = self.last is not None and self.last.plan.fallback is not None
@@ -257,21 +238,21 @@ class EpisodeMetrics:
             if plan.decided is not None:
                 self.class_reversals += self._decided not in (None, plan.decided)
                 self._decided = plan.decided
-        self._seconds.append(period.plan_seconds)
-        if period.late is None:
-            self.deadline_misses += period.plan_seconds > self._period
-        else:
-            self._late.append(period.late)
-            self.deadline_misses += period.missed
-            if not period.missed and self.last is not None:
+        self.plan_seconds.append(made.plan_seconds)
+        missed = made.plan_seconds > self._period
+        if late is not None:
+            self._late.append(late)
+            missed = made.begin < begin - GRACE
+            if not missed and self.last is not None:
                 samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
-                self._ready.append((samples, period.slack))
+                self._ready.append((samples, made.slack))
+        self.deadline_misses += missed
         return news
 
     @property
     def step_ms(self) -> dict[str, Any]:
         """Wall time of a plan [ms]."""
-        return _percentiles(1e3 * np.array(self._seconds), median=50, p95=95, max=100)
+        return _percentiles(1e3 * np.array(self.plan_seconds), median=50, p95=95, max=100)
 
     @property
     def real_time(self) -> dict[str, Any] | None:

@@ -30,8 +30,8 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
-from sim.drive.executor import Plant
-from sim.drive.metrics import Period, TimedPlan, ending
+from sim.drive.executor import Advance, Plant
+from sim.drive.metrics import TimedPlan, ending
 
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
@@ -43,6 +43,8 @@ FULLER = 8  # times as many vertices as it begins with a tree has at most: there
 PIECES, MOST_PIECES = 10, 20  # integration steps in which a period is predicted, and any time if a plant is late
 BEHIND = 0.2  # of a period that the plant is late by: then the tree does not grow
 LONGEST_WAIT = 0.1  # after which work that gives way continues in any case [s]
+
+Period = tuple[TimedPlan, Advance, Array]  # how late each of its physics steps began, (k,) [s]
 
 CLOCKED = Event()  # set while a run goes by the clock, after which there will be more time
 IDLE = Event()  # cleared while a plan is made by the clock: other work waits for it, LONGEST_WAIT at most
@@ -101,7 +103,7 @@ def periods(
     def drive() -> None:
         for step, period in enumerate(_drive(plant, planner, first, rng)):
             news.put(period)
-            if ending(period.advance, step * plant.period, max_time) is not None:
+            if ending(period[1], step * plant.period, max_time) is not None:
                 return
 
     with _undisturbed():
@@ -141,8 +143,7 @@ def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Genera
 
         advance = plant.advance(control, rng)
         planner.driven.append(advance.states)
-        known = {**vars(met), "plan": replace(met.plan, state=start)}
-        yield Period(**known, advance=advance, late=np.array(late), missed=met.begin < begin - 1e-9)
+        yield replace(met, plan=replace(met.plan, state=start)), advance, np.array(late)
 
 
 class Planner:

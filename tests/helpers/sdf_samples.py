@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import mujoco
+import numpy as np
+
 from sim.importing.scene_file import Imported, import_world
+from sim.mjcf import load
 
 TASK = {"start": (0, 0), "goal": (8, 0, 0.5), "workspace": (-1, 9, -5, 5)}
 BALL = "<geometry><sphere><radius>0.4</radius></sphere></geometry>"
@@ -36,3 +40,17 @@ def imported(folder: Path, text: str | bytes, **task) -> Imported:
     source = folder / "maze.world"
     source.write_bytes(text if isinstance(text, bytes) else text.encode())
     return import_world(source, folder / "maze.xml", **(TASK | task))
+
+
+def places(found: Imported) -> dict[str, np.ndarray]:
+    """Poses (4, 4) of all geoms that were taken over, by name."""
+    loaded = load(found.path)
+    data = mujoco.MjData(loaded.model)
+    mujoco.mj_kinematics(loaded.model, data)
+    poses = {}
+    for geom in np.flatnonzero(~loaded.robot_geoms):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+        poses[loaded.model.geom(geom).name] = pose
+    poses.pop("floor")
+    return poses

@@ -14,7 +14,7 @@ from pirrht.outcome import Outcome
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
 from sim.drive.executor import Advance
-from sim.drive.metrics import EpisodeMetrics, Frame, Period, ending
+from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan, ending
 from sim.drive.result import FIGURES, explained
 from sim.rehearsal import rehearse, small_of
 from sim.scenario import Scenario, prepare
@@ -44,7 +44,7 @@ def enter(metrics: EpisodeMetrics, ess: float | None = None, outcome: Outcome | 
         state=np.array([1.0, 2.5]), times=np.array([0.0, 0.1]), references=(), ids=("0,0",), fallback=None,
         estimate=estimate, instead=np.zeros((1, 2)),
     )  # fmt: skip
-    return metrics.frame(Period(plan=plan, advance=advance(outcome), plan_seconds=0.001))
+    return metrics.frame(TimedPlan(plan=plan, plan_seconds=0.001), advance(outcome))
 
 
 # -- metrics -----------------------------------------------------------------------------------------------------

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
 import trimesh
-from sdf_samples import BALL, TASK, ball, collision, link, model, sdf
+from sdf_samples import BALL, TASK, ball, collision, link, model, places, sdf
 
 from pirrht.errors import SceneError
 from sim.cli import main
@@ -35,21 +34,13 @@ def include(uri: str, inner: str = "<pose>4 2 0 0 0 0</pose>") -> str:
 
 @pytest.fixture
 def run(tmp_path: Path):
-    def run(world: str, folder: str = "worlds", **more) -> Imported:
-        source = tmp_path / folder / "maze.world"
+    def run(world: str, **more) -> Imported:
+        source = tmp_path / "worlds" / "maze.world"
         source.parent.mkdir(exist_ok=True)
         source.write_text(sdf(world))
         return import_world(source, tmp_path / "maze.xml", **(TASK | more))
 
     return run
-
-
-def places(imported: Imported) -> dict[str, np.ndarray]:
-    loaded = load(imported.path)
-    data = mujoco.MjData(loaded.model)
-    mujoco.mj_kinematics(loaded.model, data)
-    names = {loaded.model.geom(g).name: data.geom_xpos[g] for g in np.flatnonzero(~loaded.robot_geoms)}
-    return {name: place.round(6) for name, place in names.items() if name != "floor"}
 
 
 FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models"
@@ -60,7 +51,7 @@ FUEL = "https://fuel.gazebosim.org/1.0/OpenRobotics/models"
 def test_models_are_found_around_the_world_and_in_the_folders_given(run, tmp_path, where, uri):
     put(tmp_path / where / "desk", DESK)
     found = places(run(include(uri), models=[tmp_path / "elsewhere"]))
-    np.testing.assert_allclose(found["desk"], [4, 2, 0])
+    np.testing.assert_allclose(found["desk"][:3, 3], [4, 2, 0])
 
 
 def test_the_command_searches_the_folders_of_the_environment_and_of_its_option(tmp_path, monkeypatch, capsys):
@@ -102,8 +93,8 @@ def test_an_include_names_poses_and_fixes_its_model(run, tmp_path):
     turned = "<name>a</name><pose>4 -2 0 0 0 3.141592653589793</pose><static>true</static>"
     imported = run(include("model://desk") + include("model://pair", turned))
     found = places(imported)
-    np.testing.assert_allclose(found["desk"], [4, 2, 0])
-    np.testing.assert_allclose(found["a::desk"], [0, -4, 0], atol=1e-6)
+    np.testing.assert_allclose(found["desk"][:3, 3], [4, 2, 0])
+    np.testing.assert_allclose(found["a::desk"][:3, 3], [0, -4, 0], atol=1e-6)
     assert list(found) == ["desk", "a::desk", "a::desk_0"]
     assert imported.notes[0].endswith(": desk")
 
@@ -112,10 +103,10 @@ def test_a_placement_frame_is_where_the_pose_says(run, tmp_path):
     frames = '<frame name="corner"><pose>1 0 0 0 0 1.5707963267948966</pose></frame>'
     put(tmp_path / "models" / "desk", model(frames + link(collision(BALL)), name="desk"))
     placed = "<placement_frame>corner</placement_frame><pose>4 2 0 0 0 0</pose>"
-    np.testing.assert_allclose(places(run(include("model://desk", placed)))["desk"], [4, 3, 0], atol=1e-9)
+    np.testing.assert_allclose(places(run(include("model://desk", placed)))["desk"][:3, 3], [4, 3, 0], atol=1e-9)
     here = '<model name="m" placement_frame="l"><static>1</static><pose>4 2 0 0 0 0</pose>'
     shifted = here + '<link name="l"><pose>0 1 0 0 0 0</pose>' + collision(BALL) + "</link></model>"
-    np.testing.assert_allclose(places(run(shifted))["m"], [4, 2, 0], atol=1e-9)
+    np.testing.assert_allclose(places(run(shifted))["m"][:3, 3], [4, 2, 0], atol=1e-9)
 
 
 @pytest.mark.parametrize("uri", ["model://desk/meshes/box.stl", "meshes/box.stl", "file://desk/meshes/box.stl"])

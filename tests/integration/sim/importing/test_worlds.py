@@ -5,31 +5,16 @@ from __future__ import annotations
 from functools import partial
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import pytest
-from sdf_samples import BALL, PLANE, ball, collision, imported, link, model, sdf
+from sdf_samples import BALL, PLANE, ball, collision, imported, link, model, places, sdf
 
-from sim.importing.scene_file import Imported
 from sim.mjcf import load
 
 
 @pytest.fixture
 def run(tmp_path: Path):
     return partial(imported, tmp_path)
-
-
-def places(found: Imported) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Position and rotation of every geom that was taken over."""
-    loaded = load(found.path)
-    data = mujoco.MjData(loaded.model)
-    mujoco.mj_kinematics(loaded.model, data)
-    names = [(g, loaded.model.geom(g).name) for g in np.flatnonzero(~loaded.robot_geoms)]
-    return {name: (data.geom_xpos[g], data.geom_xmat[g].reshape(3, 3)) for g, name in names if name != "floor"}
-
-
-def place(found: Imported) -> np.ndarray:
-    return next(iter(places(found).values()))[0]
 
 
 def test_shapes_have_their_sizes_and_the_scene_its_defaults(run):
@@ -66,45 +51,35 @@ def test_nested_poses_follow_one_another(run):
     link_inside = '<link name="arm"><pose>0 0 0.5 0 0 0</pose></link>'
     world = model(f"<pose>4 -3 0 0 0 1.5707963267948966</pose>{link_inside}{inner}", name="outer")
     # outer turns (0, 2) into (-2, 0): inner is at (2, -3), half round, and its box 1 m further along -x
-    position, rotation = next(iter(places(run(sdf(world))).values()))
-    np.testing.assert_allclose(position, [1, -3, 0], atol=1e-9)
-    np.testing.assert_allclose(rotation, np.diag([-1, -1, 1]), atol=1e-9)
+    (pose,) = places(run(sdf(world))).values()
+    np.testing.assert_allclose(pose[:3], [[-1, 0, 0, 1], [0, -1, 0, -3], [0, 0, 1, 0]], atol=1e-9)
 
 
-FRAMES = [
-    '<pose relative_to="base">1 0 0 0 0 0</pose>',
-    '<pose relative_to="mark">1 0 0 0 0 0</pose>',
-    '<pose relative_to="base::l">1 0 0 0 0 0</pose>',
-    '<pose relative_to="base::__model__">1 0 0 0 0 0</pose>',
-]
-
-
-@pytest.mark.parametrize("pose", FRAMES)
-def test_poses_are_relative_to_what_they_name(run, pose):
-    base = model("<pose>2 3 0 0 0 1.5707963267948966</pose>" + link(""), name="base")
-    frame = '<frame name="mark" attached_to="base"/>'
-    np.testing.assert_allclose(place(run(sdf(ball(pose) + base + frame))), [2, 4, 0], atol=1e-9)
-
-
-def test_a_collision_may_refer_to_another_link_of_its_model(run):
-    here = link(collision(BALL, pose='<pose relative_to="far">0 1 0 0 0 0</pose>'), name="near")
-    far = '<link name="far"><pose>3 0 0 0 0 0</pose></link>'
-    np.testing.assert_allclose(place(run(sdf(model("<pose>1 2 0 0 0 0</pose>" + here + far)))), [4, 3, 0])
-
-
-STATES = [
+BASE = model("<pose>2 3 0 0 0 1.5707963267948966</pose>" + link(""), name="base")
+BASE += '<frame name="mark" attached_to="base"/>'
+FAR = link(collision(BALL, pose='<pose relative_to="far">0 1 0 0 0 0</pose>'), name="near")
+FAR += '<link name="far"><pose>3 0 0 0 0 0</pose></link>'
+BODY = '<pose>5 3 0 0 0 0</pose><link name="l"><pose>1 0 0 0 0 0</pose>' + collision(BALL) + "</link>"
+STATES = [  # of which the poses of models and links are the world's, and have the last word
     ('<model name="m"><pose>3 2 0 0 0 0</pose><scale>1 1 1</scale></model>', [4, 2, 0]),
     ('<model name="m"><pose>3 2 0 0 0 0</pose><link name="l"><pose>6 1 0 0 0 0</pose></link></model>', [6, 1, 0]),
     ('<model name="someone"><pose>3 2 0 0 0 0</pose></model>', [6, 3, 0]),
     ('<model name="m"/>', [6, 3, 0]),
 ]
+POSES = [
+    *(
+        (ball(f'<pose relative_to="{base}">1 0 0 0 0 0</pose>') + BASE, [2, 4, 0])
+        for base in ("base", "mark", "base::l", "base::__model__")
+    ),
+    (model("<pose>1 2 0 0 0 0</pose>" + FAR), [4, 3, 0]),
+    *((f'<state world_name="w"><sim_time>1 0</sim_time>{state}</state>' + model(BODY), at) for state, at in STATES),
+]
 
 
-@pytest.mark.parametrize(("state", "expected"), STATES)
-def test_the_state_block_has_the_last_word(run, state, expected):
-    body = '<pose>5 3 0 0 0 0</pose><link name="l"><pose>1 0 0 0 0 0</pose>' + collision(BALL) + "</link>"
-    world = f'<state world_name="w"><sim_time>1 0</sim_time>{state}</state>' + model(body)
-    np.testing.assert_allclose(place(run(sdf(world))), expected)
+@pytest.mark.parametrize(("world", "expected"), POSES)
+def test_poses_are_relative_to_what_they_name_and_the_state_block_has_the_last_word(run, world, expected):
+    (pose,) = places(run(sdf(world))).values()
+    np.testing.assert_allclose(pose[:3, 3], expected, atol=1e-9)
 
 
 def test_shapes_of_one_model_get_names_of_their_own(run):
