@@ -12,11 +12,9 @@ from pirrht.control.plan import Plan
 from pirrht.exact.desirability import Desirability
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
-from sim.drawing.labels import Labels
 from sim.drawing.strokes import lift, packed
-from sim.drawing.tubes import Outline, foreseen
+from sim.drawing.tubes import foreseen
 from sim.recording import spacetime
-from sim.recording.camera import pixels_per_metre
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.static import CONTROL, FLOOR, all_named
 from sim.recording.stream import Stream
@@ -29,7 +27,6 @@ MOVER_BYTES = 1000  # of each moving obstacle between two pictures
 REFERENCE_POINTS = 64
 NAMED = 0.005  # share of psi from which a class bears its name on the map
 MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from this share on
-BY = 4  # points of a line before and after its label
 LONG = 24  # letters that a label may have for the words of a class
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 
@@ -42,8 +39,6 @@ class Pictures:
         self._fans: set[str] = set()
         self._words: dict[str, str] = {}  # of classes
         self._now = (0, 0.0)
-        self._map = Labels(subject.space.scene, pixels_per_metre(subject.space.scene))
-        self._driven: list[Array] = []
         self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def said(self, name: str) -> str:
@@ -58,7 +53,7 @@ class Pictures:
         lines = [strokes.at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
         soon = foreseen(plan.movers, plan.time) if subject.moves else []
         self._references(plan, lines)
-        means = self._means(plan)
+        self._means(plan)
         fans: dict[str, strokes.Fan] = {}
         if estimate is not None and subject.look.samples != "none":
             fans = strokes.fans(
@@ -77,8 +72,7 @@ class Pictures:
             self._log(_fan_path(name), rr.LineStrips3D(fan.strips, colors=shades, radii=0.006))
         self._fans = set(fans)
         labels = self._labels(plan)
-        samples = np.vstack([np.zeros((0, 3)), *(fan.strips.reshape(-1, 3) for fan in fans.values())])[:, :2]
-        self._label_map(plan, labels, [*lines, *means], samples, soon)
+        self._label_map(plan, labels, lines)
         if self.in_time is not None:
             later = [one for one in soon if one.after > 0.0]
             pale = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later]))) if later else None
@@ -98,31 +92,15 @@ class Pictures:
             labels[plan.favourite] += f"   {words}"
         return labels
 
-    def _label_map(
-        self, plan: Plan, labels: Mapping[str, str], lines: Sequence[Array], samples: Array, soon: Sequence[Outline]
-    ) -> None:
-        """Log the labels of the map: those of classes and moving obstacles, and once those that stay."""
-        subject, scene = self._subject, self._subject.space.scene
-        self._driven.append(plan.state[:2])
-        here = plan.state[:2] + 1.5 * scene.robot_radius * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        drawn = [*lines, *(one.ring for one in soon if one.after == 0.0), here, np.array(self._driven)]
-        if len(self._driven) == 1:
-            texts = dict(enumerate(["goal", *subject.labels]))
-            places = np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)])
-            keys = {str(k): text for k, text in texts.items()}
-            near = {str(k): place[None] for k, place in enumerate(places)}
-            at = lift(np.array(self._map.place(keys, near, drawn, np.zeros((0, 2)), stay=True)), 0.02)
-            names = rr.Points3D(at, radii=0.0, labels=list(texts.values()), colors=[CONTROL], show_labels=True)
-            self._stream.static("/world/scene/names", names)
+    def _label_map(self, plan: Plan, labels: Mapping[str, str], lines: Sequence[Array]) -> None:
+        """Log the labels of classes on their lines, and those of moving obstacles."""
         even = [strokes.even(line, LIFTED_POINTS) for line in lines[: len(plan.ids)]]
-        near = {n: _around(line, i) for n, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
-        shown, colors = dict(labels), [self._colors[name] for name in labels]
-        for mover in plan.movers if all_named(subject) else ():
-            shown[f"{mover.name}\n"] = mover.name.replace("_", " ")  # no class has such an id
-            near[f"{mover.name}\n"] = mover.motion.pose(np.array([plan.time]))[:, :2]
-            colors.append(MOVER)
-        at = lift(np.array(self._map.place(shown, near, drawn, samples)).reshape(-1, 2), 0.1)
-        self._names("/world/names", at, list(shown.values()), colors)
+        places = {name: line[i] for name, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
+        movers = plan.movers if all_named(self._subject) else ()
+        at = [*(places[name] for name in labels), *(mover.motion.pose(plan.time)[:2] for mover in movers)]
+        texts = [*labels.values(), *(mover.name.replace("_", " ") for mover in movers)]
+        colors = [*(self._colors[name] for name in labels), *(MOVER for _ in movers)]
+        self._names("/world/names", lift(np.array(at).reshape(-1, 2), 0.1), texts, colors)
 
     def _truth(self, grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
         """Return each class's share by the grid; where obstacles move, also draw the floor now."""
@@ -140,11 +118,10 @@ class Pictures:
         left = PICTURE_BYTES - CHUNK_BYTES * chunks - MOVER_BYTES * len(self._subject.space.scene.movers)
         return max(0, left // POINT_BYTES - others)
 
-    def _means(self, plan: Plan) -> Sequence[Array]:
-        """Log and return the mean paths of the samples of the heavy classes, (k, 2) [m] each."""
+    def _means(self, plan: Plan) -> None:
+        """Log the mean paths of the samples of the heavy classes."""
         if plan.estimate is None:
-            self._strips("/world/ways", [], [], np.zeros(0, np.float32))
-            return []
+            return self._strips("/world/ways", [], [], np.zeros(0, np.float32))
         weights = plan.estimate.class_weights
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= HEAVY), key=lambda n: -weights[n])[:MEANS]
         keys = {key: name for key, name in plan.classes.items() if name in heavy}
@@ -153,8 +130,7 @@ class Pictures:
         colors = [CONTROL if name == plan.favourite else mix(self._colors[name], CONTROL, 0.45) for name in names]
         radii = [0.014 if name == plan.favourite else 0.008 for name in names]
         strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
-        self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
-        return [means[name] for name in names]
+        return self._strips("/world/ways", strips, colors, np.array(radii, np.float32))
 
     def _references(self, plan: Plan, lines: Sequence[Array]) -> None:
         weights = plan.estimate.class_weights if plan.estimate else {}
@@ -190,11 +166,6 @@ class Pictures:
 
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)
-
-
-def _around(line: Array, i: int) -> Array:
-    """The part of a line about its point i, where its label is to be."""
-    return line[max(0, i - BY) : i + BY + 1]
 
 
 def _fan_path(name: str) -> str:

@@ -14,7 +14,7 @@ from pirrht.control.controller import Controller
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TREELESS
-from pirrht.errors import NoReference, OptionError, SceneError
+from pirrht.errors import NoReference, OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
@@ -31,7 +31,6 @@ from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
 from sim.drive.realtime import Clock
 from sim.mjcf import Loaded
-from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
 from sim.settings import Settings
 from sim.systems import System, refuse
@@ -192,16 +191,10 @@ class Scenario:
 
         Raises:
             NoReference: no class reaches the goal.
-            SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why, name = goal_blocker(self.loaded.scene), self.loaded.scene.name
-            if why is not None:
-                raise SceneError(
-                    f"{name}: {why}, and no way was found that gets there before; let it rest elsewhere"
-                ) from None
             if waits and self.moving:
                 return []
             raise

@@ -58,16 +58,13 @@ def test_scores_are_records_of_a_sweep():
     task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
     given = (("plan_seed", 0), ("vertices", 60), ("samples", 10), ("max_time", 0.02))
     job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, task=task, given=given)
-    sweeps = runs.drive(job, runs.grown(job))
+    sweeps = runs.drive(job, runs.grown(job)) | {"scene_digest": runs.digest(job)}
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()
-        assert {name: type(value) for name, value in record.items() if name in parts.KEY} == {
-            name: type(sweeps[name]) if name != "scene_digest" else str for name in parts.KEY
-        }
+        assert all(type(record[name]) is type(sweeps[name]) for name in parts.KEY)
         assert (record["seed"], record["method"], record["outcome"]) == (seed, "steering wheel", "goal")
-        assert record["executed_class"] == "0,0"
+        assert (record["executed_class"], record["scene_digest"]) == ("0,0", sweeps["scene_digest"])
         assert parts.record_of(parts.row_of(record))["cost"] == record["cost"]
-    assert record["scene_digest"] == runs.digest(job)
 
 
 def test_wrapped_environments_and_policies_made_for_each_seed_are_scored_alike():
@@ -151,27 +148,10 @@ def test_a_policy_that_fails_loses_no_finished_run(swept):
             ({"phi": 5.0}, "--phi inf and these drives are with 5.0"),
             ({"start": (1.0, 2.0)}, "--start 1.0 2.5 and these drives are with 1.0 2.0"),
             ({"goal": (5.0, 2.5, 0.2)}, "--goal"),
-            ({"radius": 0.07}, "--radius"),
             ({"robot": "unicycle"}, "--phi inf and"),
         ]
     ),
 )
 def test_runs_of_another_task_are_not_mixed_in(swept, changes, what):
-    with pytest.raises(OptionError, match="choose another folder") as caught:
+    with pytest.raises(OptionError, match=rf"{what}.*choose another folder"):
         gym.score(ahead, seeds=[0], method="mine", into=swept, **{**FAST, **changes})
-    assert what in str(caught.value)
-
-
-@pytest.mark.parametrize("action", [np.zeros(3), 1.0, "left", np.array([1.0, np.nan])])
-def test_what_is_no_control_or_no_seed_is_named_and_moves_nothing(action):
-    with pytest.raises(OptionError, match=r"^seed 4, step 0: the policy returned .*; a control is finite .* \(2,\)$"):
-        gym.score(lambda x: action, scene="slit", seeds=[4], method="m")
-    env = gym.Drive(**FAST)
-    env.reset()
-    with pytest.raises(OptionError, match="a control is finite"):
-        env.step(action)
-    env.step(np.zeros(2))
-    assert env.result()["steps"] == 1
-    for seed in (-1, 0.5):
-        with pytest.raises(OptionError, match=f"seed is {seed}"):
-            gym.score(ahead, scene="slit", seeds=[seed], method="m")

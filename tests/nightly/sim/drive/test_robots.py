@@ -223,7 +223,7 @@ def test_a_car_whose_speed_does_not_follow_is_refused_in_one_line(tmp_path, old,
 
 
 def test_speed_is_no_state_of_a_robot_with_commanded_velocities():
-    with pytest.raises(OptionError, match="no actuator is a motor, and the speed is a state of car"):
+    with pytest.raises(OptionError, match="is no motor, and car is commanded forces"):
         prepare("slit", robot="unicycle", system="second_order_car")
     given = {"plant": "sde"}
     assert len(prepare("slit", robot="unicycle", system="second_order_car", given=given).plant().state) == 4
