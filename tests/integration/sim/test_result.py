@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import event
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
@@ -110,6 +111,7 @@ def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, 
         return real(scenario)
 
     monkeypatch.setattr(plan_command, "time", SimpleNamespace(perf_counter=lambda: wall.now))
+    monkeypatch.setattr(event, "timer", lambda: wall.now)
     monkeypatch.setattr(plan_command, "planned", planned)
     assert plan_command.plan(parser().parse_args(["plan", "slit", "--vertices", "60"])) == 0
     assert wall.now == 90.0
