@@ -15,23 +15,23 @@ from __future__ import annotations
 import gc
 import math
 import sys
-import threading
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
 from itertools import count
 from queue import SimpleQueue
+from threading import Event, Thread
+from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
-from pirrht.control.policy import Policy, RunState
+from pirrht.control.policy import Policy
 from pirrht.geometry.field import clearance
-from sim.drive.clock import URGENT, Clock, Timing
-from sim.drive.metrics import Period, ending
-from sim.drive.plant import Plant
+from sim.drive.executor import Advance, Plant
+from sim.drive.metrics import TimedPlan, ending
 
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
@@ -42,33 +42,29 @@ QUICKLY, SLOWLY = 0.3, 0.03  # shares by which a duration is learned when it is 
 FULLER = 8  # times as many vertices as it begins with a tree has at most: there is space for so many
 PIECES, MOST_PIECES = 10, 20  # integration steps in which a period is predicted, and any time if a plant is late
 BEHIND = 0.2  # of a period that the plant is late by: then the tree does not grow
+LONGEST_WAIT = 0.1  # after which work that gives way continues in any case [s]
+
+Period = tuple[TimedPlan, Advance, Array]  # how late each of its physics steps began, (k,) [s]
+
+CLOCKED = Event()  # set while a run goes by the clock, after which there will be more time
+IDLE = Event()  # cleared while a plan is made by the clock: other work waits for it, LONGEST_WAIT at most
+IDLE.set()
+
+
+class Clock:
+    """The machine's monotonic clock."""
+
+    def now(self) -> float:
+        """Time since some moment [s]."""
+        return time.monotonic()
+
+    def wait(self, until: float) -> None:
+        """Return when it is `until` [s], at once if that has passed."""
+        time.sleep(max(0.0, until - self.now()))
 
 
 class Stopped(Exception):
     """The run is over."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TimedPlan:
-    """A plan, and when it is meant to take over."""
-
-    plan: Plan
-    begin: float  # time of the run for which it was made [s]
-    seconds: float  # that planning took
-    slack: float  # from the end of planning to `begin` [s]; negative if it is late
-    vertices: int  # of the tree
-    run: RunState  # of the policy
-
-
-class SharedPlan:
-    """Fields that plant and planner share; each has one writer."""
-
-    def __init__(self, first: TimedPlan) -> None:
-        self.first = first  # the plan that the run begins with
-        self.arrived = deque[TimedPlan]()  # planner to plant: plans, in the order of their beginnings
-        self.driven = deque[Array]()  # plant to planner: states of the periods that are over
-        self.seen = 0.0, first.plan.state  # plant to planner: time [s] and state of the last physics step
-        self.stopped = False
 
 
 def periods(
@@ -85,61 +81,58 @@ def periods(
     planner, start = Planner(policy, clock, plant.period, grow), plant.state
     plant.advance(planner.first(start).plan.at, np.random.default_rng(0))  # compile and load everything before
     plant.reset(start)
-    planner.reserve()
-    share, news = SharedPlan(planner.first(start)), SimpleQueue[Period | BaseException]()
+    if policy.tree is not None:  # that takes longer than a period
+        policy.tree.reserve(FULLER * policy.tree.size)
+    first, news = planner.first(start), SimpleQueue[Period | BaseException]()
 
-    def thread(name: str, work: Callable[[], None]) -> threading.Thread:
+    def thread(name: str, work: Callable[[], None]) -> Thread:
         """Start a thread; its end is the other's, and its error goes to whoever waits for news."""
 
         def guarded() -> None:
             try:
-                with suppress(Stopped):
-                    work()
+                work()
             except BaseException as error:
                 news.put(error)
             finally:
-                share.stopped = True
+                planner.stopped = True
 
-        started = threading.Thread(target=guarded, name=name, daemon=True)
+        started = Thread(target=guarded, name=name, daemon=True)
         started.start()
         return started
 
     def drive() -> None:
-        for period, begin in _drive(plant, share, clock, origin, rng):
+        for step, period in enumerate(_drive(plant, planner, first, rng)):
             news.put(period)
-            if ending(period.advance, begin, max_time) is not None:
+            if ending(period[1], step * plant.period, max_time) is not None:
                 return
 
     with _undisturbed():
-        origin = clock.now()
-        threads = [thread("plant", drive), thread("planner", lambda: planner.work(share, origin))]
+        planner.origin = clock.now()
+        threads = [thread("plant", drive), thread("planner", lambda: planner.work(first))]
         try:
             while True:
                 period = news.get()
-                if isinstance(period, BaseException):
+                if isinstance(period, BaseException):  # `Stopped` comes after what has stopped the run
                     raise period
                 yield period
         finally:
-            share.stopped = True
+            planner.stopped = True
             for one in threads:
                 one.join()
 
 
-def _drive(
-    plant: Plant, share: SharedPlan, clock: Clock, origin: float, rng: np.random.Generator
-) -> Iterator[tuple[Period, float]]:
-    """Drive period by period as the clock goes: each, and when it began [s]."""
-    law = share.first
+def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Generator) -> Iterator[Period]:
+    """Drive period by period as the clock goes."""
+    clock, origin, arrived = planner.clock, planner.origin, planner.arrived
     for step in count():
-        begin, start, late = step * plant.period, plant.state, list[float]()
-        met = law
+        begin, start, late, met = step * plant.period, plant.state, list[float](), law
 
         def control(x: Array, s: float, begin: float = begin, late: list[float] = late) -> Array:
             nonlocal law, met
-            t, arrived = begin + s, share.arrived
-            share.seen = (t, x)
+            t = begin + s
+            planner.seen = t, x
             clock.wait(origin + t)
-            if share.stopped:
+            if planner.stopped:
                 raise Stopped
             late.append(max(0.0, clock.now() - origin - t))
             while arrived and arrived[0].begin <= t + 1e-9:
@@ -149,20 +142,15 @@ def _drive(
             return law.plan.at(x, t - law.begin)
 
         advance = plant.advance(control, rng)
-        share.driven.append(advance.states)
-        missed, estimate = met.begin < begin - 1e-9, met.plan.estimate
-        samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
-        fresh = (None, None) if missed or step == 0 else (samples, met.slack)
-        timing = Timing(missed=missed, samples=fresh[0], slack=fresh[1], late=np.array(late))
-        period = Period(
-            plan=replace(met.plan, state=start), advance=advance, plan_seconds=met.seconds, vertices=met.vertices,
-            run=met.run, timing=timing,
-        )  # fmt: skip
-        yield period, begin
+        planner.driven.append(advance.states)
+        yield replace(met, plan=replace(met.plan, state=start)), advance, np.array(late)
 
 
 class Planner:
     """Makes the plan of the next period while one is driven, and lets the tree grow in what time is left.
+
+    Planner and plant share four fields, of one writer each: plans in the order of their beginnings that have `arrived`
+    for the plant; states of periods that were `driven` and the last one `seen`, with its time, for the planner.
 
     Args:
         grow: vertices per period at most; None: as many as there is time for.
@@ -170,7 +158,10 @@ class Planner:
 
     def __init__(self, policy: Policy, clock: Clock, period: float, grow: int | None) -> None:
         self.policy, self.clock, self.period, self.grow = policy, clock, period, grow
-        self._most = math.inf  # vertices
+        self.origin, self.stopped = 0.0, False  # start of the run on the clock [s]
+        self.arrived, self.driven = deque[TimedPlan](), deque[Array]()
+        self.seen: tuple[float, Array] = (0.0, np.empty(0))
+        self._most = math.inf if policy.tree is None else FULLER * policy.tree.size  # vertices
         self._vertex = 1e-3  # time that a vertex takes [s]
         self._after: deque[float] = deque(maxlen=RECENT)  # time that plans took once their samples were drawn [s]
 
@@ -181,48 +172,45 @@ class Planner:
         """
         self.policy.begin(x)
         self.policy.plan(x)
-        return self._made(x, begin=0.0, zero=self.clock.now() + self.period)
+        self.seen, self.origin = (0.0, x), self.clock.now() + self.period
+        return self._made(x, 0.0)
 
-    def reserve(self) -> None:
-        """Reserve the tree's memory before the run: that takes longer than a period."""
-        tree = self.policy.tree
-        if tree is not None:
-            self._most = FULLER * tree.size
-            tree.reserve(FULLER * tree.size)
-
-    def work(self, share: SharedPlan, origin: float) -> None:
-        """Plan until the run is over; it began when the clock said `origin` [s]."""
-        period, step, last = self.period, 0, share.first
+    def work(self, last: TimedPlan) -> None:
+        """Plan until the run is over, from its first plan on."""
+        period, step = self.period, 0
         while True:
-            self.clock.wait(origin + step * period)
-            if share.stopped:
+            self.clock.wait(self.origin + step * period)
+            if self.stopped:
                 return
-            step = max(step, int((self.clock.now() - origin) / period + 1e-9))
-            with URGENT.work():
-                last = self._ahead(share, last, (step + 1) * period, origin)
-            share.arrived.append(last)
+            step = max(step, int((self.clock.now() - self.origin) / period + 1e-9))
+            IDLE.clear()
+            try:
+                last = self._ahead(last, (step + 1) * period)
+            finally:
+                IDLE.set()
+            self.arrived.append(last)
             gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
-            self.extend(share, origin, origin + last.begin)
+            self.extend(self.origin + last.begin)
             step += 1
 
-    def _ahead(self, share: SharedPlan, last: TimedPlan, begin: float, origin: float) -> TimedPlan:
+    def _ahead(self, last: TimedPlan, begin: float) -> TimedPlan:
         """Return the plan for the period that begins at `begin` [s]."""
-        driven = [share.driven.popleft() for _ in range(len(share.driven))]
-        seen = share.seen
+        driven = [self.driven.popleft() for _ in range(len(self.driven))]
+        time, x = self.seen
         if driven:
-            self.policy.observe(np.vstack(driven), 0.0, seen[0])
-        states = self.predicted(last, seen, begin)
+            self.policy.observe(np.vstack(driven), 0.0, time)
+        states = self.predicted(last, time, x, begin)
         self.policy.expect(states, begin - last.begin)
-        return self._made(states[-1], begin=begin, zero=origin)
+        return self._made(states[-1], begin)
 
-    def predicted(self, last: TimedPlan, seen: tuple[float, Array], until: float) -> Array:
-        """Return states (k, n) from a time and state that was seen until a time [s], under a plan's law without noise.
+    def predicted(self, last: TimedPlan, time: float, x: Array, until: float) -> Array:
+        """Return states (k, n) from x (n,) at a time until another one [s], under a plan's law without noise.
 
         They end before they enter the goal or a wall, where nothing can be planned.
         """
-        (time, x), space, dynamics = seen, self.policy.space, self.policy.problem.dynamics
+        space, dynamics, states = self.policy.space, self.policy.problem.dynamics, [x]
         pieces = min(max(0, math.ceil((until - time) / self.period * PIECES - 1e-9)), MOST_PIECES)
-        h, states = (until - time) / max(1, pieces), [x]
+        h = (until - time) / max(1, pieces)
         for i in range(pieces):
             u = last.plan.at(x, max(0.0, time + i * h - last.begin))
             x = dynamics.step(x, u, np.zeros(dynamics.m), h)
@@ -231,27 +219,24 @@ class Planner:
             states.append(x)
         return np.array(states)
 
-    def _made(self, x: Array, *, begin: float, zero: float) -> TimedPlan:
-        """Return a plan at x (n,), made in the period before `begin`; `zero` is the run's start on the clock [s]."""
-        began = self.clock.now()
+    def _made(self, x: Array, begin: float) -> TimedPlan:
+        """Return a plan at x (n,), made in the period before `begin` [s]."""
+        began, due = self.clock.now(), self.origin + begin
         after = sorted(self._after)[-RARE] if len(self._after) >= RARE else max(self._after, default=0.0)
         share = float(np.clip(1.0 - RESERVE * after / self.period, LEAST_SHARE, SHARE))
-        until = zero + begin + (share - 1.0) * self.period
-        plan = self.policy.plan(x, lambda: until - self.clock.now())
-        ended, tree = self.clock.now(), self.policy.tree
+        until = due + (share - 1.0) * self.period
+        made = TimedPlan.of(self.policy, x, lambda: until - self.clock.now())
+        ended = self.clock.now()
         if began < until:
             self._after.append(max(0.0, ended - until))
-        return TimedPlan(
-            plan=plan, begin=begin, seconds=ended - began, slack=zero + begin - ended,
-            vertices=0 if tree is None else tree.size, run=self.policy.run,
-        )  # fmt: skip
+        return replace(made, plan_seconds=ended - began, begin=begin, slack=due - ended)
 
-    def extend(self, share: SharedPlan, origin: float, until: float) -> None:
+    def extend(self, until: float) -> None:
         """Let the tree grow, vertex by vertex, until a time of the clock [s]; not while the plant is late."""
         tree, clock, added = self.policy.tree, self.clock, 0
-        while tree is not None and not share.stopped and (self.grow is None or added < self.grow):
+        while tree is not None and not self.stopped and (self.grow is None or added < self.grow):
             before = clock.now()
-            behind = before - origin - share.seen[0] > BEHIND * self.period
+            behind = before - self.origin - self.seen[0] > BEHIND * self.period
             if behind or before + 2.0 * self._vertex > until or tree.size >= self._most:
                 return
             tree.grow(tree.size + 1, enough=lambda _: clock.now() > until)
@@ -268,12 +253,23 @@ def _undisturbed() -> Iterator[None]:
     gc.collect()
     gc.freeze()
     gc.disable()
-    URGENT.clocked = True
+    CLOCKED.set()
     try:
         yield
     finally:
-        URGENT.clocked = False
+        CLOCKED.clear()
         gc.unfreeze()
         if collecting:
             gc.enable()
         sys.setswitchinterval(before)
+
+
+def summary(figures: Mapping[str, Any]) -> str:
+    """Sum up the figures of a real-time run in a line for a person."""
+    samples, slack, late = (figures[name] for name in ("samples_per_period", "slack_ms", "late_ms"))
+    shown = ["none" if v is None else f"{v:.0f}" for v in (*samples.values(), *slack.values())]
+    return (
+        f"real time: {figures['deadline_misses']} of {figures['periods']} plans late; samples per period {shown[0]} "
+        f"(least {shown[1]}), slack {shown[2]} ms (least {shown[3]}); physics steps late by {late['median']:.2g} ms, "
+        f"p99 {late['p99']:.2g}, max {late['max']:.2g}"
+    )

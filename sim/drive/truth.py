@@ -1,14 +1,12 @@
-"""Exact value and optimal control at the states of a run, by a solved grid, next to those of its plans."""
+"""Exact value and optimal control at a state, by a solved grid."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.exact.desirability import Desirability
 
@@ -32,22 +30,3 @@ class Truth:
     def distance(self, control: Array) -> float:
         """|u - u*| of a control u (m,)."""
         return float(np.linalg.norm(control - self.control))
-
-
-class ExactReference:
-    """The exact solution next to every plan of a run."""
-
-    def __init__(self, grid: Desirability) -> None:
-        self._grid, self._values, self._distances = grid, list[float](), list[float]()
-
-    def add(self, plan: Plan) -> Truth:
-        """Take a plan into account; the truth where it was made."""
-        truth = Truth.at(self._grid, plan.state, plan.time)
-        self._values.append(truth.value)
-        self._distances.append(truth.distance(plan.control))
-        return truth
-
-    def result(self) -> dict[str, Any]:
-        """The exact value at the start, and |u - u*| over the control steps, as the public JSON has them."""
-        mean, most = float(np.mean(self._distances)), float(np.max(self._distances))
-        return {"value": self._values[0], "mean_control_error": mean, "max_control_error": most}

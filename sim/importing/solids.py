@@ -57,23 +57,18 @@ def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
 def as_box(corners: Array) -> tuple[Array, Array] | None:
     """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
     edges = (corners - corners[0])[np.argsort(np.linalg.norm(corners - corners[0], axis=1))][1:]
-    if len(edges) != 7:
-        return None
     square = [edge for edge in edges[1:-1] if abs(edge @ edges[0]) < FLAT * np.linalg.norm(edges[0])]
-    if not square:
+    if len(edges) != 7 or not square:
         return None
     frame = np.array([edges[0], square[0], edges[-1] - edges[0] - square[0]])
     sizes = np.linalg.norm(frame, axis=1)
     axes = frame / sizes[:, None]
-    expected = corners[0] + np.array(list(product((0.0, 1.0), repeat=3))) @ frame
-    gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
+    gaps = np.linalg.norm(corners[:, None] - corners[0] - np.array([*product((0.0, 1.0), repeat=3)]) @ frame, axis=2)
     if np.abs(axes @ axes.T - np.eye(3)).max() > FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > FLAT:
         return None
-    pose = np.eye(4)
-    second = axes[1] - axes[0] * (axes[0] @ axes[1])
+    pose, second = np.eye(4), axes[1] - axes[0] * (axes[0] @ axes[1])
     second /= np.linalg.norm(second)
-    pose[:3, :3] = np.column_stack([axes[0], second, np.cross(axes[0], second)])
-    pose[:3, 3] = corners.mean(axis=0)
+    pose[:3] = np.column_stack([axes[0], second, np.cross(axes[0], second), corners.mean(axis=0)])
     return pose, sizes / 2
 
 

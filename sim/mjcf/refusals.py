@@ -25,31 +25,28 @@ def prefixed(words: str) -> Iterator[None]:
         raise SceneError(f"{words}{str(error).removeprefix(words)}") from None
 
 
-class Faults:
+class Faults(list[str]):
     """Collects what is wrong with a file, to be refused at once."""
-
-    def __init__(self) -> None:
-        self._found: list[str] = []
 
     def of(self, read: Callable[..., T], *arguments: object) -> T | None:
         """Return what `read` returns for arguments; None, and its words are kept, if it raises a SceneError."""
         try:
             return read(*arguments)
         except SceneError as error:
-            self._found.append(str(error))
+            self.append(str(error))
             return None
 
     def refuse(self) -> None:
         """Raise a SceneError if anything was wrong."""
-        more = len(self._found) - SHOWN
-        if self._found:
-            raise SceneError("; also, ".join(self._found[:SHOWN]) + (f"; and {more} more" if more > 0 else ""))
+        if self:
+            more = f"; and {len(self) - SHOWN} more" if len(self) > SHOWN else ""
+            raise SceneError("; also, ".join(self[:SHOWN]) + more)
 
 
 def listed(names: Sequence[str], most: int = SHOWN) -> str:
     """Join names by commas, each in one line, not all of many."""
-    more = len(names) - most
-    return ", ".join(" ".join(name.split()) for name in names[:most]) + (f" and {more} more" if more > 0 else "")
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(" ".join(name.split()) for name in names[:most]) + more
 
 
 def refuse_far(label: str, *numbers: Array) -> None:

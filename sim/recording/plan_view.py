@@ -12,11 +12,9 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
-from sim.drawing.labels import Labels
 from sim.drawing.strokes import lift, packed
-from sim.drawing.tubes import Outline, foreseen
+from sim.drawing.tubes import foreseen
 from sim.recording import spacetime
-from sim.recording.camera import pixels_per_metre
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.static import CONTROL, FLOOR, all_named
 from sim.recording.stream import Stream
@@ -27,7 +25,6 @@ SAMPLE_POINTS, CLASS_POINTS = 3200, 300  # of all samples of a picture, less so 
 REFERENCE_POINTS = 64
 NAMED = 0.005  # share of psi from which a class bears its name on the map
 MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from this share on
-BY = 4  # points of a line before and after its label
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
 NOTHING = np.zeros((0, 2, 3), np.float32)
 
@@ -41,8 +38,6 @@ class Pictures:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._fans: set[str] = set()
         self._now = (0, 0.0)
-        self._map = Labels(subject.space.scene, pixels_per_metre(subject.space.scene))
-        self._driven: list[Array] = []
         self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
@@ -52,7 +47,7 @@ class Pictures:
         lines = [strokes.at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
         soon = foreseen(plan.movers, plan.time) if subject.moves else []
         self._references(plan, lines, weights)
-        means = self._means(plan, weights)
+        self._means(plan, weights)
         fans = self._samples(plan)
         words = words_of(plan, subject.path_integral, subject.names)
         why = reasons(plan, subject.path_integral, subject.solids, words, self._exact(plan, time))
@@ -61,39 +56,22 @@ class Pictures:
         if plan.estimate is not None:
             heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= NAMED), key=lambda n: -weights[n])
             labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
-        samples = np.vstack([np.zeros((0, 3)), *(fan.strips.reshape(-1, 3) for fan in fans.values())])[:, :2]
-        self._label_map(plan, labels, [*lines, *means], samples, soon)
+        self._label_map(plan, labels, lines)
         if self.in_time is not None:
             later = [one for one in soon if one.after > 0.0]
             pale = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later])))
             self._strips("/world/foreseen", [lift(one.ring, 0.03) for one in later], pale, 0.008)
             self.in_time.draw(plan, soon, fans, labels, self._now)
 
-    def _label_map(
-        self, plan: Plan, labels: Mapping[str, str], lines: Sequence[Array], samples: Array, soon: Sequence[Outline]
-    ) -> None:
-        """Log the labels of the map: those of classes and moving obstacles, and once those that stay."""
-        subject, scene = self._subject, self._subject.space.scene
-        self._driven.append(plan.state[:2])
-        here = plan.state[:2] + 1.5 * scene.robot_radius * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-        drawn = [*lines, *(one.ring for one in soon if one.after == 0.0), here, np.array(self._driven)]
-        if len(self._driven) == 1:
-            places = np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)])
-            keys = {str(k): text for k, text in enumerate(["goal", *subject.labels])}
-            near = {str(k): place[None] for k, place in enumerate(places)}
-            at = lift(np.array(self._map.place(keys, near, drawn, np.zeros((0, 2)), stay=True)), 0.02)
-            names = rr.Points3D(at, radii=0.0, labels=list(keys.values()), colors=[CONTROL], show_labels=True)
-            self._stream.static("/world/scene/names", names)
+    def _label_map(self, plan: Plan, labels: Mapping[str, str], lines: Sequence[Array]) -> None:
+        """Log the labels of classes on their lines, and those of moving obstacles."""
         even = [strokes.even(line, LIFTED_POINTS) for line in lines[: len(plan.ids)]]
-        middles = zip(plan.ids, even, strokes.apart(even), strict=True)
-        near = {name: line[max(0, i - BY) : i + BY + 1] for name, line, i in middles}
-        shown, colors = dict(labels), [self._colors[name] for name in labels]
-        for mover in plan.movers if all_named(subject) else ():
-            shown[f"{mover.name}\n"] = mover.name.replace("_", " ")  # no class has such an id
-            near[f"{mover.name}\n"] = mover.motion.pose(np.array([plan.time]))[:, :2]
-            colors.append(MOVER)
-        at = lift(np.array(self._map.place(shown, near, drawn, samples)).reshape(-1, 2), 0.1)
-        self._names("/world/names", at, list(shown.values()), colors)
+        places = {name: line[i] for name, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
+        movers = plan.movers if all_named(self._subject) else ()
+        at = [*(places[name] for name in labels), *(mover.motion.pose(plan.time)[:2] for mover in movers)]
+        texts = [*labels.values(), *(mover.name.replace("_", " ") for mover in movers)]
+        colors = [*(self._colors[name] for name in labels), *(MOVER for _ in movers)]
+        self._names("/world/names", lift(np.array(at).reshape(-1, 2), 0.1), texts, colors)
 
     def _exact(self, plan: Plan, time: float) -> dict[str, float] | None:
         """Return each class's share by the grid, if there is one; where obstacles move, also draw the floor now."""
@@ -120,8 +98,8 @@ class Pictures:
         self._fans = set(fans)
         return fans
 
-    def _means(self, plan: Plan, weights: Mapping[str, float]) -> Sequence[Array]:
-        """Log and return the mean paths of the samples of the heavy classes, (k, 2) [m] each."""
+    def _means(self, plan: Plan, weights: Mapping[str, float]) -> None:
+        """Log the mean paths of the samples of the heavy classes."""
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= HEAVY), key=lambda n: -weights[n])[:MEANS]
         means: dict[str, Array] = {}
         if plan.estimate is not None:
@@ -132,7 +110,6 @@ class Pictures:
         radii = [0.014 if name == plan.favourite else 0.008 for name in names]
         strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
         self._strips("/world/ways", strips, packed(colors), radii)
-        return [means[name] for name in names]
 
     def _references(self, plan: Plan, lines: Sequence[Array], weights: Mapping[str, float]) -> None:
         colors = [self._colors[name] for name in plan.ids]

@@ -19,8 +19,8 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drive.clock import URGENT
 from sim.drive.episode import Frame
+from sim.drive.realtime import CLOCKED
 from sim.drive.truth import Truth
 from sim.mjcf import Loaded
 from sim.recording import viewer
@@ -71,7 +71,7 @@ class Sink:
 
     def _later(self) -> bool:
         """Return whether rows are kept until the run is over."""
-        return self._target.lossless and URGENT.clocked and len(self.rows) < KEPT
+        return self._target.lossless and CLOCKED.is_set() and len(self.rows) < KEPT
 
     def _full(self) -> bool:
         return len(self.rows) >= ROOM and not self._later()

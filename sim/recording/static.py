@@ -133,6 +133,9 @@ def stage(subject: Subject, log: Log) -> None:
         log(MARK, rr.Cylinders3D(lengths=[0.01] * 2, **rim, colors=[FLOOR, DRIVEN], fill_mode="solid"))
     log(ABOVE, above(scene))
     log(FOLLOWING, [opening()])
+    named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
+    look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
+    log("/world/scene/names", rr.Points3D(named, labels=["goal", *subject.labels], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     log("/why/weight/switch", rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7))
     for obstacle, path, _ in subject.lifted:

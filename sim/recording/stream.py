@@ -20,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from pirrht.errors import OptionError
-from sim.drive.clock import URGENT
+from sim.drive.realtime import IDLE, LONGEST_WAIT
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 
@@ -54,7 +54,7 @@ class Stream:
 
     def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
         """Log something at a step and simulated time [s]."""
-        URGENT.give_way()
+        IDLE.wait(LONGEST_WAIT)
         self.native.set_time("step", sequence=step)
         self.native.set_time("sim_time", duration=time)
         self.native.log(path, archetype)
@@ -62,7 +62,7 @@ class Stream:
 
     def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
         """Log a row for each of many steps."""
-        URGENT.give_way()
+        IDLE.wait(LONGEST_WAIT)
         index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
         self.native.send_columns(path, indexes=index, columns=columns)
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.drive.result import FIGURES, Column
+from sim.drive.result import FIGURES, columns
 from sim.files import why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
@@ -45,14 +45,7 @@ timing_plan_seconds    float64 s   wall time of tree and references without comp
 timing_drive_seconds   float64 s   wall time of the drive without compiling
 """
 DATASET_FORMAT = 2  # raised when rows of different versions would not be comparable
-
-
-def _columns(table: str) -> tuple[Column, ...]:
-    split = (line.split(maxsplit=3) for line in table.strip().splitlines())
-    return tuple(Column(name=name, kind=kind, unit=unit.strip("-"), text=text) for name, kind, unit, text in split)
-
-
-COLUMNS = (*_columns(_TABLE), *FIGURES, *_columns(_MORE))
+COLUMNS = (*columns(_TABLE), *FIGURES, *columns(_MORE))
 KEY = ("scene", "scene_digest", "method", "noise", "seed", "plan_seed")
 RESULTS = tuple(c.name for c in COLUMNS if not c.name.startswith(TIMING))  # equal whenever a run is repeated
 

@@ -47,14 +47,10 @@ class System:
     settings: Settings = field(init=False)  # of a run without options
 
     def __post_init__(self) -> None:
-        for name, known, what in (
-            ("defaults", BY_SETTING, "setting"), ("own", BY_SETTING, "setting"), ("heeds", SPECIAL, "setting to heed"),
-        ):  # fmt: skip
-            strange = [entry for entry in getattr(self, name) if entry not in known]
-            if strange:
-                raise OptionError(
-                    f"system {self.name}: {strange[0]!r} is no {what}; those are {', '.join(sorted(known))}"
-                )
+        settings = (*self.defaults, *self.own)
+        for given, known, what in ((settings, BY_SETTING, "setting"), (self.heeds, SPECIAL, "setting to heed")):
+            for strange in set(given) - set(known):
+                raise OptionError(f"system {self.name}: {strange!r} is no {what}; those are {', '.join(sorted(known))}")
         object.__setattr__(self, "settings", Settings(**self.defaults))
         if not self.states:
             object.__setattr__(self, "states", POSE[:2])
@@ -92,11 +88,7 @@ class System:
         return {**fixed, **own, **{one: round(by * getattr(self.settings, one)) for one, by in factors.items()}}
 
     def problem(self, scene: Any, settings: Settings) -> Any:
-        """Return the `pirrht.Problem` in a `pirrht.Scene`.
-
-        Raises:
-            OptionError, NotLinearlySolvable: the system cannot work there.
-        """
+        """Return the `pirrht.Problem` in a `pirrht.Scene`; OptionError or NotLinearlySolvable where it cannot work."""
         from pirrht.problem import Problem
 
         dynamics, q = self._made("dynamics", settings), self.q

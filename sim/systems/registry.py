@@ -1,15 +1,27 @@
-"""Systems by name: those of the package, one row each, and whatever is registered."""
+"""Systems by name: those of the package, one row each, whatever is registered, and somebody's own: MODULE:NAME."""
 
 from __future__ import annotations
 
+import importlib
+import os
+import re
+import sys
+import traceback
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, PirrhtError, one_line
 from sim.settings import SPECIAL, Settings
 from sim.systems.record import POSE, System, imported
+
+LONGEST = 200  # characters of a reason that numba gives
+_PLACES = re.compile(r'File "([^"\n]+)", line (\d+)|Raised from ([^\n]+) \((\d+)\)')  # as numba names them
+
+_folders: set[Path] = set()  # of modules that systems came from
 
 
 def _dynamics(path: str) -> Callable[[Settings], Any]:
@@ -87,25 +99,106 @@ def names() -> tuple[str, ...]:
 
 
 def named(name: str) -> System:
-    """Return the system of that name.
-
-    Raises:
-        OptionError: none has it.
-    """
+    """Return the system of that name; OptionError if none has it."""
     if name not in _known:
         raise OptionError(f"no system is called {name!r}; known are {', '.join(_known)}, or give --system MODULE:NAME")
     return _known[name]
 
 
 def refuse(system: System, given: Mapping[str, Any]) -> None:
-    """Refuse numbers that were given (not None) and that a system has none of.
-
-    Raises:
-        OptionError: names the option and the systems that heed it.
-    """
+    """Refuse numbers that were given (not None) and that a system has none of; OptionError names those that heed it."""
     for name in sorted(SPECIAL - set(system.heeds)):
         if given.get(name) is not None:
             *others, last = [one.called for one in _known.values() if name in one.heeds] or ["other systems"]
             who = f"{', '.join(others)} or {last}" if others else last
             ours = "" if system.name in BUILT_IN else f', or write `heeds=("{name}",)` and read it from its settings'
             raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out{ours}")
+
+
+def chosen(which: str | System) -> System:
+    """Return a system, registered: itself, one that is known by name, or MODULE:NAME of a module that is imported.
+
+    The module is looked for in the current folder too, as `python -m` does. A function of that name is called for the
+    system.
+
+    Raises:
+        OptionError: there is no such module or name, it is no system, or the module cannot be imported.
+    """
+    if isinstance(which, System):
+        return register(which)
+    if which in _known:
+        return _known[which]
+    module_name, _, name = str(which).partition(":")
+    if not (module_name and name):
+        known = ", ".join(_known)
+        raise OptionError(f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {known}")
+    module = _module(module_name, which)
+    made = getattr(module, name, None)
+    if made is None:
+        others = ", ".join(other for other, value in vars(module).items() if isinstance(value, System))
+        offers = f"its systems are {others}" if others else "it has no sim.systems.System at all"
+        raise OptionError(f"--system {which}: the module {module_name} has no {name}; {offers}")
+    if not isinstance(made, System) and callable(made):
+        try:
+            made = made()
+        except (Exception, SystemExit) as error:
+            why = error if isinstance(error, PirrhtError) else f"{one_line(error)} when it was called; fix it"
+            raise OptionError(f"--system {which}: {why}") from None
+    if not isinstance(made, System):
+        raise OptionError(
+            f"--system {which}: {name} is of the type {type(made).__name__}; it must be a sim.systems.System or a "
+            "function that returns one"
+        )
+    return register(made)
+
+
+def _module(name: str, which: str) -> Any:
+    """Import a module, the current folder first on the path; afterwards last, so that it hides nothing later."""
+    folder = os.getcwd()
+    importlib.invalidate_caches()
+    sys.path.insert(0, folder)
+    try:
+        module = importlib.import_module(name)
+    except (Exception, SystemExit) as error:
+        why = f"{error if isinstance(error, PirrhtError) else one_line(error)} while the module {name} was imported"
+        places = [f"line {at.lineno} of {at.filename}" for at in _theirs(error, {Path(folder).resolve()})]
+        why += f" ({places[-1]}); fix it" if places else "; fix it"
+        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
+            why = f"there is no module {name} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
+        raise OptionError(f"--system {which}: {why}") from None
+    finally:
+        with suppress(ValueError):
+            sys.path.remove(folder)
+        if folder not in sys.path:
+            sys.path.append(folder)
+    if (file := getattr(module, "__file__", None)) is not None:
+        _folders.add(Path(file).resolve().parent)
+    return module
+
+
+def source(which: str | System | None) -> bytes:
+    """Return the file of the module that a system is from, as far as there is one; results depend on it."""
+    module = sys.modules.get(which.partition(":")[0]) if isinstance(which, str) and ":" in which else None
+    file = getattr(module, "__file__", None)
+    return Path(file).read_bytes() if file is not None and Path(file).is_file() else b""
+
+
+def blamed(error: BaseException) -> str | None:
+    """Locate and name an error of somebody's own code: the last line of its traceback in a file of theirs.
+
+    That is a file in the folder of a module that a system came from. What numba cannot compile it names itself.
+    """
+    if frames := _theirs(error, _folders):
+        return f"{frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name}: {one_line(error)}; fix it"
+    text = re.sub(r"\x1b\[\d*m", "", str(error)) if type(error).__module__.startswith("numba.") else ""
+    places = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
+    if not (theirs := [f"{path}, line {line}" for path, line in places if path.parent in _folders]):
+        return None
+    lines = (" ".join(line.partition("Raised from")[0].split()) for line in text.splitlines())
+    reason = next((line for line in lines if line and not line.startswith("Failed in ")), "").strip(" .:>")[:LONGEST]
+    return f"{theirs[-1]}: numba cannot compile this ({reason}); use numbers, arrays and functions of math and NumPy"
+
+
+def _theirs(error: BaseException, folders: set[Path]) -> list[traceback.FrameSummary]:
+    """Return the frames of a traceback that are in files of these folders, the last one last."""
+    return [at for at in traceback.extract_tb(error.__traceback__) if Path(at.filename).parent in folders]

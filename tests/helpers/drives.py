@@ -53,8 +53,8 @@ class Drive:
         sinks = Sinks(file=file, connect=connect)
         return Recorder(self.loaded, self.tree, integral, sinks, Look(**look), settings=settings)
 
-    def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
-        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
+    def frames(self, max_time: float = MAX_TIME, **more) -> Iterator[Frame]:
+        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time, **more)
 
 
 class Moving(Drive):

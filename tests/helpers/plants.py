@@ -11,8 +11,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.executor import Executor
-from sim.drive.plant import Advance, Analytic
+from sim.drive.executor import Advance, Analytic, Executor
 from sim.mjcf import Loaded, load
 
 QUIET = 1e-12  # a noise level that is as good as none

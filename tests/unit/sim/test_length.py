@@ -21,10 +21,10 @@ def point(b: float) -> Problem:
 
 def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5) -> Length:
     """A path (k, n), start included, as a run takes note of it, `period` steps at a time."""
-    length = Length(problem, path[0])
+    length = Length(path[0])
     for i in range(0, len(path) - 1, period):
         part = path[i : i + period + 1]
-        length.add(part[1:], step, float(np.hypot(*np.diff(part[:, :2], axis=0).T).sum()))
+        length.add(problem, part[1:], step, float(np.hypot(*np.diff(part[:, :2], axis=0).T).sum()))
     return length
 
 
@@ -59,8 +59,8 @@ def test_without_noise_it_is_the_length_of_the_path_and_one_that_has_not_begun_h
     angle = np.linspace(0.0, 9.0, 4000)
     circle = 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])
     assert measured(point(1e-6), circle).total == pytest.approx(4.5, rel=1e-5)
-    length = Length(point(0.3), np.zeros(2))
-    length.add(np.zeros((0, 2)), STEP, 0.0)
+    length = Length(np.zeros(2))
+    length.add(point(0.3), np.zeros((0, 2)), STEP, 0.0)
     assert length.total == length.noisy == 0.0
 
 

@@ -17,8 +17,8 @@ from pirrht.systems.double_integrator import DoubleIntegrator
 from sim.cli import main
 from sim.mjcf import load
 from sim.scenario import prepare
-from sim.system_import import blamed, chosen, source
 from sim.systems import System, named, names, register, registry
+from sim.systems.registry import blamed, chosen, source
 
 MODULES = {
     "rafts": """
@@ -111,7 +111,7 @@ def test_a_robot_names_any_registered_system_but_takes_no_built_in_name(folder):
     [
         ("rafts", "write MODULE:NAME"),
         (":RAFT", "write MODULE:NAME"),
-        ("boats/rafts.py:RAFT", "in its folder, or with PYTHONPATH=boats, write --system rafts:RAFT"),
+        ("boats/rafts.py:RAFT", "there is no module boats/rafts.py in"),
         ("nowhere:RAFT", "there is no module nowhere in"),
         ("rafts.deep:RAFT", "there is no module rafts.deep in"),
         ("rafts:KAYAK", "the module rafts has no KAYAK; its systems are RAFT"),

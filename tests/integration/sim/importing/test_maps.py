@@ -20,14 +20,15 @@ from sim.importing.scene_file import import_world  # noqa: E402
 from sim.mjcf import load  # noqa: E402
 
 BLACK, GREY, WHITE = 0, 205, 254
+BASE = {"resolution": 0.1, "origin": "[0.0, 0.0, 0.0]", "occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0}
+BASE["image"] = "map.pgm"
 
 
 def written(folder: Path, picture: np.ndarray, name: str = "map.pgm", **keys) -> Path:
     """A map of a picture whose first row is the top."""
     Image.fromarray(picture).save(folder / name)
-    values = {"image": name, "resolution": 0.1, "origin": "[0.0, 0.0, 0.0]", "occupied_thresh": 0.65}
-    values |= {"free_thresh": 0.196, "negate": 0} | keys
     path = folder / "map.yaml"
+    values = BASE | {"image": name} | keys
     path.write_text("".join(f"{key}: {value}\n" for key, value in values.items() if value is not None))
     return path
 
@@ -64,42 +65,27 @@ def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path: Path, yaw: flo
     assert (world.ground is None) == (yaw != 0.0)
 
 
-@pytest.mark.parametrize(
-    ("keys", "occupied", "free"),
-    [
-        ({}, [1, 0, 0, 0], [0, 0, 0, 1]),
-        ({"negate": 1}, [0, 0, 1, 1], [1, 0, 0, 0]),
-        ({"occupied_thresh": 0.2, "free_thresh": 0.1}, [1, 1, 0, 0], [0, 0, 0, 1]),
-        ({"mode": "scale"}, [1, 0, 0, 0], [0, 0, 0, 1]),
-        ({"trinary": "false"}, [1, 0, 0, 0], [0, 0, 0, 1]),
-        ({"occupied_thresh": 1, "free_thresh": 0}, [1, 0, 0, 0], [0, 0, 0, 1]),
-        ({"mode": "raw"}, [0, 0, 0, 0], [1, 0, 0, 0]),
-        ({"mode": "trinary", "occupied_thresh": None, "free_thresh": None, "negate": None}, [1, 0, 0, 0], [0, 0, 0, 1]),
-    ],
-)
-def test_thresholds_and_modes_are_those_of_map_server(tmp_path: Path, keys, occupied, free):
-    """Chances of 1, 0.5, 0.2 and 0 by darkness; as raw values 0 per cent and three beyond 100."""
-    grid = read_map(written(tmp_path, np.array([[0, 128, 204, 255]], np.uint8), **keys))
-    np.testing.assert_array_equal(grid.occupied[0], np.array(occupied, bool))
-    np.testing.assert_array_equal(grid.free[0], np.array(free, bool))
-
-
+DARK = np.array([[0, 128, 204, 255]], np.uint8)  # chances of 1, 0.5, 0.2 and 0; raw 0 per cent and three beyond 100
 GREYS = np.array([[0, 19, 50, 66, 100, 101, 255]], np.uint8)
 COLOURS = np.array([[[0, 0, 0, 255], [255, 255, 240, 255], [0, 0, 0, 0]]], np.uint8)
 FINE = np.array([[0, 30000, 65535]], np.uint16)
+MEANT = [  # pictures, keys, which cells are occupied and which free
+    *((DARK, {"mode": mode}, [1, 0, 0, 0], [0, 0, 0, 1]) for mode in ("trinary", "scale", None)),
+    (DARK, {"negate": 1}, [0, 0, 1, 1], [1, 0, 0, 0]),
+    (DARK, {"occupied_thresh": 0.2, "free_thresh": 0.1}, [1, 1, 0, 0], [0, 0, 0, 1]),
+    (DARK, {"trinary": "false"}, [1, 0, 0, 0], [0, 0, 0, 1]),
+    (DARK, {"occupied_thresh": 1, "free_thresh": 0}, [1, 0, 0, 0], [0, 0, 0, 1]),
+    (DARK, {"mode": "raw"}, [0, 0, 0, 0], [1, 0, 0, 0]),
+    (DARK, {"occupied_thresh": None, "free_thresh": None, "negate": None}, [1, 0, 0, 0], [0, 0, 0, 1]),
+    (GREYS, {"mode": "raw"}, [0, 0, 0, 1, 1, 0, 0], [1, 1, 0, 0, 0, 0, 0]),
+    *((COLOURS, {"mode": mode}, [1, 0, 0], [0, 1, 0]) for mode in ("trinary", "scale")),
+    (FINE, {}, [1, 0, 0], [0, 0, 1]),
+]
 
 
-@pytest.mark.parametrize(
-    ("picture", "mode", "occupied", "free"),
-    [
-        (GREYS, "raw", [0, 0, 0, 1, 1, 0, 0], [1, 1, 0, 0, 0, 0, 0]),
-        (COLOURS, "trinary", [1, 0, 0], [0, 1, 0]),
-        (COLOURS, "scale", [1, 0, 0], [0, 1, 0]),
-        (FINE, "trinary", [1, 0, 0], [0, 0, 1]),
-    ],
-)
-def test_per_cents_means_of_colours_transparency_and_sixteen_bits_count(tmp_path: Path, picture, mode, occupied, free):
-    grid = read_map(written(tmp_path, picture, "map.png", mode=mode))
+@pytest.mark.parametrize(("picture", "keys", "occupied", "free"), MEANT)
+def test_pixels_mean_what_they_mean_to_map_server(tmp_path: Path, picture, keys, occupied, free):
+    grid = read_map(written(tmp_path, picture, "map.png", **keys))
     assert (grid.occupied[0].tolist(), grid.free[0].tolist()) == (occupied, free)
 
 
@@ -156,19 +142,18 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
 BOTH = {"start": [2, 2], "goal": [6, 6, 0.3]}
 
 
-@pytest.mark.parametrize(
-    ("name", "task", "what"),
-    [
-        ("map.yaml", BOTH, "a turned map needs --workspace X0 X1 Y0 Y1, for example "),
-        ("map.yaml", {}, r"a map does not tell the start and the goal: give --start X Y \[TH\] and --goal X Y R"),
-        ("map.yaml", {"goal": [6, 6, 0.3]}, "a map does not tell the start: give --start"),
-        ("map.yaml", {"start": [2, 2]}, "a map does not tell the goal: give --start .* --goal"),
-        ("map.yaml", {"start": [2, 2], "goal": [7, 3, -0.3]}, "--goal: its radius is -0.3; it must be positive"),
-        ("map.yaml", {"without": ["robot"], **BOTH}, "only models of a Gazebo world"),
-        ("map.pgm", BOTH, r"map\.pgm: a picture .*; give the map's \.yaml"),
-        ("a.world", {"unknown": "free", **BOTH}, "--unknown is for maps"),
-    ],
-)
+ASKED = [
+    ("map.yaml", BOTH, "a turned map needs --workspace X0 X1 Y0 Y1, for example "),
+    ("map.yaml", {}, r"a map does not tell the start and the goal: give --start X Y \[TH\] and --goal X Y R"),
+    ("map.yaml", {"goal": [6, 6, 0.3]}, "a map does not tell the start: give --start"),
+    ("map.yaml", {"start": [2, 2], "goal": [7, 3, -0.3]}, "--goal: its radius is -0.3; it must be positive"),
+    ("map.yaml", {"without": ["robot"], **BOTH}, "only models of a Gazebo world"),
+    ("map.pgm", BOTH, r"map\.pgm: a picture .*; give the map's \.yaml"),
+    ("a.world", {"unknown": "free", **BOTH}, "--unknown is for maps"),
+]
+
+
+@pytest.mark.parametrize(("name", "task", "what"), ASKED)
 def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, name, task, what: str):
     written(tmp_path, rooms(), origin="[0, 0, 0.2]")
     (tmp_path / "a.world").write_text("<sdf/>")
@@ -181,9 +166,9 @@ def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, name, task, what:
     [
         ({"image": None}, "the key image is missing"),
         ({"image": "gone.pgm"}, "gone.pgm does not exist"),
-        ({"resolution": "fine"}, "resolution is 'fine'; it must be a number"),
+        ({"resolution": "fine"}, "resolution is 'fine'; it must be the side"),
         ({"resolution": 0}, "resolution is 0; it must be the side of a cell in metres, 0.0001 to 100"),
-        ({"resolution": "1" + "0" * 400}, "it must be a number"),
+        ({"resolution": "1" + "0" * 400}, "it must be the side"),
         ({"image": "[1, 2]"}, "image is [1, 2]; it must be the name of a file"),
         ({"image": "x" * 300}, "does not exist"),
         ({"origin": "[1.0e+308, 0, 0]"}, "none beyond 1e+06"),
@@ -208,24 +193,23 @@ def test_a_map_that_cannot_be_read_is_refused_by_file_and_key(tmp_path: Path, ca
     assert not target.exists()
 
 
-@pytest.mark.parametrize("text", ["", "just words", "[1, 2", "image: \xff\n\tx: 1", "image: " + 1000 * "["])
-def test_a_file_that_is_no_map_is_refused(tmp_path: Path, text: str):
-    (tmp_path / "map.yaml").write_bytes(text.encode("latin-1"))
-    with pytest.raises(SceneError, match=r"map\.yaml: no"):
-        read_map(tmp_path / "map.yaml")
-
-
-BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(
+BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(  # gigabytes, if unfolded
     f"{b}: &{b} [{', '.join([f'*{a}'] * 9)}]\n" for a, b in zip("abcdefgh", "bcdefghi", strict=True)
 )
+NO_MAPS = [
+    *((text, "map.yaml: no") for text in ("", "just words", "[1, 2", "image: \xff\n\tx: 1", "image: " + 1000 * "[")),
+    *(
+        (f"{BOMB}{''.join(f'{k}: {v}{chr(10)}' for k, v in (BASE | {key: '*i'}).items())}", f"{key} is ")
+        for key in ("image", "resolution", "origin", "mode", "negate")
+    ),
+]
 
 
-@pytest.mark.parametrize("key", ["image", "resolution", "origin", "mode", "negate"])
-def test_a_value_that_would_unfold_to_gigabytes_is_named_in_one_line(tmp_path: Path, key: str):
-    path = written(tmp_path, drawn("#."), **{key: "*i"})
-    path.write_text(BOMB + path.read_text())
-    with pytest.raises(SceneError, match=f"{key} is ") as caught:
-        read_map(path)
+@pytest.mark.parametrize(("text", "words"), NO_MAPS)
+def test_a_file_that_is_no_map_is_refused_in_one_line(tmp_path: Path, text: str, words: str):
+    (tmp_path / "map.yaml").write_bytes(text.encode("latin-1"))
+    with pytest.raises(SceneError, match=words) as caught:
+        read_map(tmp_path / "map.yaml")
     assert len(str(caught.value)) < 1000
 
 

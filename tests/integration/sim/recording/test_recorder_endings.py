@@ -9,7 +9,7 @@ import pytest
 from drives import Drive, columns
 
 from pirrht.errors import OptionError
-from sim.drive.clock import URGENT
+from sim.drive.realtime import CLOCKED
 from sim.recording import viewer
 from sim.recording.recorder import NAP, ROOM
 from sim.recording.stream import ToViewer
@@ -47,7 +47,7 @@ def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tm
     frame = next(drive.frames())
     recorder = drive.recorder(tmp_path / "late.rrd")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(URGENT, "clocked", True)
+        patch.setattr(CLOCKED, "is_set", lambda: True)
         for _ in range(ROOM + 100):
             recorder.log(frame)
         time.sleep(5.0 * NAP)

@@ -15,9 +15,8 @@ from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from sim.drive.executor import Executor
+from sim.drive.executor import Analytic, Executor
 from sim.drive.metrics import Length, spread
-from sim.drive.plant import Analytic
 from sim.mjcf import Loaded, load, models_folder
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
@@ -213,8 +212,8 @@ def test_a_rovers_path_is_as_long_as_its_mean_whatever_the_noise_along_it(tmp_pa
     for _ in range(40):
         x = np.zeros((3001, 3))
         x[1:, 0] = np.cumsum(STEP + 0.1 * np.sqrt(STEP) * rng.standard_normal(3000))
-        length = Length(problem, x[0])
-        length.add(x[1:], STEP, float(np.abs(np.diff(x[:, 0])).sum()))
+        length = Length(x[0])
+        length.add(problem, x[1:], STEP, float(np.abs(np.diff(x[:, 0])).sum()))
         totals.append(length.total / x[-1, 0])
         rough.append(length.noisy / x[-1, 0])
     assert np.mean(totals) == pytest.approx(1.0, rel=0.01)
@@ -292,12 +291,12 @@ def test_a_car_whose_speed_does_not_follow_is_refused_in_one_line(tmp_path, old,
         prepare("slit", robot=tmp_path / "machine.xml")
     said = str(caught.value)
     assert "instead of" in said
-    assert "let half of the sideways acceleration keep its speed in turns" in said
+    assert "half of the sideways acceleration keeps the speed in turns" in said
     assert "\n" not in said
 
 
 def test_speed_is_no_state_of_a_robot_with_commanded_velocities():
-    with pytest.raises(OptionError, match="no actuator is a motor, and the speed is a state of car"):
+    with pytest.raises(OptionError, match="is no motor, and car is commanded forces"):
         prepare("slit", robot="unicycle", system="second_order_car")
     given = {"plant": "sde"}
     assert len(prepare("slit", robot="unicycle", system="second_order_car", given=given).plant().state) == 4

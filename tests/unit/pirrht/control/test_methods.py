@@ -16,7 +16,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from sim.drive import episode
-from sim.drive.metrics import EpisodeMetrics, Period
+from sim.drive.metrics import EpisodeMetrics, TimedPlan
 from sim.scenario import Scenario
 
 
@@ -107,5 +107,5 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
     metrics = EpisodeMetrics(scenario, slit.start, period=0.01, max_time=1.0)
     for share in (0.5, 0.95, 0.4, 0.2, 0.95, 0.6, 0.08, 0.45, 0.02, 0.6, 0.91):
         plan = replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})
-        metrics.frame(Period(plan=plan, advance=frame.advance, plan_seconds=0.0))
-    assert (metrics.result().class_switches, metrics.result().class_reversals) == (4, 2)
+        metrics.frame(TimedPlan(plan=plan, plan_seconds=0.0), frame.advance)
+    assert (metrics.class_switches, metrics.class_reversals) == (4, 2)

@@ -13,8 +13,7 @@ from pirrht.geometry.scene import Workspace
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Executor
-from sim.drive.plant import Advance, Analytic
+from sim.drive.executor import Advance, Analytic, Executor
 from sim.mjcf import load
 
 EVERYWHERE = np.full(2, np.inf)
@@ -118,24 +117,14 @@ def test_a_robot_smaller_than_its_footprint_is_run_over_when_its_own_shape_is(tm
     assert 0.05 < gap < 0.05 + loaded.scene.robot_radius
 
 
-@pytest.mark.parametrize("robot", ["puck", "unicycle"])
 @pytest.mark.parametrize("x", [1.0, 1.1, 1.23])
-def test_a_fast_thin_body_does_not_pass_through_the_robot_within_a_step(tmp_path, robot, x):
+def test_a_fast_thin_body_does_not_pass_through_the_robot_within_a_step(tmp_path, x):
     """300 m/s are 0.6 m a step: on either side of the robot and never in it, at the ends of steps."""
     world, custom = body("b", 'type="box" size=".002 3 .2"', f"{x} 0 0.1"), rows("b", f"0 {x} 0 0  0.01 {x - 3} 0 0")
-    loaded, plants = pair(tmp_path, world, custom, STEP, robot=robot)
+    loaded, plants = pair(tmp_path, world, custom, STEP)
     reach = loaded.scene.robot_radius + 0.002
     for plant in plants:
         assert (x - reach) / 300 - 1e-9 <= hit(plant)[0] <= (x + reach) / 300 + STEP
-
-
-def test_a_fast_thin_body_that_misses_the_robots_own_shape_has_not_met_it(tmp_path):
-    """It cuts the footprint, a ball around the unicycle, where the unicycle has nothing."""
-    world, custom = body("b", 'type="box" size=".002 .002 .2"', "1 0.149 0.1"), "0 1 0.149 0  0.01 -2 0.149 0"
-    loaded, (plant, analytic) = pair(tmp_path, world, rows("b", custom), 0.02, robot="unicycle")
-    assert loaded.scene.robot_radius > 0.149
-    assert driven(plant, hold(0.0), 0, 1)[0].outcome is None
-    assert driven(analytic, hold(0.0), 0, 1)[0].outcome is Outcome.COLLISION
 
 
 DISC, BOX = 'type="cylinder" size=".3 .2"', 'type="box" size=".1 3 .2"'

@@ -1,10 +1,9 @@
-"""Real-time runs, on a clock that knows how long everything takes, and work that gives way to them."""
+"""Real-time runs, on a clock that knows how long everything takes."""
 
 from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import nullcontext, suppress
 from typing import Any
 
 import numpy as np
@@ -20,12 +19,11 @@ from pirrht.outcome import Outcome
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Driven
 from sim.cli import main
-from sim.drive import clock as clocks
 from sim.drive import episode
-from sim.drive.clock import URGENT, Clock, PlannerPriority
 from sim.drive.episode import Frame
-from sim.drive.plant import Analytic
-from sim.drive.realtime import BEHIND, MOST_PIECES, Planner, SharedPlan, TimedPlan
+from sim.drive.executor import Analytic
+from sim.drive.metrics import TimedPlan
+from sim.drive.realtime import BEHIND, IDLE, MOST_PIECES, Clock, Planner
 from sim.recording.stream import Stream
 from sim.scenario import Scenario, prepare
 
@@ -119,7 +117,7 @@ def drive(
 ) -> tuple[list[Frame], FakePolicy, dict[str, Any]]:
     policy = FakePolicy(scenario, FakeClock(), seconds)
     frames = list(frames_of(scenario, policy, periods))
-    return frames, policy, frames[-1].metrics.result().json()
+    return frames, policy, frames[-1].metrics.json()
 
 
 def controls(frames: list[Frame]) -> Array:
@@ -151,7 +149,7 @@ def test_a_slow_plan_is_a_miss_and_the_old_law_goes_on_until_it_is_there(slit: S
     frames, _, result = drive(slit, lambda i: 0.125 if i == 2 else 0.02)
     # Plan 2, begun at 0.1 for 0.2, is ready at 0.225; plan 3, begun then for 0.3, is ready in time.
     np.testing.assert_array_equal(controls(frames), np.repeat([1, 2, 3, 4, 5, 6], [10, 13, 7, 10, 10, 10]))
-    assert [frame.timing.missed for frame in frames if frame.timing] == [False, False, True, False, False, False]
+    assert [frame.begin < frame.time - 1e-9 for frame in frames] == [False, False, True, False, False, False]
     assert result["deadline_misses"] == 1
     assert frames[2].plan.control == pytest.approx([0.02, 0.0])
 
@@ -175,8 +173,8 @@ def test_predictions_end_before_the_goal_and_have_few_steps_where_a_plant_is_lat
     policy, goal = FakePolicy(slit, FakeClock()), slit.problem.scene.goal
 
     def ahead(speed: float, time: float, x: Array, until: float) -> Array:
-        ready = TimedPlan(plan=plan(x, speed), begin=0.0, seconds=0.0, slack=0.0, vertices=0, run=None)
-        return Planner(policy, policy.clock, PERIOD, None).predicted(ready, (time, x), until)
+        ready = TimedPlan(plan=plan(x, speed), plan_seconds=0.0)
+        return Planner(policy, policy.clock, PERIOD, None).predicted(ready, time, x, until)
 
     late = ahead(0.01, 0.0, slit.start, 1.0)
     assert len(late) == MOST_PIECES + 1
@@ -206,7 +204,9 @@ def test_the_tree_grows_in_the_time_that_is_left_unless_the_plant_is_late(slit, 
     policy = FakePolicy(slit, clock)
     policy.tree = Growing(clock)
     planner = Planner(policy, clock, PERIOD, grow)
-    planner.extend(SharedPlan(planner.first(slit.start)), clock.now() - late, clock.now() + 0.02)
+    planner.first(slit.start)
+    planner.origin = clock.now() - late
+    planner.extend(clock.now() + 0.02)
     assert policy.tree.size == 10 + expected
     assert clock.now() <= 100.0 + 0.02
 
@@ -276,26 +276,9 @@ def test_moving_obstacles_set_out_when_the_run_does_and_not_when_it_was_rehearse
         assert frame.advance.clearance == pytest.approx(min(1.0, expected), abs=1e-9)
 
 
-# -- work that gives way -----------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("longest", "urgent"), [(60.0, "idle"), (60.0, "fails"), (0.01, "for ever")])
-def test_work_gives_way_until_urgent_work_ends_or_fails_and_not_for_ever(monkeypatch, longest, urgent):
-    monkeypatch.setattr(clocks, "LONGEST_WAIT", longest)
-    priority, done = PlannerPriority(), threading.Event()
-    waiter = threading.Thread(target=lambda: (priority.give_way(), done.set()), daemon=True)
-    with suppress(ValueError), nullcontext() if urgent == "idle" else priority.work():
-        waiter.start()
-        if urgent == "fails":
-            assert not done.wait(0.05)
-            raise ValueError
-        assert done.wait(10.0)
-    assert done.wait(10.0)
-
-
-def test_recordings_give_way(monkeypatch):
-    asked: list[None] = []
-    monkeypatch.setattr(URGENT, "give_way", lambda: asked.append(None))
+def test_recordings_give_way_to_plans(monkeypatch):
+    asked: list[float] = []
+    monkeypatch.setattr(IDLE, "wait", asked.append)
     stream = Stream("test", "way", orderly=True)
     stream.columns("/number", [0], [0.0], rr.Scalars.columns(scalars=[1.0]))
     stream.log("/number", 1, 0.1, rr.Scalars(2.0))

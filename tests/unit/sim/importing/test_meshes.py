@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from itertools import product
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,81 +10,61 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from sdf_samples import refused
 
-from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, MeshKey, Parts, split
+from sim.importing.meshes import CONCAVE, split
 from sim.importing.solids import as_box
 
-
-def ring() -> trimesh.Trimesh:
-    return trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
-
-
-def parts(mesh: trimesh.Trimesh, path: Path, **more) -> Parts:
-    mesh.export(path)
-    return split(MeshKey(path, **more))
-
-
-def volume(found: Parts) -> float:
-    return sum(trimesh.convex.convex_hull(v).volume for v in found.vertices)
+RING = trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
+SHELL = trimesh.creation.box((6, 4, 2))  # walls without thickness, and neither floor nor ceiling
+SHELL.update_faces(np.abs(SHELL.face_normals[:, 2]) < 0.5)
+OPEN = trimesh.creation.box((1, 1, 1))  # a box without a bottom
+OPEN.update_faces(OPEN.face_normals[:, 2] > -0.5)
+INWARD = RING.copy()
+INWARD.invert()
+TWO = trimesh.util.concatenate([trimesh.creation.box(bounds=[(x, 0, 0), (x + 1, 1, 1)]) for x in (0, 5)])
 
 
-@pytest.mark.parametrize("suffix", ["stl", "obj"])
-def test_a_ring_of_walls_leaves_its_inside_free(tmp_path, suffix):
-    mesh = ring()
-    found = parts(mesh, tmp_path / f"ring.{suffix}")
-    assert len(found.vertices) == 6
-    assert volume(found) == pytest.approx(mesh.volume, rel=1e-5)
-    assert found.rough == 0
+def volume(parts: list[np.ndarray]) -> float:
+    return sum(trimesh.convex.convex_hull(v).volume for v in parts)
 
 
-def test_normals_that_point_inward_and_mirroring_scales_change_nothing(tmp_path):
-    mesh = ring()
-    for scale in ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
-        mesh.invert()
-        found = parts(mesh, tmp_path / "ring.stl", scale=scale)
-        assert volume(found) == pytest.approx(abs(mesh.volume), rel=1e-5)
-
-
-def test_what_does_not_hang_together_is_separate(tmp_path):
-    boxes = [trimesh.creation.box((1, 1, 1), trimesh.transformations.translation_matrix((x, 0, 0))) for x in (0, 5)]
-    found = parts(trimesh.util.concatenate(boxes), tmp_path / "two.stl", scale=(2.0, 1.0, 1.0))
-    assert sorted(float(v[:, 0].mean().round(6)) for v in found.vertices) == [0.0, 10.0]
-    assert volume(found) == pytest.approx(4.0)
-
-
-def test_walls_without_thickness_become_plates_around_free_space(tmp_path):
-    shell = trimesh.creation.box((6, 4, 2))
-    shell.update_faces(np.abs(shell.face_normals[:, 2]) < 0.5)  # neither floor nor ceiling
-    found = parts(shell, tmp_path / "shell.stl")
-    assert len(found.vertices) == 4
-    assert volume(found) < 0.05
-
-
-def test_a_box_without_a_bottom_is_a_box(tmp_path):
-    box = trimesh.creation.box((1, 1, 1))
-    box.update_faces(box.face_normals[:, 2] > -0.5)
-    assert volume(parts(box, tmp_path / "box.stl")) == pytest.approx(1.0)
+@pytest.mark.parametrize(
+    ("mesh", "name", "options", "count", "filled"),
+    [
+        (RING, "a.stl", {}, 6, RING.volume),
+        (RING, "a.obj", {}, 6, RING.volume),
+        (RING, "a.stl", {"hull": True}, 1, RING.convex_hull.volume),
+        (RING, "a.stl", {"scale": (-1.0, 1.0, 1.0)}, 6, RING.volume),
+        (INWARD, "a.stl", {}, 6, RING.volume),
+        (TWO, "a.stl", {"scale": (2.0, 1.0, 1.0), "centred": True}, 2, 4.0),
+        (SHELL, "a.stl", {}, 4, 0.04),
+        (OPEN, "a.stl", {}, 1, 1.0),
+    ],
+)
+def test_parts_fill_what_the_mesh_fills(tmp_path, mesh, name, options, count, filled):
+    mesh.export(tmp_path / name)
+    found, rough = split(tmp_path / name, **options)
+    assert len(found) == count
+    assert rough == 0
+    assert volume(found) == pytest.approx(filled, rel=1e-5)
 
 
 def test_round_shapes_are_within_the_tolerance(tmp_path):
     torus = trimesh.creation.torus(1.0, 0.2)
-    found = parts(torus, tmp_path / "torus.stl")
-    assert found.rough == 0
+    torus.export(tmp_path / "torus.stl")
+    found, rough = split(tmp_path / "torus.stl")
+    assert rough == 0
     assert abs(volume(found) - torus.volume) < CONCAVE * torus.area
-    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found.vertices)
-
-
-def test_a_hull_is_what_is_asked_for(tmp_path):
-    assert len(parts(ring(), tmp_path / "ring.stl", hull=True).vertices) == 1
+    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found)
 
 
 def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
-    rng = np.random.default_rng(0)
-    many = trimesh.Trimesh(rng.uniform(-1, 1, (3600, 3)), np.arange(3600).reshape(-1, 3), process=False)
-    found = parts(many, tmp_path / "many.stl")
-    assert len(found.vertices) == 1
-    assert found.rough > 0.5
+    corners = np.random.default_rng(0).uniform(-1, 1, (3600, 3))
+    trimesh.Trimesh(corners, np.arange(3600).reshape(-1, 3), process=False).export(tmp_path / "many.stl")
+    found, rough = split(tmp_path / "many.stl")
+    assert len(found) == 1
+    assert rough > 0.5
 
 
 @given(
@@ -127,9 +106,4 @@ BAD = [
 @pytest.mark.parametrize(("name", "data", "words"), BAD)
 def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(SceneError) as caught:
-        split(MeshKey(tmp_path / name))
-    message = str(caught.value)
-    assert words in message
-    assert name in message
-    assert "\n" not in message
+    refused(lambda: split(tmp_path / name), name, words)

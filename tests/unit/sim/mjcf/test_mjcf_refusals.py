@@ -40,7 +40,7 @@ BAD_SCENES: list[tuple[str | bytes, str]] = [
     (custom("numeric", "nois", "1"), '"pirrht_nois"'),
     (custom("numeric", "dt", "1 2"), '"pirrht_dt"'),
     (custom("numeric", "radius", "0"), "radius"),
-    (custom("text", "a", "b"), "and pirrht_about"),
+    (custom("text", "a", "b"), "pirrht_robot, pirrht_about"),
     (custom("text", "robot", "bike"), "bike"),
     (mjcf(SITES, head='<option timestep="0"/>'), "timestep"),
     (mjcf(SITES + '<geom blob="1" size="1"/>'), "blob"),

@@ -129,23 +129,12 @@ def angled(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_concave_mesh_is_reported_with_both_volumes_and_shown_as_its_hull(angled):
+def test_a_concave_mesh_counts_as_its_hull_which_a_note_tells_with_both_volumes(angled):
     loaded = load(angled)
     (note,) = loaded.notes
     assert 'geom "arms" (7 m3, of which the mesh fills 5)' in note
     assert "pirrht import MESH --decompose" in note
-    model, data = loaded.model, mujoco.MjData(loaded.model)
-    mujoco.mj_kinematics(model, data)
-    geom, (solid,) = model.geom("arms").id, loaded.scene.obstacles
-    mesh = int(model.geom_dataid[geom])
-    drawn = model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]]
-    drawn = drawn @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-    planned = solid.vertices @ solid.rotation.T + solid.position
-    np.testing.assert_allclose(sorted(drawn.round(4).tolist()), sorted(planned.round(4).tolist()), atol=2e-4)
-    assert len(drawn) == 10  # the inner edge is gone
-
-
-def test_a_start_inside_the_hull_of_a_mesh_says_so(angled):
+    assert len(loaded.scene.obstacles[0].vertices) == 10  # the inner edge is gone
     message = refusal(angled, start=(4.6, 6.2))
     assert 'touches the convex hull of geom "arms" (7 m3' in message
     assert "--decompose" in message
