@@ -115,8 +115,8 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     """Check and return where a recording goes, before any work is done."""
     from sim.recording.options import Sinks
 
-    names = {"file": "record", "connect": "connect", "view": "view", "serve": "serve"}
-    sinks = Sinks(**{name: getattr(arguments, option, None) for name, option in names.items()})
+    file = getattr(arguments, "record", None)
+    sinks = Sinks(file=file, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
     sinks.check()
     return sinks
 
@@ -204,7 +204,8 @@ class Live:
     def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
         from sim.recording import viewer
 
-        self._game, self._recorders, self._space = game, list[Any](), None
+        self._game, self._recorders = game, list[Any]()
+        self._space: Any = None
         self._urls = [arguments.connect, viewer.spawn() if arguments.view else None]
         if arguments.serve:
             self._server = viewer.Server.start()
