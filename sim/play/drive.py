@@ -11,7 +11,8 @@ from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
-from typing import Any
+from operator import attrgetter
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -22,7 +23,7 @@ from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
-from sim.drive.executor import Executor
+from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
 from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
@@ -58,11 +59,6 @@ def build(world: World, before: World) -> World:
     return replace(world, scenario=scenario, driver=scenario.driver(tree))
 
 
-def _theirs(name: str) -> Any:
-    """Return an attribute of the policy that decides now."""
-    return property(lambda live: getattr(live.built.driver, name))
-
-
 class Live(Policy):
     """The policy that decides now; the newest world that was requested is built, one at a time, and takes over.
 
@@ -72,7 +68,9 @@ class Live(Policy):
             does not depend on the machine [s]; None: it takes over when it is ready.
     """
 
-    tree, run, path_integral, homology = map(_theirs, ("tree", "run", "path_integral", "homology"))
+    tree, run, path_integral, homology = (
+        cast(Any, property(attrgetter(f"built.driver.{name}"))) for name in ("tree", "run", "path_integral", "homology")
+    )
 
     def __init__(self, built: World, tell: Callable[[str], object], latency: float | None) -> None:
         self.built, self._tell, self._latency = built, tell, latency
@@ -93,8 +91,7 @@ class Live(Policy):
         """Decide at state x (n,), in a new world if one is ready and has a path to the goal from there."""
         now = self.run.time
         try:
-            ready = self._ready(now)
-            if ready is not None:
+            if (ready := self.ready(now)) is not None:
                 ready.driver.begin(x, now)
                 plan = ready.driver.plan(x, left)
                 self.built = ready
@@ -103,21 +100,16 @@ class Live(Policy):
             self._tell(f"{error}; the drive goes on as planned before")
         return self.built.driver.plan(x, left)
 
-    def catch_up(self) -> None:
-        """Wait for the requested world, and take it.
+    def ready(self, now: float) -> World | None:
+        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait.
 
         Raises:
             SceneError, OptionError: nothing can be planned there.
         """
-        self.built = self._ready(inf) or self.built
-
-    def _ready(self, now: float) -> World | None:
-        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait."""
         if self._requested is None:
             return None
         at, future = self._requested
-        late = now == inf or (future.done() if self._latency is None else now >= at + self._latency - 1e-9)
-        if not late:
+        if now < inf and not (future.done() if self._latency is None else now >= at + self._latency - 1e-9):
             return None
         self._requested = None
         return future.result()
@@ -162,7 +154,7 @@ class InteractivePlant(Executor):
             self.data.mocap_pos[self.rows[name], :2] = place
         self._show()
 
-    def advance(self, control_at: Callable[[Array, float], Array], rng: np.random.Generator) -> Any:
+    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
         if self.time > 0.0:  # before, a run in real time only tries everything once
             self.take_note()
@@ -253,7 +245,7 @@ class Play:
         start = self.scenario.start if home else self.plant.state
         self.plant.reset(start, self.plant.time)
         self.plant.take_note()
-        self.live.catch_up()
+        self.live.built = self.live.ready(inf) or self.live.built
         return start
 
     def close(self) -> None:
