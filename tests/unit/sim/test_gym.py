@@ -15,7 +15,6 @@ from sim import gym
 from sim.mjcf.robot import control_limits
 from sim.scenario import Scenario
 
-
 FIGURES = ("time", "cost", "path_length", "noisy_path_length", "steps", "min_clearance")
 
 
