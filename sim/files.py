@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 import math
 import os
-import shutil
 import stat
 import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -25,7 +25,7 @@ class Draft:
     """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
 
     def __init__(self, path: Path) -> None:
-        self.target = target_of(path)
+        self.target = Path(os.path.realpath(path))  # links are followed
         prefix = f".{self.target.name[:SHOWN]}."
         self.handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=self.target.parent)  # open for writing
         self.file = Path(name)
@@ -47,20 +47,17 @@ class Draft:
 def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
     """Yield a stream whose content becomes that of a file; after a failure the old file stays.
 
-    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to, in
-    one go at the end. A pipe that nobody reads then is an error.
+    What is no regular file, such as /dev/null or a pipe, and what standard output goes to is written to at the end.
 
     Raises:
         OptionError: it cannot be written; names the option.
     """
     try:
         if takes_as_it_comes(path):
-            with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none after a failure
-                yield stream
-                stream.seek(0)
-                known = _output(os.stat(path))
-                with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
-                    shutil.copyfileobj(stream, target)
+            yield (content := BytesIO())
+            output = _output(path)
+            with open(path if output is None else os.dup(output), "wb") as target:
+                target.write(content.getvalue())
             return
         draft = Draft(path)
         try:
@@ -73,55 +70,24 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
         raise refused(option, path, error) from None
 
 
-def target_of(path: Path) -> Path:
-    """Return the target of a path, which need not exist; symbolic links are followed."""
-    return Path(os.path.realpath(path))
-
-
 def takes_as_it_comes(path: Path) -> bool:
     """Return whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
-    try:
-        found = os.stat(path)
-    except (OSError, ValueError):
-        return False
-    return not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) or _output(found) is not None
+    odd = os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path))
+    return odd or _output(path) is not None
+
+
+def _output(path: Path) -> int | None:
+    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
+    for known in (1, 2):
+        with suppress(OSError, ValueError):
+            if os.path.samestat(os.stat(path), os.fstat(known)):
+                return known
+    return None
 
 
 def path_text(path: Path) -> str:
     """Return a path as text in one line that any terminal takes."""
-    with suppress(UnicodeEncodeError):  # half a character, which is in no name that the system knows
-        return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
     return printable(str(path))
-
-
-_pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what is not there yet
-
-
-def has_reader(path: Path) -> bool:
-    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits."""
-    with suppress(OSError):
-        if _output(os.stat(path)) is None and path not in _pipes:
-            _pipes[path] = _open_pipe(path)
-        return True
-    return False
-
-
-def _open_pipe(path: Path) -> int:
-    """Return a descriptor to write to a pipe or device, without waiting for a reader."""
-    if path in _pipes:
-        return _pipes.pop(path)
-    handle = os.open(path, os.O_WRONLY | os.O_TRUNC | getattr(os, "O_NONBLOCK", 0))
-    os.set_blocking(handle, True)
-    return handle
-
-
-def _output(found: os.stat_result) -> int | None:
-    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
-    for known in (1, 2):
-        with suppress(OSError):
-            if os.path.samestat(found, os.fstat(known)):
-                return known
-    return None
 
 
 MISSING = "does not exist"
@@ -162,46 +128,34 @@ def check_writable(path: Path, option: str) -> None:
 
     Raises:
         OptionError: the name is none that the system takes, the folder is missing or may not be written to, or the
-            path is a folder, a disk, or a pipe that nobody reads.
+            path is a folder or a disk.
     """
-    found = checked_name(path, option)
-    folder, straight = target_of(path).parent, takes_as_it_comes(path)
-    mode, there = (0, []) if found is None else (found.st_mode, [path])
+    try:
+        str(path).encode()
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        mode = 0
+    except (OSError, ValueError) as error:
+        raise refused(option, path, error) from None
+    folder = Path(os.path.realpath(path)).parent
+    places = [path] if takes_as_it_comes(path) else [folder, *([path] if mode else [])]
     for wrong, what in (
         (stat.S_ISDIR(mode), " is a folder; give the path of a file"),
         (stat.S_ISBLK(mode), " is a disk; give the path of a file"),
-        (stat.S_ISFIFO(mode) and not has_reader(path),
-         " is a pipe that nobody reads; start its reader first, or give the path of a file"),
-        (not straight and not folder.is_dir(), f": the folder {path_text(folder)} does not exist; create it first"),
-        (not all(os.access(one, os.W_OK) for one in (there if straight else [folder, *there])),
+        (not folder.is_dir(), f": the folder {path_text(folder)} does not exist; create it first"),
+        (not all(os.access(place, os.W_OK) for place in places),
          " may not be written; choose another place or fix the permissions"),
     ):  # fmt: skip
         if wrong:
             raise OptionError(f"{option} {path_text(path)}{what}")
 
 
-def checked_name(path: Path, option: str) -> os.stat_result | None:
-    """Query the system for a path; None if there is none.
-
-    Raises:
-        OptionError: the name is too long, not UTF-8 or leads nowhere.
-    """
-    try:
-        str(path).encode()
-        return os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except UnicodeEncodeError:
-        raise OptionError(f"{option} {path_text(path)}: the name is not UTF-8; give one that is") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character
-        raise refused(option, path, error) from None
-
-
 def refused(option: str, path: Path, error: OSError | ValueError) -> OptionError:
     """Make the error where the system refuses a path that an option names, or what is done with it."""
     text = path_text(path)
     short = text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"
-    return OptionError(f"{option} {short}: {getattr(error, 'strerror', None) or error}; choose another place")
+    why = "the name is not UTF-8" if isinstance(error, UnicodeError) else getattr(error, "strerror", None) or error
+    return OptionError(f"{option} {short}: {why}; choose another place")
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -44,6 +44,7 @@ def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) ->
 
 
 _file = partial(_one, kind=Path, group=FILES)
+_output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
 _singles = " ".join(SINGLE)
 
@@ -52,24 +53,24 @@ COMMAND_OPTIONS = (
     _one("sweep", "scenes", "built-in names or MJCF files", "SCENE", positional=True, count="+"),
     _one("warm", "robots", "built-in robots or MJCF files; none: all built-in", "ROBOT", positional=True, count="*"),
     _flag("warm", "moving", "for scenes with moving obstacles"),
-    _file("plan", "output", "save the tree for `--tree`", "TREE.npz", short="o"),
-    _file("plan", "png", "draw tree and references (extra `figures`)", "FILE"),
-    _file("plan", "convergence", "draw the length of each class's best path per iteration", "FILE"),
+    _output("plan", "output", "save the tree for `--tree`", "TREE.npz", short="o"),
+    _output("plan", "png", "draw tree and references (extra `figures`)", "FILE"),
+    _output("plan", "convergence", "draw the length of each class's best path per iteration", "FILE"),
     _one("estimate", "at", "state, see the table; missing numbers are 0", "X", kind=float, count="+", required=True),
     _one("estimate", "time", "time at which moving obstacles are evaluated", "S", kind=float, default=0.0,
          bounds=(0.0, 86_400.0)),
     _one("estimate", "repeat", "repeats with independent samples", "N", kind=int, default=1, bounds=(1, 10_000)),
     _flag("estimate", "truth", "add the exact value and control from a grid"),
     _flag("run", "truth", "compare each control with the exact one from a grid", group=RUN),
-    _file("run", "record", "write a Rerun recording", "FILE.rrd", group=RECORDING),
+    _output("run", "record", "write a Rerun recording", "FILE.rrd", group=RECORDING),
     _one("run", "record-hz", "references and samples per simulated second", "HZ", kind=float, default=5.0,
          bounds=(1e-6, 1e6), group=RECORDING),
     _one("run", "record-samples", "sampled paths to record", "WHICH", choices=("all", "some", "none"), default="some",
          group=RECORDING),
     _one("run", "record-lift", "obstacles whose H is the height in the tab Tree, as in 5,12", "K1,K2", kind=obstacles,
          unset="two that separate the shortest classes", group=RECORDING),
-    _file("run", "video", "film of the run (extra `video`)", "FILE.mp4", group=RECORDING),
-    _file("run", "png", "last picture of the film (extra `video`)", "FILE.png", group=RECORDING),
+    _output("run", "video", "film of the run (extra `video`)", "FILE.mp4", group=RECORDING),
+    _output("run", "png", "last picture of the film (extra `video`)", "FILE.png", group=RECORDING),
     _flag("run play", "view", "open the Rerun viewer", group=RECORDING),
     _flag("run play", "serve", "serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
           group=RECORDING),
@@ -81,17 +82,17 @@ COMMAND_OPTIONS = (
     _one("sweep", "seeds", "seeds A to B-1", "A:B", default="0:10", group=GRID),
     _one("sweep", "jobs", "processes", "N", kind=int, unset="all cores", bounds=(1, 1024)),
     _one("sweep", "scheduler", "send runs to a Dask cluster: tcp://... (extra `cluster`)", "URL"),
-    _file("sweep", "json", "write one record per run as JSON", "FILE"),
+    _output("sweep", "json", "write one record per run as JSON", "FILE"),
     _file("sweep", "output", "keep runs as a Parquet dataset; the same command continues it", "DIR", short="o"),
     _flag("sweep", "again", "repeat runs that ended with an error (with -o)", group=FILES),
-    _file(f"{_singles} report", "json", "write the results as JSON", "FILE"),
+    _output(f"{_singles} report", "json", "write the results as JSON", "FILE"),
     _file("report", "folder", "made by `pirrht sweep -o DIR`, complete or not", "DIR", positional=True),
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
-    _file("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
+    _output("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
     _file("import", "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD",
           positional=True),
-    _file("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
+    _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
     _flag("import", "decompose", "WORLD is a mesh (.obj, .stl, .dae) in metres, z up: write its convex parts (extra "
         "`decompose`)"),
@@ -115,13 +116,6 @@ def options_of(command: str) -> list[Option]:
     return sorted(own, key=lambda option: GROUPS.index(option.group))
 
 
-def check(command: str, given: Mapping[str, Any]) -> None:
-    """Refuse values (not None) that options of a command do not admit; OptionError names what they may be."""
-    for option in options_of(command):
-        if (value := given.get(option.dest)) is not None:
-            option.check(value)
-
-
 def scene_options(given: Mapping[str, Any]) -> dict[str, Any]:
     """Select what `sim.scenario.prepare` takes of scene and robot, by field of `SceneOptions`."""
     return {name: given.get(name) for name in BY_SCENE}
@@ -134,12 +128,8 @@ def settings(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]) -> dict[str, Any]:
     """Numbers of the command alone, by name: as given, else as the scene has them, else their defaults."""
-    found = {}
-    for option in options_of(command):
-        if option.role == "command" and option.numeric:
-            value = given.get(option.dest)
-            found[option.dest] = option.check(scene.get(option.name, option.default)) if value is None else value
-    return found
+    own = {o.dest: o for o in options_of(command) if o.role == "command" and o.numeric and given.get(o.dest) is None}
+    return {name: option.check(scene.get(option.name, option.default)) for name, option in own.items()}
 
 
 def check_size(task: Any, memory: float | None = None) -> None:
@@ -151,35 +141,31 @@ def check_size(task: Any, memory: float | None = None) -> None:
     cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
     seconds = s.horizon if s.method == "mppi" else cost / task.problem.least_rate  # of a path, about
     steps = max(1.0, seconds / s.dt)
-    if steps > PATH_STEPS:
-        remedy = "lower --horizon" if s.method == "mppi" else "lower --noise"
-        raise OptionError(
-            f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
-            f"{remedy} or raise --dt"
-        )
-    most = s.samples * DOUBLINGS if s.budget is None else s.budget
-    samples = classes * float(s.samples if s.target_error is None else most)
+    each = s.samples
+    if s.target_error is not None:
+        each = s.samples * DOUBLINGS if s.budget is None else s.budget
+    samples = classes * float(each)
     proposals = classes if s.method in ("pi-rrht", "best-class") else 1
     traced = (steps + 1) * d.n if s.method == "mppi" else 0  # paths that outlast the control sequence
     drawn = 8.0 * (samples * (6 + 2 * d.m + 3 * proposals + traced) + proposals * steps * (2 * d.m + 9))
     near = 2.0 * math.e * math.log(s.vertices + 1.0)
     grown = s.vertices * (8.0 * len(task.space.obstacles) + 120.0 * min(4, s.classes or 4) + 92.0 * near)
+    limit = MEMORY_SHARE * (physical() if memory is None else memory)
     plan = f"a plan of {samples:.3g} samples around {classes} classes"
     fewer = f"lower {'--budget or --samples' if s.target_error is not None else '--samples or --classes'}"
-    limit = MEMORY_SHARE * (physical() if memory is None else memory)
-    for needed, what, remedy in (
-        (grown, f"a tree of {s.vertices} --vertices", "lower --vertices"), (drawn, plan, fewer)
+    shorter = f"lower {'--horizon' if s.method == 'mppi' else '--noise'} or raise --dt"
+    fits = f"of memory, and at most {limit / GIB:.3g} GiB of this machine's are given to it"
+    for needed, most, what in (
+        (steps, PATH_STEPS, f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most "
+         f"{PATH_STEPS:,} are possible; {shorter}"),
+        (grown, limit, f"a tree of {s.vertices} --vertices would take about {grown / GIB:.3g} GiB {fits}; lower "
+         "--vertices"),
+        (drawn, limit, f"{plan} would take about {drawn / GIB:.3g} GiB {fits}; {fewer}"),
+        (steps * samples, PLAN_STEPS, f"{plan} takes {steps * samples:.3g} steps, and at most {PLAN_STEPS:.0e} are "
+         f"possible; {fewer}, or raise --dt"),
     ):  # fmt: skip
-        if needed > limit:
-            raise OptionError(
-                f"{what} would take about {needed / GIB:.3g} GiB of memory, and at most {limit / GIB:.3g} GiB of this "
-                f"machine's are given to it; {remedy}"
-            )
-    if steps * samples > PLAN_STEPS:
-        raise OptionError(
-            f"{plan} takes {steps * samples:.3g} steps, and at most {PLAN_STEPS:.0e} are possible; {fewer}, or raise "
-            "--dt"
-        )
+        if needed > most:
+            raise OptionError(what)
 
 
 def physical() -> float:

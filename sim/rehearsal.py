@@ -12,7 +12,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from sim.drive import episode
-from sim.drive.executor import Analytic
+from sim.drive.executor import Plant
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
@@ -50,7 +50,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
             return
         driver = small.driver(tree)
         driver.path_integral.warm_up()
-        plant = Analytic(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
+        plant = Plant(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
         list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
         if tree is None:
             return

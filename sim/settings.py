@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -45,6 +46,7 @@ class Option:
     attribute: str = ""  # name in records and in parsed arguments; empty: as `name`
     short: str = ""  # another way to type it
     positional: bool = False
+    output: bool = False  # whether it names a file that is written
     required: bool = False
     role: str = "command"  # "setting" of a run, "scene", or of the "command" alone
     numeric: bool = False  # a scene may carry it, as the custom numeric `pirrht_NAME`
@@ -69,14 +71,10 @@ class Option:
         return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
 
     def _number(self, value: Any, label: str) -> Any:
-        low, high = self.bounds or PLACES
-        whole = self.kind is int
-        try:
-            known = low <= value <= high or (self.infinite and value == math.inf)
-        except TypeError:
-            known = False
-        if known and (not whole or value == int(value)):
-            return int(value) if whole else value
+        (low, high), whole = self.bounds or PLACES, self.kind is int
+        with suppress(TypeError):  # it is no number
+            if (low <= value <= high and not (whole and value % 1)) or (self.infinite and value == math.inf):
+                return int(value) if whole else value
         shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
         required = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
         if low > 0:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import ExitStack, closing, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from typing import Any
 
@@ -16,68 +17,59 @@ from pirrht.errors import OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from sim.cli import tables
-from sim.cli.plan_command import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
+from sim.cli.plan_command import Progress, notice, planned, report_prediction, scenario_of
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
-from sim.text import say, width
+from sim.text import say
 
 NO_DISPLAY = (
     "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done and "
     "--serve to watch in a browser"
 )
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
+Observer = Callable[[Frame], object]
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
     from sim.recording.options import Look
 
-    check_outputs(arguments, "json", "record", "video", "png")
     sinks, scenario = _sinks(arguments), scenario_of(arguments)
     samples, lift = arguments.record_samples, arguments.record_lift
     look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
     look.check(scenario.space)
-    settings, film, truth, recorder = scenario.settings, None, None, None
+    film, truth, recorder = None, None, None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
         film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
     if arguments.truth:
-        with progress("exact value") as solved:
-            truth = scenario.truth(solved)
-    tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
+        with Progress("exact value") as solved:
+            truth = scenario.truth(solved.to)
+    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
     if references:
-        print(tables.class_table(references, width(), scenario.homology))
+        print(tables.class_table(references, scenario.homology))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
-    with progress("exact value") as solved:
-        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, solved)
+    with Progress("exact value") as solved:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, solved.to)
     rehearse(scenario, driving=True)
     notice().finish()
-    bar = progress_bar("run", settings.max_time, "s")
-    if sinks:
-        from sim.recording.recorder import Recorder
-
-        shown, about = (scenario.loaded, driver.tree, driver.path_integral), settings_json(scenario)
-        recorder = Recorder(*shown, sinks, look, settings=about, grid=truth)
-        if recorder.server is not None:
-            print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-    with closing(scenario.drive(scenario.plant(), driver, grid=truth)) as frames, recorder or nullcontext(), bar:
-        for frame in frames:
-            if recorder is not None:
-                recorder.log(frame, frame.news, frame.truth)
-            if film is not None:
-                film.add(frame, driver.path_integral)
-            if frame.news and frame.outcome is None:  # how it ended is in the summary
-                bar.write(frame.news)
-            bar.update(round(frame.end_time - bar.n, 6))
-            favourite = title(frame.metrics.favourite or OTHER)
-            bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
-    result = frame.metrics.json()
-    tables.summary(frame.metrics)
+    observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
+    with ExitStack() as stack:
+        if sinks:
+            recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
+            observers.insert(0, lambda frame: recorder.log(frame, frame.news, frame.truth))
+            if recorder.server is not None:
+                print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
+        observers.append(stack.enter_context(Bar("run", scenario.settings.max_time, "s")).show)
+        last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
+    assert last is not None
+    result = last.metrics.json()
+    tables.summary(last.metrics)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -88,7 +80,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result))
     if film is not None:
-        with progress_bar("film", film.length, " pictures") as bar:
+        with Progress("film", film.length, " pictures") as bar:
             film.save(bar.update)
         for what, file in (("film", arguments.video), ("picture", arguments.png)):
             if file is not None:
@@ -96,7 +88,31 @@ def run(arguments: argparse.Namespace) -> int:
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
-    return 0 if frame.outcome is Outcome.GOAL else 1
+    return 0 if last.outcome is Outcome.GOAL else 1
+
+
+class Bar(Progress):
+    """Shows how far a run is, and its news."""
+
+    def show(self, frame: Frame) -> None:
+        """Show a control step."""
+        if frame.news and frame.outcome is None:  # how it ended is in the summary
+            self.write(frame.news)
+        self.to(round(frame.end_time, 6))
+        favourite = title(frame.metrics.favourite or OTHER)
+        self.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
+
+
+def _driven(frames: Generator[Frame], observers: Sequence[Observer], ends: Callable[[], bool] = bool) -> Frame | None:
+    """Show frames to observers until the run or somebody `ends` it; return the last frame, None if there is none."""
+    frame = None
+    with closing(frames):
+        for frame in frames:
+            for observe in observers:
+                observe(frame)
+            if ends():
+                break
+    return frame
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
@@ -109,13 +125,20 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     return sinks
 
 
+def _recorder(scenario: Any, driver: Any, sinks: Any, **more: Any) -> Any:
+    """Return the recorder of a run."""
+    from sim.recording.recorder import Recorder
+
+    shown = (scenario.loaded, driver.tree, driver.path_integral, sinks)
+    return Recorder(*shown, settings=settings_json(scenario), **more)
+
+
 def play(arguments: argparse.Namespace) -> int:
     """Run until the window is closed or, without one, the run has ended; exit status 0 goal, 1 another end."""
     from sim.play import events, window
     from sim.play.drive import Play, first
     from sim.recording import viewer
 
-    check_outputs(arguments, "json")
     script = events.read(arguments.script) if arguments.script is not None else ()
     if not arguments.headless:
         try:
@@ -134,8 +157,8 @@ def play(arguments: argparse.Namespace) -> int:
             raise OptionError(f"{message}; leave it out")
     if not arguments.headless:
         scenario = scenario.with_settings(real_time=True)
-    with progress("plan", settings.vertices, " vertices") as grown:
-        built = first(scenario, grown)
+    with Progress("plan", settings.vertices, " vertices") as bar:
+        built = first(scenario, bar.to)
     rehearse(scenario, driving=True)
     notice().finish()
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
@@ -147,11 +170,12 @@ def play(arguments: argparse.Namespace) -> int:
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
         live = Live(arguments, game)
         stack.callback(live.close)
-        last = _played(game, None, screen, live)
-        while screen is not None and screen.open:
-            start = _next_start(game, screen, None if last is None else last.outcome)
-            if start is not None:
-                last = _played(game, start, screen, live)
+        closed = bool if screen is None else lambda: not screen.open
+        last, start = None, None
+        while True:
+            last = _driven(game.drive(start), [live.log], closed) or last
+            if screen is None or (start := _next_start(game, screen, last)) is None:
+                break
     if last is None:
         return 1
     tables.summary(last.metrics)
@@ -161,28 +185,16 @@ def play(arguments: argparse.Namespace) -> int:
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
-    """Run once, and return the last frame; None if there is none."""
-    frame = None
-    with closing(game.drive(start)) as frames:
-        for frame in frames:
-            if frame.news:
-                tqdm.write(frame.news)
-            live.log(frame)
-            if screen is not None and not screen.open:
-                break
-    return frame
-
-
-def _next_start(game: Any, screen: Any, outcome: Outcome | None) -> Any:
-    """Wait for the start (n,) of the next run; None once the window is closed.
+def _next_start(game: Any, screen: Any, last: Frame | None) -> Any:
+    """Wait for the start (n,) of the run after the last; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
     robot starts over.
     """
     from sim.play import events
 
-    tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
+    if screen.open:
+        tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
     screen.home = False
     while screen.open:
         time.sleep(POLL)
@@ -190,7 +202,7 @@ def _next_start(game: Any, screen: Any, outcome: Outcome | None) -> Any:
         if not (moved or screen.home):
             continue
         try:
-            return game.again(home=screen.home or outcome is Outcome.COLLISION)
+            return game.again(home=screen.home or (last is not None and last.outcome is Outcome.COLLISION))
         except PirrhtError as error:
             tqdm.write(str(error))
             screen.home = False
@@ -220,15 +232,14 @@ class Live:
             recorder.close()
 
     def log(self, frame: Frame) -> None:
-        """Show a control step."""
+        """Show a control step, and its news on the terminal."""
+        if frame.news:
+            tqdm.write(frame.news)
         if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
             from sim.recording.options import Sinks
-            from sim.recording.recorder import Recorder
 
             self.close()
             built, self._space = self._game.live.built, frame.plan.space
-            scenario = built.scenario
-            shown, about = (scenario.loaded, built.driver.tree, built.driver.path_integral), settings_json(scenario)
-            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=about) for url in self._urls]
+            self._recorders = [_recorder(built.scenario, built.driver, Sinks(connect=url)) for url in self._urls]
         for recorder in self._recorders:
             recorder.log(frame, frame.news)

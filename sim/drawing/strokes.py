@@ -35,11 +35,6 @@ def interpolated(line: Array, at: Array, places: Array) -> Array:
     return np.column_stack([np.interp(places, at, column) for column in line.T])
 
 
-def parted(counts: Array) -> Array:
-    """Places on a polyline whose corners are at 0, 1, 2 and so on, of which each side has so many parts."""
-    return np.interp(np.arange(counts.sum() + 1), np.append(0, np.cumsum(counts)), np.arange(len(counts) + 1))
-
-
 def lengths(line: Array) -> Array:
     """The length of a polyline (k, 2) up to each of its points, (k,) [m]."""
     return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.obstacle import Mover
-from sim.drawing.strokes import at_most, parted
+from sim.drawing.strokes import at_most, interpolated
 from sim.plotting.ground import fading, outline
 
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
@@ -36,10 +36,7 @@ class Tube:
 
     def at(self, time: float) -> Array:
         """Corners of the outline at a time [s], (c, 2) [m]."""
-        i = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
-        share = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
-        found: Array = (1.0 - share) * self.rings[i] + share * self.rings[i + 1]
-        return found
+        return interpolated(self.rings.reshape(len(self.times), -1), self.times, np.array([time])).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,8 +52,6 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     """Outline moving obstacles as they are now [s] and as predicted soon, the weaker the later; many coarsely."""
     told = [(mover, [(0.0, 1.0), *fading(mover, now)]) for mover in movers]
     count = sum(len(mover.solids) * len(moments) for mover, moments in told)
-    if count * FEWEST > MOST:
-        told = [(mover, moments[::2]) for mover, moments in told]
     corners = int(np.clip(MOST // max(1, count), FEWEST, ROUGH))
     found = []
     for mover, moments in told:
@@ -93,7 +88,8 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
         times = np.concatenate([[low], knots[(knots > low) & (knots < high)], [high]])
         yaw = np.interp(times - lap + shift, rows[:, 0], rows[:, 3])
         parts = np.maximum(1, np.ceil(np.abs(np.diff(yaw)) / TURN)).astype(int)
-        times = np.interp(parted(parts), np.arange(len(times)), times)
+        at = np.interp(np.arange(parts.sum() + 1), np.append(0, np.cumsum(parts)), np.arange(len(times)))
+        times = np.interp(at, np.arange(len(times)), times)
         seen = np.minimum(times, max(low, high - JUMP))  # at the end of a lap it is where the next one begins
         found += [Tube(times=times, rings=rings) for rings in outlines(mover, seen, corners)]
     return found

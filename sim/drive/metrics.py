@@ -161,7 +161,7 @@ class EpisodeMetrics:
         self.deadline_misses = 0  # plans that took longer than the period, by a clock those that were late
         self.blocked: list[tuple[float, float]] = []  # from when to when the robot was [s]
         self.last: Frame | None = None
-        self._seconds: list[float] = []  # that plans took
+        self.plan_seconds: list[float] = []  # wall time of each [s]
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
@@ -238,7 +238,7 @@ class EpisodeMetrics:
             if plan.decided is not None:
                 self.class_reversals += self._decided not in (None, plan.decided)
                 self._decided = plan.decided
-        self._seconds.append(made.plan_seconds)
+        self.plan_seconds.append(made.plan_seconds)
         missed = made.plan_seconds > self._period
         if late is not None:
             self._late.append(late)
@@ -252,7 +252,7 @@ class EpisodeMetrics:
     @property
     def step_ms(self) -> dict[str, Any]:
         """Wall time of a plan [ms]."""
-        return _percentiles(1e3 * np.array(self._seconds), median=50, p95=95, max=100)
+        return _percentiles(1e3 * np.array(self.plan_seconds), median=50, p95=95, max=100)
 
     @property
     def real_time(self) -> dict[str, Any] | None:

@@ -21,7 +21,7 @@ from sim.drive.episode import Frame
 from sim.files import replaced
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import stance_of
+from sim.mjcf.coordinates import Stance
 from sim.mjcf.mocap import Mocap
 
 WIDTH, HEIGHT = 1280, 720
@@ -66,7 +66,7 @@ class Film:
         self._thick = max(1.0, across / 6.0)  # of lines
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
+        self._stance, self._colors = Stance(loaded.model, loaded.states), ClassColors()
         self._mocap = Mocap(loaded.model, scene.movers) if scene.movers else None
         self._path: list[Array] = []  # rows of a time [s] and a state
         self._plans: list[tuple[float, Plan]] = []

@@ -1,45 +1,48 @@
 """Collision meshes as convex parts, since MuJoCo collides with the convex hull of a mesh: a room would be a block.
 
 A mesh that is not convex is cut along planes of its own faces, the deepest inside its hull first, until every part
-lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly.
+lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly. COLLADA files (.dae) are placed
+as Gazebo places them, by their unit and nodes but not by `<up_axis>`.
 """
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Sequence
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 from trimesh.graph import connected_component_labels
 from trimesh.intersections import slice_faces_plane
 from trimesh.triangles import area, cross
 
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError, SceneError
-from sim.importing.collada import read_collada
+from sim.importing.sdf_files import parse
 from sim.importing.solids import FLAT, World, part_solid
-from sim.mjcf.limits import FARTHEST, content_of
+from sim.mjcf.limits import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of
 
 SUFFIXES = (".dae", ".obj", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]
-CONCAVITY = 0.05  # that CoACD leaves in a part, as a share of the size of the mesh: its own default
 MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one mesh
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
+_INSIDE = ("node", "skin", "instance_node", "instance_geometry", "instance_controller")  # of a COLLADA scene
 
 
 def read_mesh(source: Path) -> World:
     """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
     parts, rough = split(source)
     parts = _by_coacd(source) if rough else parts
-    flat = np.vstack(parts)[:, :2]
-    ground = np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1).ravel()
+    x, y, _ = np.vstack(parts).T
     solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(parts, 1))
-    return World(kind="mesh", solids=solids, ground=ground)
+    return World(kind="mesh", solids=solids, ground=np.array([x.min(), x.max(), y.min(), y.max()]))
 
 
 def _by_coacd(source: Path) -> list[Array]:
@@ -51,9 +54,8 @@ def _by_coacd(source: Path) -> list[Array]:
         ) from None
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source, "")))
     coacd.set_log_level("error")
-    closed = "off" if mesh.is_watertight else "auto"  # what is open is closed first, on a coarse grid
     try:
-        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, preprocess_mode=closed)
+        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
     except Exception as error:  # of a library in C++
         raise SceneError(f"{source}: CoACD finds no convex parts ({' '.join(str(error).split())})") from None
     return [np.asarray(corners, dtype=float) for corners, _ in found]
@@ -89,7 +91,7 @@ def split(
     if 0 < len(parts) <= MOST_PARTS:
         return [corners for corners, _ in parts], max(rough if rough > CONCAVE else 0.0 for _, rough in parts)
     whole = _hull(triangles)
-    return [_corners(whole)], 0.0 if hull else float(_depths(triangles, whole).max())
+    return [whole.points[whole.vertices]], 0.0 if hull else float(_depths(triangles, whole).max())
 
 
 def _read(path: Path, name: str) -> Array:
@@ -128,7 +130,7 @@ def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
             todo += _cut(part, part[face, 0], across[face] / np.linalg.norm(across[face]))
             continue
         plates = [] if closed or hull.area <= _OPEN * area(part).sum() else list(_plates(part))
-        for points in plates or [_corners(hull)]:
+        for points in plates or [hull.points[hull.vertices]]:
             count += 1
             yield points, 0.0 if plates else float(depths.max())
 
@@ -141,10 +143,6 @@ def _hull(triangles: Array) -> ConvexHull:
         if np.ptp(points @ axis) < FLAT:
             points = np.concatenate([points - axis * FLAT / 2, points + axis * FLAT / 2])
     return ConvexHull(points)
-
-
-def _corners(hull: ConvexHull) -> Array:
-    return np.asarray(hull.points[hull.vertices])
 
 
 def _depths(triangles: Array, hull: ConvexHull) -> Array:
@@ -178,7 +176,8 @@ def _plates(part: Array) -> Iterator[Array]:
         for plate in _pieces(part[group.ravel() == plane]):
             hull = _hull(plate)
             whole = hull.area <= 2 * area(plate).sum() * 1.01 + FLAT * 4 * np.ptp(plate.reshape(-1, 3), axis=0).sum()
-            yield from [_corners(hull)] if whole else (_corners(_hull(one[None])) for one in plate)
+            for one in [hull] if whole else (_hull(triangle[None]) for triangle in plate):
+                yield one.points[one.vertices]
 
 
 def _pieces(triangles: Array) -> list[Array]:
@@ -195,3 +194,79 @@ def _pieces(triangles: Array) -> list[Array]:
 def _indexed(triangles: Array) -> IntArray:
     corners = np.round(triangles.reshape(-1, 3) / _SAME)
     return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
+
+
+def read_collada(path: Path, name: str = "") -> Array:
+    """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
+    try:
+        root = parse(path, "a COLLADA file")
+        for element in root.iter():
+            element.tag = element.tag.rpartition("}")[2]
+        unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
+        return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
+    except (ValueError, LookupError, OverflowError, AttributeError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
+
+
+def _placed(root: ET.Element, name: str) -> Iterator[Array]:
+    """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
+    ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+    shapes: dict[ET.Element, Array] = {}
+    elements = triangles = 0
+    scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
+    todo = [(element, np.eye(4), not name) for element in scene]
+    while todo:
+        element, pose, wanted = todo.pop()
+        if element.tag == "skin" or element.tag.startswith("instance_"):
+            element = ids[element.get("url", element.get("source", ""))]
+        wanted = wanted or name in (element.get("name"), element.get("id"))
+        if element.tag == "geometry" and wanted:
+            if element not in shapes:
+                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids)])
+            yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
+        elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
+        if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
+            raise ValueError(f"its instances have more than {MOST_ELEMENTS} elements or {MOST_TRIANGLES} triangles")
+        for part in element:
+            pose = pose @ _matrix(part)
+        todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
+
+
+def _polygons(geometry: ET.Element, ids: dict[Any, Any]) -> Iterator[Array]:
+    """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
+    for part in geometry.iterfind("mesh/*"):
+        inputs = {one.get("semantic"): one for one in part.findall("input")}
+        if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
+            block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
+            width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
+            points = _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
+            stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
+            for indices in part.iter("p"):
+                corners = points[_numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]]
+                counts = np.array([len(corners)])
+                if part.tag in ("triangles", "polylist"):
+                    counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+                place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+                inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
+                before = inner - 1 if part.tag == "tristrips" else first[inner]
+                yield corners[np.stack([before, inner, inner + 1], axis=1)]
+
+
+def _matrix(part: ET.Element) -> Array:
+    """Read a transform of a node, (4, 4); that of any other element is the identity."""
+    matrix = np.eye(4)
+    if part.tag == "matrix":
+        return _numbers(part.text).reshape(4, 4)
+    if part.tag == "translate":
+        matrix[:3, 3] = _numbers(part.text)
+    elif part.tag == "scale":
+        matrix[:3, :3] = np.diag(_numbers(part.text))
+    elif part.tag == "rotate":
+        *axis, angle = _numbers(part.text)
+        matrix[:3, :3] = Rotation.from_rotvec(np.array(axis) * angle / np.linalg.norm(axis), True).as_matrix()
+    return matrix
+
+
+def _numbers(text: str | None, kind: type = float) -> Array:
+    return np.array((text or "").split(), dtype=kind)

@@ -68,9 +68,9 @@ class Map:
             pose[:3, 3] = (x, y, 0.0) + turn @ ((c0 + c1) / 2, (r0 + r1) / 2, HEIGHT / 2)
             size = np.array([c1 - c0, r1 - r0, HEIGHT]) / 2
             solids.append(Solid(name=f"wall {number}", shape="box", size=size, pose=pose))
-        (high, wide) = self.resolution * np.array(blocked.shape)
-        border = np.array([x, x + wide, y, y + high])
-        return World(kind="map", solids=tuple(solids), ground=border if yaw == 0.0 else None, notes=self.notes)
+        high, wide = self.resolution * np.array(blocked.shape)
+        border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
+        return World(kind="map", solids=tuple(solids), ground=border, notes=self.notes)
 
 
 def read_map(path: Path) -> Map:

@@ -39,8 +39,7 @@ _READ = "read"
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
     """Read a regular file of bearable size; the SceneError of any other names the path and what to give."""
-    why = why_unreadable(path)
-    if why is not None:
+    if (why := why_unreadable(path)) is not None:
         raise SceneError(f"{path}: cannot be read (it {why}); give {what}")
     return read_bounded(path, LARGEST_TEXT, what, remedy)
 
@@ -106,10 +105,8 @@ def trial(path: Path, read: Callable[[], object]) -> None:
     try:
         with os.fdopen(source, "rb") as stream:
             words = stream.read().decode(errors="replace")
-    except BaseException:
-        os.kill(child, signal.SIGKILL)
-        raise
     finally:
+        os.kill(child, signal.SIGKILL)  # it has ended, unless this process is interrupted
         os.waitpid(child, 0)
     if not words or "allocate memory" in words or "unknown exception" in words:
         raise SceneError(
@@ -122,10 +119,10 @@ def trial(path: Path, read: Callable[[], object]) -> None:
 
 def _try(read: Callable[[], object], sink: int) -> None:
     """Be the child: read under limits, write how it went, and end."""
-    import resource
-
     words = ""
     try:
+        import resource
+
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
         signal.alarm(WALL)
@@ -138,10 +135,8 @@ def _try(read: Callable[[], object], sink: int) -> None:
         os.dup2(nowhere, 2)
         read()
         words = _READ
-    except MemoryError:
-        pass
     except Exception as error:
-        words = str(error)
+        words = "" if isinstance(error, MemoryError) else str(error)
     finally:
         os.write(sink, words[:4000].encode(errors="replace"))
         os._exit(0)

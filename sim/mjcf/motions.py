@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from math import inf, isfinite, remainder, tau
+from math import inf, remainder, tau
 
 import mujoco
 import numpy as np
@@ -102,20 +102,9 @@ def read_movers(
 
 def clearance_at_start(scene: Scene) -> tuple[float, str]:
     """Clearance of the footprint from the nearest moving obstacle where the robot starts [m], and the body's name."""
-    return min(((_clearance(scene, mover, scene.start, 0.0), mover.name) for mover in scene.movers), default=(inf, ""))
-
-
-def goal_blocker(scene: Scene) -> str | None:
-    """Which body rests on the goal point in the end, in words; None if the robot fits there."""
-    goal = scene.goal.center
-    for mover in scene.movers:
-        rests = max(mover.motion.last, 0.0)
-        if isfinite(rests) and _clearance(scene, mover, goal, rests) <= 0.0:
-            return f"body {mover.name!r} covers the goal ({goal[0]:g}, {goal[1]:g}) from {rests:.2g} s on"
-    return None
-
-
-def _clearance(scene: Scene, mover: Mover, place: Array, time: float) -> float:
+    if not scene.movers:
+        return inf, ""
     from pirrht.moving.collision import MovingObstacles  # FCL is slow to import, and few scenes move
 
-    return float(MovingObstacles([mover], scene.footprint).clearance(place[:2], time))
+    crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
+    return min((float(crowd.clearance(scene.start[:2], 0.0)), name) for name, crowd in crowds.items())

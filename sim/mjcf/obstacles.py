@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -199,14 +198,10 @@ def concave_meshes(model: mujoco.MjModel, solids: Mapping[int, Obstacle]) -> dic
     found = {}
     for geom, hull in solids.items():
         if hull.vertices is not None:
-            mine, whole = _enclosed(*mesh_of(model, geom)), _enclosed(hull.vertices, hull.faces)
+            from trimesh.triangles import mass_properties
+
+            parts = (vertices[faces] for vertices, faces in (mesh_of(model, geom), (hull.vertices, hull.faces)))
+            mine, whole = (abs(float(mass_properties(part, skip_inertia=True).volume)) for part in parts)
             if mine < CONVEX * whole:
                 found[geom] = f"{geom_label(model, geom)} ({whole:.3g} m3, of which the mesh fills {mine:.3g})"
     return found
-
-
-def _enclosed(vertices: Any, faces: Any) -> float:
-    """The volume [m^3] that faces enclose, seen from their middle."""
-    from trimesh.triangles import mass_properties
-
-    return float(abs(mass_properties((vertices - vertices.mean(axis=0))[faces], skip_inertia=True).volume))

@@ -94,10 +94,7 @@ def report(dataset: Dataset) -> Report:
     manifest = dataset.manifest()
     records = dataset.records()
     _check(records, dataset)
-    groupings = _groupings(sorted(records, key=_order))
-    wanted = [(key, by) for by in groupings for key in by]
-    points = [_point(key, by[key], by) for key, by in wanted]
-    comparisons = adjusted([c for c in (comparison(key, by) for key, by in wanted) if c is not None])
+    points, comparisons = summed(records)
     return Report(
         name=dataset.folder.resolve().name,
         manifest=manifest,
@@ -110,6 +107,13 @@ def report(dataset: Dataset) -> Report:
         least_p=least(comparisons),
         findings=_findings(comparisons),
     )
+
+
+def summed(records: Sequence[Record]) -> tuple[list[Point], list[Comparison]]:
+    """Return figures of every scene, noise level and method, and methods compared on equal seeds."""
+    wanted = [(key, by) for by in _groupings(sorted(records, key=_order)) for key in by]
+    comparisons = [c for c in (comparison(key, by) for key, by in wanted) if c is not None]
+    return [_point(key, by[key], by) for key, by in wanted], adjusted(comparisons)
 
 
 def _order(record: Record) -> tuple[Any, ...]:

@@ -14,7 +14,7 @@ from pirrht.control.controller import Controller
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TREELESS
-from pirrht.errors import NoReference, OptionError, SceneError
+from pirrht.errors import NoReference, OptionError
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
@@ -27,11 +27,10 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim import tree_file
 from sim.drive import episode
-from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
 from sim.drive.realtime import Clock
 from sim.mjcf import Loaded
-from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
 from sim.settings import Settings
 from sim.systems import System, refuse
@@ -192,16 +191,10 @@ class Scenario:
 
         Raises:
             NoReference: no class reaches the goal.
-            SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why, name = goal_blocker(self.loaded.scene), self.loaded.scene.name
-            if why is not None:
-                raise SceneError(
-                    f"{name}: {why}, and no way was found that gets there before; let it rest elsewhere"
-                ) from None
             if waits and self.moving:
                 return []
             raise
@@ -272,7 +265,7 @@ class Scenario:
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
         step = float(self.loaded.model.opt.timestep)
-        return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,

@@ -8,9 +8,8 @@ A robot's MJCF names a system (`pirrht_dynamics`); `--system MODULE:NAME` takes 
     )
 
 Without `steering` its references are those of a point that moves straight at a pace, on a tree of positions alone, and
-guides make them feasible. That costs: references are not the system's optimum, their classes are ordered by what they
-cost the point, whatever its start faces, and guides take more passes. The pace is where the system's cost per meter is
-least, if there is such a one; else declare `pace`.
+guides make them feasible. References are then not the system's optimum, and their classes are ordered by what they cost
+the point. The pace is where the system's cost per meter is least, if there is such a one; else declare `pace`.
 """
 
 from __future__ import annotations

@@ -19,7 +19,6 @@ from sim.settings import SPECIAL, Settings
 from sim.systems.record import POSE, System, imported
 
 LONGEST = 200  # characters of a reason that numba gives
-_COLORS = re.compile(r"\x1b\[\d*m")
 _PLACES = re.compile(r'File "([^"\n]+)", line (\d+)|Raised from ([^\n]+) \((\d+)\)')  # as numba names them
 
 _folders: set[Path] = set()  # of modules that systems came from
@@ -189,19 +188,15 @@ def blamed(error: BaseException) -> str | None:
 
     That is a file in the folder of a module that a system came from. What numba cannot compile it names itself.
     """
-    if places := _theirs(error, _folders):
-        return f"{places[-1].filename}, line {places[-1].lineno}, in {places[-1].name}: {one_line(error)}; fix it"
-    text = _COLORS.sub("", str(error)) if type(error).__module__.startswith("numba.") else ""
-    named_by_numba = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
-    theirs = [f"{path}, line {line}" for path, line in named_by_numba if path.parent in _folders]
-    if not theirs:
+    if frames := _theirs(error, _folders):
+        return f"{frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name}: {one_line(error)}; fix it"
+    text = re.sub(r"\x1b\[\d*m", "", str(error)) if type(error).__module__.startswith("numba.") else ""
+    places = [(Path(one or other).resolve(), line or at) for one, line, other, at in _PLACES.findall(text)]
+    if not (theirs := [f"{path}, line {line}" for path, line in places if path.parent in _folders]):
         return None
     lines = (" ".join(line.partition("Raised from")[0].split()) for line in text.splitlines())
-    reason = next((line for line in lines if line and not line.startswith("Failed in ")), "")
-    return (
-        f"{theirs[-1]}: numba cannot compile this ({reason.strip(' .:>')[:LONGEST]}); use numbers, arrays and "
-        "functions of math and NumPy alone"
-    )
+    reason = next((line for line in lines if line and not line.startswith("Failed in ")), "").strip(" .:>")[:LONGEST]
+    return f"{theirs[-1]}: numba cannot compile this ({reason}); use numbers, arrays and functions of math and NumPy"
 
 
 def _theirs(error: BaseException, folders: set[Path]) -> list[traceback.FrameSummary]:

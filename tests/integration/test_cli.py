@@ -16,7 +16,7 @@ from sim import text
 from sim.cli import main
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
-from sim.text import say, table
+from sim.text import say
 
 Run = Callable[..., tuple[int, Any]]
 
@@ -225,15 +225,6 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
 
 
 # -- narrow terminals --------------------------------------------------------------------------------------------
-
-
-def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
-    header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
-    assert "\n\n" not in table(header, rows, 100)
-    parts = [part.splitlines() for part in table(header, rows, 24, keep=2).split("\n\n")]
-    assert [part[0].split() for part in parts] == [["scene", "b", "success"], ["scene", "b", "cost", "time"]]
-    assert [part[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
-    assert max(len(line) for part in parts for line in part) <= 24
 
 
 def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):

@@ -19,7 +19,7 @@ TEMPERATURE, VALUE = 0.1, 9.0
 def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
     scenario = prepare("crossing", given={"vertices": 200})
     references = scenario.references(scenario.grown_tree())
-    head, _, *rows = class_table(references, None, scenario.homology).splitlines()
+    head, _, *rows = class_table(references, scenario.homology).splitlines()
     assert "bodies" in head
     known = {row["id"]: row["bodies"] for row in classes_json(references, scenario.homology)}
     assert known == {"0": ["crosser: before"], "1": ["crosser: behind"]}
@@ -29,7 +29,7 @@ def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
 def test_classes_of_a_static_scene_are_reported_by_h():
     scenario = prepare("slit", given={"vertices": 100})
     references = scenario.references(scenario.grown_tree())
-    assert class_table(references, None, scenario.homology) == class_table(references)
+    assert class_table(references, scenario.homology) == class_table(references)
     assert class_table(references).splitlines()[0].endswith("H")
     assert "bodies" not in classes_json(references, scenario.homology)[0]
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sim.importing.sdf_poses import Frames, transform
+from sim.importing.sdf import Frames, transform
 
 lengths = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3)
 angles = st.lists(st.floats(-7.0, 7.0), min_size=3, max_size=3)

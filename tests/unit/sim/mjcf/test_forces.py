@@ -37,8 +37,11 @@ def refused(*args, **options) -> str:
 
 def test_actuators_suit_the_system(tmp_path):
     for pair, words in (
-        ((MOTORS, SERVOS), 'actuator "x" is no motor, and velocity is a state of double_integrator'),
-        (("double_integrator", "single_integrator"), 'actuator "x" is a motor, and single_integrator is commanded'),
+        ((MOTORS, SERVOS), 'actuator "x" is no motor, and double_integrator is commanded forces'),
+        (
+            ("double_integrator", "single_integrator"),
+            'actuator "x" is a motor, and single_integrator',
+        ),
     ):
         assert f"machine.xml: {words}" in refusal("slit", robot=robot(tmp_path, pair))
 
