@@ -86,16 +86,10 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         if system is None and (wrong := _wrong_actuator(model, moved.states, moved.name)):
             raise SceneError(wrong)
         return Robot(
-            name=path.stem,
-            spec=spec,
-            system=moved,
-            reach=_checked_reach(model),
-            command=command,
-            radius=float(model.geom("footprint").size[0]),
-            height=float(model.geom("footprint").pos[2]),
-            rest=_rest(model),
+            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
+            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
             rolling=rolls(model),
-        )
+        )  # fmt: skip
 
 
 def meant_system(which: str) -> str:

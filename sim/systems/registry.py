@@ -34,10 +34,6 @@ def _steering(path: str) -> Callable[[Any], Any]:
     return lambda problem: imported(f"pirrht.steering.{path}").of(problem)
 
 
-def _unicycle(settings: Settings) -> Any:
-    return imported("pirrht.systems.unicycle:Unicycle")(V=settings.speed, rho=settings.rho, b=settings.noise)
-
-
 def _at_speed(settings: Settings) -> float:
     """Return the state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
     return settings.speed**2
@@ -50,7 +46,9 @@ SYSTEMS = (
         heeds=("noise", "speed"), robots="puck", noise_in="m/sqrt(s)",
     ),
     System(
-        name="unicycle", dynamics=_unicycle, steering=_steering("dubins:Dubins"), R=np.eye(1), states=POSE,
+        name="unicycle",
+        dynamics=lambda s: imported("pirrht.systems.unicycle:Unicycle")(V=s.speed, rho=s.rho, b=s.noise),
+        steering=_steering("dubins:Dubins"), R=np.eye(1), states=POSE,
         defaults={
             "noise": 0.03, "phi": 1000.0, "vertices": 2000, "samples": 300, "period": 0.1, "limit": 0.8,
             "max_time": 60.0, "exploration": 10.0,  # with its own noise control sequences hardly move, and few arrive
@@ -118,8 +116,8 @@ def refuse(system: System, given: Mapping[str, Any]) -> None:
 def chosen(which: str | System) -> System:
     """Return a system, registered: itself, one that is known by name, or MODULE:NAME of a module that is imported.
 
-    The module is looked for in the current folder too, as `python -m` does. A function of that name is called for the
-    system.
+    The module is looked for in the current folder first, as `python -m` does, and later imports look there last. A
+    function of that name is called for the system.
 
     Raises:
         OptionError: there is no such module or name, it is no system, or the module cannot be imported.
@@ -128,52 +126,36 @@ def chosen(which: str | System) -> System:
         return register(which)
     if which in _known:
         return _known[which]
-    module_name, _, name = str(which).partition(":")
-    if not (module_name and name):
+    module, _, name = str(which).partition(":")
+    if not (module and name):
         known = ", ".join(_known)
         raise OptionError(f"--system is {which!r}; write MODULE:NAME, as in my_module:BOAT, or one of {known}")
-    module = _module(module_name, which)
-    made = getattr(module, name, None)
-    if made is None:
-        others = ", ".join(other for other, value in vars(module).items() if isinstance(value, System))
-        offers = f"its systems are {others}" if others else "it has no sim.systems.System at all"
-        raise OptionError(f"--system {which}: the module {module_name} has no {name}; {offers}")
-    if not isinstance(made, System) and callable(made):
-        try:
-            made = made()
-        except (Exception, SystemExit) as error:
-            why = error if isinstance(error, PirrhtError) else f"{one_line(error)} when it was called; fix it"
-            raise OptionError(f"--system {which}: {why}") from None
-    if not isinstance(made, System):
-        raise OptionError(
-            f"--system {which}: {name} is of the type {type(made).__name__}; it must be a sim.systems.System or a "
-            "function that returns one"
-        )
-    return register(made)
-
-
-def _module(name: str, which: str) -> Any:
-    """Import a module, the current folder first on the path; afterwards last, so that it hides nothing later."""
     folder = os.getcwd()
     importlib.invalidate_caches()
     sys.path.insert(0, folder)
     try:
-        module = importlib.import_module(name)
+        there = vars(importlib.import_module(module))
+        made = there.get(name)
+        made = made() if callable(made) and not isinstance(made, System) else made
     except (Exception, SystemExit) as error:
-        why = f"{error if isinstance(error, PirrhtError) else one_line(error)} while the module {name} was imported"
+        why = f"{error if isinstance(error, PirrhtError) else one_line(error)} while {module} was imported"
         places = [f"line {at.lineno} of {at.filename}" for at in _theirs(error, {Path(folder).resolve()})]
         why += f" ({places[-1]}); fix it" if places else "; fix it"
-        if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
-            why = f"there is no module {name} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
+        if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
+            why = f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
         raise OptionError(f"--system {which}: {why}") from None
     finally:
         with suppress(ValueError):
             sys.path.remove(folder)
         if folder not in sys.path:
             sys.path.append(folder)
-    if (file := getattr(module, "__file__", None)) is not None:
-        _folders.add(Path(file).resolve().parent)
-    return module
+    if there.get("__file__") is not None:
+        _folders.add(Path(there["__file__"]).resolve().parent)
+    if not isinstance(made, System):
+        others = ", ".join(other for other, value in there.items() if isinstance(value, System)) or "none"
+        what = "missing" if made is None else f"of the type {type(made).__name__}"
+        raise OptionError(f"--system {which}: {name} is {what}; write a sim.systems.System of {module}: {others}")
+    return register(made)
 
 
 def source(which: str | System | None) -> bytes:
@@ -184,10 +166,7 @@ def source(which: str | System | None) -> bytes:
 
 
 def blamed(error: BaseException) -> str | None:
-    """Locate and name an error of somebody's own code: the last line of its traceback in a file of theirs.
-
-    That is a file in the folder of a module that a system came from. What numba cannot compile it names itself.
-    """
+    """Locate and name an error in a file of a folder that a system came from; what numba cannot compile it names."""
     if frames := _theirs(error, _folders):
         return f"{frames[-1].filename}, line {frames[-1].lineno}, in {frames[-1].name}: {one_line(error)}; fix it"
     text = re.sub(r"\x1b\[\d*m", "", str(error)) if type(error).__module__.startswith("numba.") else ""
