@@ -26,9 +26,9 @@ from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
 from sim.mjcf.library import compile_spec, find, parse, robot_names
+from sim.mjcf.limits import Faults, listed, prefixed
 from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
-from sim.mjcf.refusals import Faults, listed, prefixed
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions

@@ -12,8 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
-from sim.mjcf.limits import FARTHEST
-from sim.mjcf.refusals import Faults, listed, prefixed, refuse_far
+from sim.mjcf.limits import FARTHEST, Faults, listed, prefixed, refuse_far
 
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]

@@ -22,8 +22,8 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.limits import prefixed
 from sim.mjcf.obstacles import mesh_of
-from sim.mjcf.refusals import prefixed
 from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
 from sim.text import counted
 

@@ -13,11 +13,12 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
+from sim import systems
 from sim.cli import main
 from sim.mjcf import scene_names
 from sim.scenario import Scenario, prepare
 from sim.scenario.scenario import ENOUGH
-from sim.systems import System, registry
+from sim.systems import System
 
 SEEDS = 4
 
@@ -74,7 +75,7 @@ def own(kind: type[DoubleIntegrator], **given: Any) -> Scenario:
 
 
 def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_refused(monkeypatch):
-    monkeypatch.setattr(registry, "_known", dict(registry._known))
+    monkeypatch.setattr(systems, "_known", dict(systems._known))
     mine = own(Tug, method="mppi")
     estimate = mine.driver().plan(mine.start).estimate
     assert estimate is not None

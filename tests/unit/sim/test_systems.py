@@ -14,11 +14,11 @@ from thoroughly import first
 from pirrht import SingleIntegrator, StraightLine
 from pirrht.errors import OptionError
 from pirrht.systems.double_integrator import DoubleIntegrator
+from sim import systems
 from sim.cli import main
 from sim.mjcf import load
 from sim.scenario import prepare
-from sim.systems import System, named, register, registry
-from sim.systems.registry import blamed, chosen, source
+from sim.systems import System, blamed, chosen, named, register, source
 
 MODULES = {
     "rafts": """
@@ -65,7 +65,7 @@ def raft(**changes: object) -> System:
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with modules in it; what is registered and imported is forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(registry, "_known", dict(registry._known))
+    monkeypatch.setattr(systems, "_known", dict(systems._known))
     monkeypatch.setattr(sys, "path", list(sys.path))
     for name, text in MODULES.items():
         (tmp_path / f"{name}.py").write_text(text)
