@@ -12,7 +12,6 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
@@ -103,16 +102,18 @@ class Advance:
         return f"Advance({len(self.states)} steps in {self.time:.4g} s, cost {self.cost:.4g}{end})"
 
 
-class Plant(ABC):
-    """A robot that can be driven on, in physics steps; here alone a run is judged and paid for.
+class Plant:
+    """A robot by its stochastic equation alone, which is driven on in physics steps, judged and paid for.
 
     Args:
-        clearance: of static obstacles; None: the planner's.
+        clearance: of static obstacles; None: by FCL objects of its own.
         period: control period [s], a whole number of physics steps.
         physics_step: its length [s].
     """
 
-    def __init__(self, problem: Problem, clearance: Clearance | None, period: float, physics_step: float) -> None:
+    def __init__(
+        self, problem: Problem, clearance: Clearance | None = None, *, period: float, physics_step: float = 0.002
+    ) -> None:  # fmt: skip
         count = round(period / physics_step) if np.isfinite(period) and physics_step > 0 else 0
         if count < 1 or abs(period - count * physics_step) > 1e-6 * physics_step:
             raise OptionError(
@@ -121,6 +122,7 @@ class Plant(ABC):
         self.period, self.physics_step, self._count = period, physics_step, count
         self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
         self.enter(problem, clearance)
+        self.reset(problem.dynamics.state_of(problem.scene.start))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
@@ -183,22 +185,6 @@ class Plant(ABC):
             return Outcome.COLLISION
         return Outcome.GOAL if hypot(px - gx, py - gy) <= scene.goal.radius else None
 
-    @abstractmethod
-    def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
-        """Make one physics step from x (n,)."""
-
-    @abstractmethod
-    def _touching(self, before: Array, x: Array) -> bool:
-        """Check for a collision on the step between two states, 2 x (n,)."""
-
-
-class Analytic(Plant):
-    """The stochastic equation itself, with the planner's geometry in place of contacts."""
-
-    def __init__(self, problem: Problem, clearance: Clearance, *, period: float, physics_step: float = 0.002) -> None:
-        super().__init__(problem, clearance, period, physics_step)
-        self.reset(problem.dynamics.state_of(problem.scene.start))
-
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         return self._problem.dynamics.step(x, u, dw, step)
 
@@ -207,7 +193,7 @@ class Analytic(Plant):
 
 
 class Executor(Plant):
-    """The robot in MuJoCo.
+    """The robot in MuJoCo, whose contacts are collisions.
 
     Attributes:
         data: MuJoCo's state, for pictures; positions and contacts belong to `state`.
@@ -222,13 +208,12 @@ class Executor(Plant):
                 f"{type(problem.dynamics).__name__} has {n}"
             )
         check_motion(model, called, problem.dynamics, loaded.command)
-        super().__init__(problem, None, period, float(model.opt.timestep))
         self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
         self._sweeps = bool(model.geom(FOOTPRINT).contype[0] | model.geom(FOOTPRINT).conaffinity[0])
-        self.reset(problem.dynamics.state_of(problem.scene.start))
+        super().__init__(problem, period=period, physics_step=float(model.opt.timestep))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot; bodies in MuJoCo stay where they are."""

@@ -27,7 +27,7 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim import tree_file
 from sim.drive import episode
-from sim.drive.executor import Analytic, Executor, Plant
+from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
 from sim.drive.realtime import Clock
 from sim.mjcf import Loaded
@@ -265,7 +265,7 @@ class Scenario:
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
         step = float(self.loaded.model.opt.timestep)
-        return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
