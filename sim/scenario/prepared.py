@@ -19,8 +19,7 @@ from pirrht.problem import Problem
 from sim.mjcf import load
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
-from sim.systems import named, refuse
-from sim.systems.registry import chosen
+from sim.systems import chosen, named, refuse
 
 AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
