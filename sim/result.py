@@ -15,7 +15,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
 from sim.drawing.sides import passing
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
 
@@ -45,16 +45,11 @@ def plan_json(
 ) -> dict[str, Any]:
     """The public JSON of `plan`; `seconds` is the wall time of tree and references, without compiling."""
     return {
-        "scene": scenario.loaded.scene.name,
-        "robot": scenario.loaded.robot,
-        "vertices": tree.size,
-        "nodes": tree.node_count,
-        "pruned_classes": int(tree.graph.pruned[0]),
-        "seconds": seconds,
-        "fcl_calls": scenario.space.collision.calls,
-        **_windings_json(scenario, references),
+        "scene": scenario.loaded.scene.name, "robot": scenario.loaded.robot, "vertices": tree.size,
+        "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
+        "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
         "passages": passages_json(tree, references),
-    }
+    }  # fmt: skip
 
 
 def convergence_json(
@@ -87,15 +82,9 @@ def convergence_json(
 def settings_json(scenario: Scenario) -> dict[str, Any]:
     """Return the settings of a run by the names of the public JSON."""
     s, loaded = scenario.settings, scenario.loaded
-    return {
-        "scene": loaded.scene.name,
-        "robot": loaded.robot,
-        **{name: getattr(s, name) for name in ("method", "seed", "noise")},
-        "lambda": scenario.problem.temperature,
-        **{name: getattr(s, name) for name in ("samples", "dt", "period")},
-        "margin": scenario.margin,
-        **({"predict": s.predict} if scenario.moving else {}),
-    }
+    known = {"scene": loaded.scene.name, "robot": loaded.robot, "method": s.method, "seed": s.seed, "noise": s.noise}
+    known |= {"lambda": scenario.problem.temperature, "samples": s.samples, "dt": s.dt, "period": s.period}
+    return {**known, "margin": scenario.margin, **({"predict": s.predict} if scenario.moving else {})}
 
 
 def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
@@ -118,18 +107,15 @@ def estimate_json(
         exact["truth"] = {"value": truth.value, "control": truth.control.tolist()}
         exact |= each(value_error=lambda e: truth.errors(e)[0], control_error=lambda e: truth.errors(e)[1])
     names = ("value", "ess", "doubtful", "class_weights", "class_ess", "proposal_weights")
-    return {
-        **exact,
-        **each(**{name: attrgetter(name) for name in names}),
-        **each(
-            control=lambda e: e.control.tolist(),
-            value_stderr=attrgetter("value_error"),
-            control_stderr=lambda e: e.control_error.tolist(),
-            tail=lambda e: None if np.isnan(e.tail) else e.tail,
-            samples=lambda e: sum(part.size for part in e.parts),
-        ),
-        **_windings_json(scenario, references),
-    }
+    found = each(
+        **{name: attrgetter(name) for name in names},
+        control=lambda e: e.control.tolist(),
+        value_stderr=attrgetter("value_error"),
+        control_stderr=lambda e: e.control_error.tolist(),
+        tail=lambda e: None if np.isnan(e.tail) else e.tail,
+        samples=lambda e: sum(part.size for part in e.parts),
+    )
+    return {**exact, **found, **_windings_json(scenario, references)}
 
 
 def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:

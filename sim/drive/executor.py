@@ -12,7 +12,6 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, inf, sqrt
@@ -29,8 +28,8 @@ from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import stance_of
-from sim.mjcf.mocap import Mocap, Sweep
+from sim.mjcf.coordinates import Stance
+from sim.mjcf.motions import Mocap
 from sim.mjcf.robot import check_motion
 from sim.systems import named
 
@@ -71,10 +70,6 @@ class ClearanceChecker:
             lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
         ):
             return True
-        return self.met(before, x, begin, now)
-
-    def met(self, before: Array, x: Array, begin: float, now: float) -> bool:
-        """Check for a moving obstacle that touches a footprint between two states 2 x (n,) and times [s]."""
         return self.crowd is not None and self.crowd.meets(before[:2], begin, x[:2], now)
 
     def _static(self, x: Array, enough: float = inf) -> float:
@@ -107,16 +102,18 @@ class Advance:
         return f"Advance({len(self.states)} steps in {self.time:.4g} s, cost {self.cost:.4g}{end})"
 
 
-class Plant(ABC):
-    """A robot that can be driven on, in physics steps; here alone a run is judged and paid for.
+class Plant:
+    """A robot by its stochastic equation alone, which is driven on in physics steps, judged and paid for.
 
     Args:
-        clearance: of static obstacles; None: the planner's.
+        clearance: of static obstacles; None: by FCL objects of its own.
         period: control period [s], a whole number of physics steps.
         physics_step: its length [s].
     """
 
-    def __init__(self, problem: Problem, clearance: Clearance | None, period: float, physics_step: float) -> None:
+    def __init__(
+        self, problem: Problem, clearance: Clearance | None = None, *, period: float, physics_step: float = 0.002
+    ) -> None:  # fmt: skip
         count = round(period / physics_step) if np.isfinite(period) and physics_step > 0 else 0
         if count < 1 or abs(period - count * physics_step) > 1e-6 * physics_step:
             raise OptionError(
@@ -125,6 +122,7 @@ class Plant(ABC):
         self.period, self.physics_step, self._count = period, physics_step, count
         self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
         self.enter(problem, clearance)
+        self.reset(problem.dynamics.state_of(problem.scene.start))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
@@ -187,22 +185,6 @@ class Plant(ABC):
             return Outcome.COLLISION
         return Outcome.GOAL if hypot(px - gx, py - gy) <= scene.goal.radius else None
 
-    @abstractmethod
-    def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
-        """Make one physics step from x (n,)."""
-
-    @abstractmethod
-    def _touching(self, before: Array, x: Array) -> bool:
-        """Check for a collision on the step between two states, 2 x (n,)."""
-
-
-class Analytic(Plant):
-    """The stochastic equation itself, with the planner's geometry in place of contacts."""
-
-    def __init__(self, problem: Problem, clearance: Clearance, *, period: float, physics_step: float = 0.002) -> None:
-        super().__init__(problem, clearance, period, physics_step)
-        self.reset(problem.dynamics.state_of(problem.scene.start))
-
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         return self._problem.dynamics.step(x, u, dw, step)
 
@@ -211,7 +193,7 @@ class Analytic(Plant):
 
 
 class Executor(Plant):
-    """The robot in MuJoCo.
+    """The robot in MuJoCo, whose contacts are collisions.
 
     Attributes:
         data: MuJoCo's state, for pictures; positions and contacts belong to `state`.
@@ -226,18 +208,12 @@ class Executor(Plant):
                 f"{type(problem.dynamics).__name__} has {n}"
             )
         check_motion(model, called, problem.dynamics, loaded.command)
-        super().__init__(problem, None, period, float(model.opt.timestep))
-        self.data, self._stance = mujoco.MjData(model), stance_of(model, loaded.states)
+        self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
         self._sweeps = bool(model.geom(FOOTPRINT).contype[0] | model.geom(FOOTPRINT).conaffinity[0])
-        self._sweep: Sweep | None = None
-        self._joints = np.empty(model.nq)  # before the step
-        if self._mocap is not None and not self._sweeps:
-            bodies = loaded.moving_geoms & loaded.obstacle_geoms
-            self._sweep = Sweep(model, loaded.robot_geoms, bodies, self._mocap)
-        self.reset(problem.dynamics.state_of(problem.scene.start))
+        super().__init__(problem, period=period, physics_step=float(model.opt.timestep))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot; bodies in MuJoCo stay where they are."""
@@ -258,8 +234,6 @@ class Executor(Plant):
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""
         self.data.ctrl[:] = self._command.dot(self._problem.dynamics.twist(x, self._rate(x, u, dw)))
-        if self._sweep is not None:
-            self._joints[:] = self.data.qpos
         mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
@@ -269,17 +243,9 @@ class Executor(Plant):
     def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
         contact, now = self.data.contact, self.time
-        begin = now - self.physics_step
         if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
-        crowd = self._checker.crowd
-        if self._sweep is None or crowd is None:
-            return self._sweeps and self._checker.blocked(before, x, begin, now)
-        if not self._checker.met(before, x, begin, now):
-            return False
-        turned = self._problem.scene.robot_radius * float(np.abs(x[2:3] - before[2:3]).sum())
-        own = hypot(x[0] - before[0], x[1] - before[1]) + turned
-        return self._sweep.meets(self._joints, self.data.qpos, (begin, now), own, crowd.travel)
+        return self._sweeps and self._checker.blocked(before, x, now - self.physics_step, now)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

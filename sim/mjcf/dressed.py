@@ -25,14 +25,11 @@ def dress(model: mujoco.MjModel) -> None:
         if site >= 0 and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
             model.site_rgba[site] = color
     if (workspace := site_of(model, "workspace")) >= 0:
-        model.site_rgba[workspace, 3] = 0.0
-        model.site_matid[workspace] = -1
-    bare = (model.geom_matid < 0) & _plain(model.geom_rgba)
-    flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    names = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
-    moving = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name.removeprefix(MOTION)) for name in names]
-    model.geom_rgba[bare & flat], model.geom_rgba[bare & ~flat] = FLOOR, WALL
-    model.geom_rgba[bare & ~flat & np.isin(model.body_rootid[model.geom_bodyid], moving)] = MOVING
+        model.site_rgba[workspace, 3], model.site_matid[workspace] = 0.0, -1
+    bare, flat = (model.geom_matid < 0) & _plain(model.geom_rgba), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
+    moving = np.isin(model.body_rootid[model.geom_bodyid], [model.body(one.removeprefix(MOTION)).id for one in motions])
+    model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
         head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
@@ -41,6 +38,12 @@ def dress(model: mujoco.MjModel) -> None:
 def has_sky(model: mujoco.MjModel) -> bool:
     """Whether there is something behind everything."""
     return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+
+
+def has_floor(model: mujoco.MjModel) -> bool:
+    """Whether there is a floor to be seen, other than the infinite one that a robot on wheels brings along."""
+    flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_rgba[:, 3] > 0.0)
+    return bool(np.any(flat & np.any(model.geom_size[:, :2] > 0.0, axis=1)))
 
 
 def _plain(rgba: Array) -> Array:

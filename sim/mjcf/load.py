@@ -23,12 +23,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
-from sim.mjcf.coordinates import stance_of
+from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
 from sim.mjcf.library import compile_spec, find, parse, robot_names
+from sim.mjcf.limits import Faults, listed, prefixed
 from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
-from sim.mjcf.refusals import Faults, listed, prefixed
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
@@ -111,24 +111,15 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
-        concave = concave_meshes(model, solids)
-        if concave:
+        if concave := concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
         moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, solids)
         values = Scene(
-            name=path.stem,
-            lower=borders[0],
-            upper=borders[1],
-            obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]),
-            goal=goal,
-            start=start,
-            robot_radius=robot.radius,
-            robot_height=robot.height,
-            margin=max(robot.radius - robot.reach, 0.0),
-            defaults=defaults,
-            movers=movers,
-        )
+            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
+            obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
+            robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
+        )  # fmt: skip
         clearance, body = clearance_at_start(values)
         if clearance <= 0.0:
             if (left := margin + clearance) > 0.0:
@@ -142,25 +133,15 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
         model.key_qpos[0] = robot.rest
         place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-        stance_of(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+        Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
         model.key_qpos[0] = data.qpos
         _check_start(model, data, mask, concave)
     return Loaded(
-        scene=values,
-        model=model,
-        obstacle_geoms=mask,
-        moving_geoms=moving,
-        robot_geoms=mine,
-        dynamics_name=robot.system.name,
-        states=states,
-        command=robot.command,
-        robot=robot.name,
+        scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
+        dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
         meant=meant_system(meant) if task.robot or task.system is not None else robot.system.name,
-        path=path,
-        about=about,
-        margin=margin,
         notes=tuple(note for note in notes if note),
-    )
+    )  # fmt: skip
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
@@ -188,49 +169,43 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
 
 def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
     """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
-    texts = {text.name: " ".join(str(text.data).split()) for text in spec.texts}
-    robot, options = texts.get("pirrht_robot", DEFAULT), {"pirrht_" + name.replace("-", "_"): name for name in NUMERICS}
-    if robot not in robot_names():
+    texts, numerics = ({e.name: e for e in es if not e.name.startswith(MOTION)} for es in (spec.texts, spec.numerics))
+    options = {"pirrht_" + name.replace("-", "_"): name for name in NUMERICS}
+    for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
+        for name in elements:
+            if name.startswith("pirrht_") and name not in known:
+                these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
+                raise SceneError(f'custom {kind} "{name}" is no option; those are {these}')
+    about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
+    if (robot or DEFAULT) not in robot_names():
         raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(robot_names())}')
     defaults = {}
-    for kind, known, elements in (("text", ("pirrht_robot", ABOUT), spec.texts), ("numeric", options, spec.numerics)):
-        for element in elements:
-            label = f'custom {kind} "{element.name}"'
-            if not element.name.startswith("pirrht_") or element.name.startswith(MOTION):
-                continue
-            if element.name not in known:
-                raise SceneError(
-                    f"{label} is no option; those are {', '.join(known)}, and {MOTION}BODY is the motion of a body"
-                )
-            if kind == "numeric":
-                values, option = list(element.data), options[element.name]
-                if len(values) != 1 or isnan(values[0]):
-                    raise SceneError(f"{label} is {values}; write one finite number")
-                try:
-                    NUMERICS[option].check(float(values[0]), label)
-                except OptionError as error:
-                    raise SceneError(str(error)) from None
-                defaults[option] = float(values[0])
-    return texts.get(ABOUT, ""), robot, defaults
+    for name in (name for name in numerics if name in options):
+        label, values = f'custom numeric "{name}"', list(numerics[name].data)
+        if len(values) != 1 or isnan(values[0]):
+            raise SceneError(f"{label} is {values}; write one finite number")
+        try:
+            NUMERICS[options[name]].check(float(values[0]), label)
+        except OptionError as error:
+            raise SceneError(str(error)) from None
+        defaults[options[name]] = float(values[0])
+    return about, robot or DEFAULT, defaults
 
 
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Goal:
-    what, site = "the goal", site_of(model, "goal")
-    if given is not None:
-        if len(given) != 3:
-            raise SceneError(f"the goal has {counted(len(given), 'number')}; give x, y and radius, and no heading")
-        center, radius = np.array(given[:2], dtype=float), float(given[2])
-    else:
-        remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
-        if site < 0:
-            raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
+    site, remedy = site_of(model, "goal"), '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
+    if given is None and site < 0:
+        raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
+    if given is None:
         kind, upright = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8]) >= 1 - 1e-6
         if kind != _GEOM.mjGEOM_SPHERE and not (kind == _GEOM.mjGEOM_CYLINDER and upright):
             raise SceneError(f'site "goal" is no sphere or upright cylinder; write {remedy}')
-        center, radius = data.site_xpos[site, :2].copy(), float(model.site_size[site, 0])
-    if radius > REACH:
-        raise SceneError(f"{what} has a radius of {radius:g}; write at most {REACH:g} m")
-    return Goal(center=center, radius=radius)
+        given = [*data.site_xpos[site, :2], model.site_size[site, 0]]
+    if len(given) != 3:
+        raise SceneError(f"the goal has {counted(len(given), 'number')}; give x, y and radius, and no heading")
+    if given[2] > REACH:
+        raise SceneError(f"the goal has a radius of {given[2]:g}; write at most {REACH:g} m")
+    return Goal(center=np.array(given[:2], dtype=float), radius=float(given[2]))
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Array:

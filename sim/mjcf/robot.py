@@ -20,10 +20,10 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.coordinates import GROUND, rolls, stance_of, turn_to
+from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.limits import prefixed
 from sim.mjcf.obstacles import mesh_of
-from sim.mjcf.refusals import prefixed
 from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
 from sim.text import counted
 
@@ -71,11 +71,9 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     spec = parse(path)
     with prefixed(f"{path}: "):
         body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
-        if body is None:
-            raise SceneError('no body "robot" in the worldbody; give the robot\'s root body that name')
-        foot = next((g for g in body.geoms if g.name == "footprint"), None)
-        if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-            raise SceneError('body "robot" needs a sphere geom "footprint", as which it plans')
+        foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
+        if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+            raise SceneError('no body "robot" in the worldbody with a sphere geom "footprint", as it plans; write them')
         moved = _named_system(spec) if system is None else system
         if radius is not None:
             _resize(spec, body, foot, radius)
@@ -83,20 +81,15 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
             _widen(body, foot, margin)
         model = compile_spec(spec, path)
         _check_joints(model, moved)
+        command = _command(spec, int(model.nu), moved.twists if system is None else None)
         # Another system may do without MuJoCo; `check_motion` sees to it where it does not.
         if system is None and (wrong := _wrong_actuator(model, moved.states, moved.name)):
             raise SceneError(wrong)
         return Robot(
-            name=path.stem,
-            spec=spec,
-            system=moved,
-            reach=_checked_reach(model),
-            command=_command(spec, int(model.nu), moved.twists if system is None else None),
-            radius=float(model.geom("footprint").size[0]),
-            height=float(model.geom("footprint").pos[2]),
-            rest=_rest(model),
+            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
+            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
             rolling=rolls(model),
-        )
+        )  # fmt: skip
 
 
 def meant_system(which: str) -> str:
@@ -171,29 +164,25 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
 
 def _check_joints(model: mujoco.MjModel, system: System) -> None:
     """Refuse a robot that does not stand at the origin, or moves by other joints than states of a system say."""
-    root, count, heads = model.body("robot"), len(system.joints), len(system.joints) == 3
-    if not (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])):
-        raise SceneError('body "robot" must stand at the origin, heading along x')
-    if not rolls(model):
-        types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:count]
-        good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
-        if not (good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])):
-            raise SceneError(
-                f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
-                f"{system.name}: slide along x, slide along y"
-                + (", hinge about z; or a free joint and wheels" if heads else "")
-            )
-        return
+    root, count, wheeled = model.body("robot"), len(system.joints), rolls(model)
+    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:count]
+    jointed = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
     plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
     hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
     for good, wanted in (
-        (heads, f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'),
-        (int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
-        (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground]),
+        (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0]), 'body "robot" must stand at the origin'),
+        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])),
+         f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
+         f"{system.name}: slide along x, slide along y"
+         + (", hinge about z; or a free joint and wheels" if count == 3 else "")),
+        (not wheeled or count == 3,
+         f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'),
+        (not wheeled or int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
+        (not wheeled or (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground])),
          f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
          "which wheels meet in contact pairs"),
-        (np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged),
+        (not wheeled or np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged),
          "every actuator of a robot on wheels must drive a hinge joint"),
     ):  # fmt: skip
         if not good:
@@ -257,23 +246,15 @@ def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -
         & (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE)
     )
     forced = bool({*VELOCITIES, *SPEED} & set(states))
-    if "speed" in states:
-        return "" if motors.any() else (
-            f"no actuator is a motor, and the speed is a state of {system}, which forces change; write one that drives "
-            'the body ahead, <motor name="..." site="..." gear="1 0 0 0 0 0"/>'
-        )  # fmt: skip
-    if motors.all() if forced else not motors.all() or not len(motors) or set(states) - set(POSE):
+    enough = motors.any() if "speed" in states else motors.all()  # of what has a speed, other actuators may steer
+    if enough if forced else not enough or set(states) - set(POSE):
         return ""
     name = model.actuator(int(np.argmax(motors != forced))).name
-    short = name.rpartition("/")[2]
-    if forced:
-        return (
-            f'actuator "{name}" is no motor, and velocity is a state of {system}, which forces change; write '
-            f'<motor name="{short}" joint="..."/>, or choose dynamics that are commanded velocities'
-        )
+    is_now, moved_by, other = ("no motor", "forces", "velocities") if forced else ("a motor", "velocities", "forces")
+    write = '<motor joint="..."/>, or site="..."' if forced else '<velocity joint="..." kv="..."/>'
     return (
-        f'actuator "{name}" is a motor, and {system} is commanded velocities, not forces; write <velocity '
-        f'name="{short}" joint="..." kv="..."/>, or choose dynamics with states vx and vy, like "double_integrator"'
+        f'actuator "{name}" is {is_now}, and {system} is commanded {moved_by}; write {write}, or choose dynamics that '
+        f"are commanded {other}"
     )
 
 
@@ -286,8 +267,7 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     """
     able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
     has = POSE if rolls(model) else (*POSE[: model.nq], *able)
-    missing = [name for name in dynamics.states if name not in has]
-    if missing:
+    if missing := [name for name in dynamics.states if name not in has]:
         raise OptionError(
             f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
             f"{', '.join((*POSE, *able))}: drive it with --plant sde"
@@ -295,25 +275,19 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     if wrong := _wrong_actuator(model, dynamics.states, system):
         raise OptionError(f"{wrong}; a robot file of your own is --robot FILE.xml, and --plant sde needs none")
     x = dynamics.state_of(np.array([*model.key_qpos[0, :2], 0.0]))
-    twists = len(dynamics.twist(x, dynamics.idle(x)))
-    if command.shape[1] != twists:
+    if command.shape[1] != (twists := len(dynamics.twist(x, dynamics.idle(x)))):
         raise OptionError(
             f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
             "numbers: give it a column for each, or `twist` a number for each"
         )
-    velocities = [i for i, name in enumerate(dynamics.states) if name in (*VELOCITIES, *SPEED)]
-    if rolls(model) or not velocities:
+    names = [name for name in dynamics.states if name in (*VELOCITIES, *SPEED)]
+    if rolls(model) or not names:
         return
-    # A step of MuJoCo from 1 m/s must be one of the equation; what is off by less than half of h^2, as a step that
-    # keeps the speed in a turn is by another rule, tells an error in the sideways acceleration.
-    h, still = model.opt.timestep, np.zeros(dynamics.m)
-    x[velocities] = 1.0
-    kept = [
-        i
-        for i, name in enumerate(dynamics.states)
-        if i in velocities or (name == "heading" and "speed" in dynamics.states)
-    ]
-    stance = stance_of(model, dynamics.states)
+    # A step of MuJoCo from 1 m/s must be one of the equation. It turns by h: off by half of h^2, the speed is not kept.
+    x[[dynamics.states.index(name) for name in names]] = 1.0
+    names += ["heading"] if "speed" in names else []
+    kept = [dynamics.states.index(name) for name in names]
+    h, still, stance = model.opt.timestep, np.zeros(dynamics.m), Stance(model, dynamics.states)
     for u in np.vstack([still, np.eye(dynamics.m)]) / max(1.0, float(np.abs(dynamics.G_c(x)).max())):
         ctrl = command.dot(dynamics.twist(x, dynamics.rate(x, u, still, h)))
         data = mujoco.MjData(model)
@@ -323,14 +297,10 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
         mujoco.mj_step(model, data)
         made, meant = ((after - x)[kept] / h for after in (stance.read(data, x), dynamics.step(x, u, still, h)))
         if not np.allclose(made, meant, rtol=0.0, atol=0.1 * h):
-            what = ", ".join(dynamics.states[i] for i in kept)
+            texts = ["(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")" for numbers in (u, made, meant)]
             raise OptionError(
-                f"at 1 m/s, under the control {_text(u)} of a {system}, the robot's {what} change by {_text(made)} per "
-                f"second instead of {_text(meant)}: make pirrht_command its mass over the gears of its motors, leave "
-                "out damping, friction, gravity and narrow ctrlranges along its slides, or name a --system whose drift "
-                "has them; half of the sideways acceleration keeps the speed in turns"
+                f"at 1 m/s, under the control {texts[0]} of a {system}, the robot's {', '.join(names)} change by "
+                f"{texts[1]} per second instead of {texts[2]}: make pirrht_command its mass over the gears of its "
+                "motors, leave out damping, friction, gravity and narrow ctrlranges along its slides, or name a "
+                "--system whose drift has them; half of the sideways acceleration keeps the speed in turns"
             )
-
-
-def _text(numbers: Array) -> str:
-    return "(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")"

@@ -18,7 +18,6 @@ from pirrht.planner.tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.options import Look
-from sim.recording.reasons import Surroundings
 
 TREES = 2  # lifted trees shown, one per obstacle
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
@@ -85,11 +84,6 @@ class Subject:
         loaded = self.loaded
         given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
         return tuple(called(given, {i: k for k, part in enumerate(self.space.obstacles, 1) for i in part.members}))
-
-    @cached_property
-    def surroundings(self) -> Surroundings:
-        """Solids by name, to find the nearest one."""
-        return Surroundings(self.space.scene, self.solids)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

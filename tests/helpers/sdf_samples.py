@@ -1,12 +1,15 @@
-"""Small SDF worlds and the task they are imported with."""
+"""Small SDF worlds, the task they are imported with, and how imports are refused."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
 import numpy as np
+import pytest
 
+from pirrht.errors import SceneError
 from sim.importing.scene_file import Imported, import_world
 from sim.mjcf import load
 
@@ -54,3 +57,14 @@ def places(found: Imported) -> dict[str, np.ndarray]:
         poses[loaded.model.geom(geom).name] = pose
     poses.pop("floor")
     return poses
+
+
+def refused(work: Callable[[], object], *words: str) -> None:
+    """Assert that work is refused in one short line that has some words."""
+    with pytest.raises(SceneError) as caught:
+        work()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 1000
+    for word in words:
+        assert word in message, message

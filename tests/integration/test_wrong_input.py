@@ -45,6 +45,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --method magic", "'magic'", "pi-rrht"),
     ("plan slit --vertices 1.5", "'1.5'", "--help"),
     ("run slit --period 0.003", "period 0.003", "whole multiple of the physics step 0.002"),
+    ("run slit --real-time --target-error 0.1", "--target-error", "leave one of them out"),
     ("plan slit --png x.txt", "--png x.txt", ".png, .pdf, .svg"),
     ("plan slit --convergence x", "--convergence x", ".png, .pdf, .svg"),
     ("run slit --record-lift a,b --record x.rrd", "a,b", "--help"),

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pirrht import Outcome
-from sim.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -36,9 +35,3 @@ def test_a_drive_by_the_law_has_neither_estimate_nor_fallback(noisy):
     assert plan.exact == pytest.approx(9.535, abs=0.002)
     elsewhere = np.array([2.0, 2.0])
     assert plan.at(elsewhere, 0.004) == pytest.approx(driver.desirability.control(elsewhere))
-
-
-def test_a_drive_by_the_law_can_be_recorded(tmp_path):
-    out = tmp_path / "run.rrd"
-    assert main(["run", "slit", "--method", "optimal", "--noise", "0.3", "--record", str(out)]) in (0, 1)
-    assert out.stat().st_size > 0

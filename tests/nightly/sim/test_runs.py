@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from doors import door
@@ -13,11 +11,12 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
+from sim import systems
 from sim.cli import main
 from sim.mjcf import scene_names
-from sim.scenario import Scenario, prepare
+from sim.scenario import prepare
 from sim.scenario.scenario import ENOUGH
-from sim.systems import System, registry
+from sim.systems import System
 
 SEEDS = 4
 
@@ -61,24 +60,20 @@ class Forgetful(DoubleIntegrator):
 
     @staticmethod
     def drift(x, p, out):
-        out[0], out[1], out[2], out[3] = 0.0, 0.0, 0.0, 0.0
+        out[:] = 0.0
 
 
-def own(kind: type[DoubleIntegrator], **given: Any) -> Scenario:
-    """A scenario of a mass without a terminal cost of its own."""
+@pytest.mark.parametrize("kind", [Tug, Forgetful])
+def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_refused(monkeypatch, kind):
+    monkeypatch.setattr(systems, "_known", dict(systems._known))
     system = System(
         name=kind.__name__.lower(), dynamics=lambda settings: kind(b=settings.noise), steering=MassSteering.of,
         R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"), defaults={"period": 0.05, "vertices": 60, "samples": 20},
     )  # fmt: skip
-    return prepare("slit", robot="hover", system=system, given={"plant": "sde", **given})
-
-
-def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_refused(monkeypatch):
-    monkeypatch.setattr(registry, "_known", dict(registry._known))
-    mine = own(Tug, method="mppi")
-    estimate = mine.driver().plan(mine.start).estimate
-    assert estimate is not None
-    assert np.isfinite(estimate.value)
-    lost = own(Forgetful)
+    given = {"plant": "sde", "method": "mppi" if kind is Tug else "pi-rrht"}
+    mine = prepare("slit", robot="hover", system=system, given=given)
+    if kind is Tug:
+        assert np.isfinite(mine.driver().plan(mine.start).estimate.value)
+        return
     with pytest.raises(OptionError, match=r"^Forgetful: its noise never reaches x, y; its drift must say how"):
-        lost.controller(lost.grown_tree())
+        mine.controller(mine.grown_tree())

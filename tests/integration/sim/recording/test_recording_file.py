@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import signal
 import sys
-import time
 
 import pytest
-from rerun import recording_stream
 
 from pirrht.errors import OptionError
 from sim.cli import main
 from sim.recording.options import Sinks
-from sim.recording.stream import Stream
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
 
@@ -67,23 +62,3 @@ def test_a_viewer_that_is_not_installed_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "rerun"))
     with pytest.raises(OptionError, match="--serve: there is no viewer"):
         Sinks(serve=True).check()
-
-
-def test_ctrl_c_while_a_stream_is_made_is_only_an_interruption(monkeypatch):
-    made, complaints = recording_stream.bindings.new_recording, []
-
-    def interrupted(**options):
-        signal.raise_signal(signal.SIGINT)
-        time.sleep(0.1)
-        return made(**options)
-
-    monkeypatch.setattr(recording_stream.bindings, "new_recording", interrupted)
-    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            Stream("application", "id", orderly=True)
-        gc.collect()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert not complaints

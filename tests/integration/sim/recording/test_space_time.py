@@ -15,7 +15,7 @@ from sim.drawing.strokes import timed as in_time
 from sim.plotting.ground import MOMENTS, outline
 from sim.recording.layout import layout
 from sim.recording.options import Look
-from sim.recording.reasons import Surroundings, reasons, words_of
+from sim.recording.reasons import reasons, words_of
 from sim.recording.spacetime import SpaceTime
 from sim.recording.subject import Subject
 
@@ -51,7 +51,7 @@ def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
     start = drive.scene.start[:2]
     drive.controller.begin(start)
     plan, integral = drive.controller.plan(start), drive.controller.path_integral
-    found = reasons(plan, integral, Surroundings(drive.scene, ()), words_of(plan, integral, ()))
+    found = reasons(plan, integral, (), words_of(plan, integral, ()))
     assert {reason.where for reason in found} - {""} == {"crosser"}
 
 

@@ -101,7 +101,7 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
     loaded = load("slit", robot=robot)
     eye = offscreen.Offscreen(loaded.model, width=320, height=180, option="--video")
     eye.look_at(np.array([3.0, 2.5, 0.0]), distance=6.0, elevation=68.0)
-    data, stance, seen = film.mujoco.MjData(loaded.model), film.stance_of(loaded.model), []
+    data, stance, seen = film.mujoco.MjData(loaded.model), film.Stance(loaded.model), []
     for x in (1.5, 4.0):
         stance.place(data, np.array([x, 1.0, 0.0])[: 2 if robot == "puck" else 3], np.zeros(2), np.zeros(2))
         film.mujoco.mj_forward(loaded.model, data)

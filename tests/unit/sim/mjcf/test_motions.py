@@ -8,11 +8,8 @@ from mjcf_samples import refusal
 from moving_scenes import body, moving_scene, rows
 from repository import ROOT
 
-from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind
 from sim.mjcf import load
-from sim.mjcf.motions import goal_blocker
-from sim.scenario import prepare
 
 SOLID = 'type="cylinder" size=".3 .2"'
 DISC = body("b", SOLID, "2 0 0.1")
@@ -121,25 +118,3 @@ def test_the_start_that_counts_is_the_one_given_and_the_footprint_there_is_what_
     world = body("b", 'type="box" size=".002 .002 .2"', "0 0.149 0.1")  # the unicycle itself does not reach there
     path = moving_scene(tmp_path, world, rows("b", "0 0 0.149 0  1 0 5 0"))
     assert 'body "b"' in refusal(path, robot="unicycle")
-
-
-WALKER = body("walker", 'type="cylinder" size="1.2 0.1"', "44 5 0.1")
-
-
-@pytest.mark.parametrize(
-    ("data", "repeat", "found"),
-    [
-        ("0 44 5 0  10 44 0 0", False, "body 'walker' covers the goal (45, 0) from 10 s on"),
-        ("0 44 5 0  10 44 0 0  20 44 5 0", False, None),
-        ("0 44 5 0  5 45 0 0  10 44 5 0", True, None),
-    ],
-)
-def test_a_body_that_rests_on_the_goal_is_named_with_the_time_from_when_on(tmp_path, data, repeat, found):
-    assert goal_blocker(load(moving_scene(tmp_path, WALKER, rows("walker", data, repeat=repeat))).scene) == found
-
-
-def test_where_no_path_arrives_before_the_body_the_error_names_it(tmp_path):
-    path = moving_scene(tmp_path, WALKER.replace("1.2", "0.7"), rows("walker", "0 44 5 0  1 45 0 0"))
-    scenario = prepare(path, given={"vertices": 30})
-    with pytest.raises(SceneError, match=r"body 'walker' covers the goal \(45, 0\) from .* let it rest elsewhere"):
-        scenario.references(scenario.grown_tree())
