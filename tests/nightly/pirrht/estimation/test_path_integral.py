@@ -24,7 +24,6 @@ from discs import disc, scene_of
 from scipy.integrate import solve_bvp
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 from thoroughly import first
-from unit.pirrht.estimation.test_path_integral import around_nothing
 
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
@@ -236,19 +235,6 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
     assert is_the_grids(killing)
     assert is_the_grids(weighing)
     assert weighing.std() < 0.95 * killing.std()
-
-
-def test_exit_at_step_ends_samples_the_chain_that_the_grid_solves(slit):
-    """A third of a step's noise before the goal's rim; a finer first step is off by 40 standard errors of v there.
-
-    Seed 3, 20 000 samples: v within 4 standard errors, which are 0.0016, and so the control, 0.009.
-    """
-    chain = slit.with_settings(noise=0.3, exit="endpoint", period=0.01)
-    truth, x = chain.truth(), chain.space.scene.goal.center - np.array([0.4, 0.0])
-    integral, rollouts = around_nothing(chain, x, samples=20_000)
-    found = integral.estimate(rollouts)
-    assert abs(found.value - truth.value(x)) < 4.0 * found.value_error < 0.01
-    assert np.all(np.abs(found.control - truth.control(x)) < 4.0 * found.control_error)
 
 
 # -- collisions that cost much -----------------------------------------------------------------------------------

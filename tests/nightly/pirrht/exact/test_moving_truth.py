@@ -115,22 +115,18 @@ def test_a_motion_that_starts_over_is_one_of_many_rows():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("dynamics", "options", "message"),
     [
-        ({"dt": 0.1}, "leave out dt"),
-        ({"spacing": 0.5}, "too coarse"),
+        (SingleIntegrator(b=0.3), {"dt": 0.1}, "leave out dt"),
+        (SingleIntegrator(b=0.3), {"spacing": 0.5}, "too coarse"),
+        (Unicycle(), {}, "Unicycle among moving obstacles; it takes SingleIntegrator"),
     ],
 )
-def test_what_the_march_cannot_do_is_refused_with_what_it_can(options, message):
-    with pytest.raises(OptionError, match=message):
-        solved(room(crosser()), **options)
-
-
-def test_a_car_among_moving_bodies_is_refused_by_name():
+def test_what_the_march_cannot_do_is_refused_with_what_it_can(dynamics, options, message):
     scene = room(crosser())
-    problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1))
-    with pytest.raises(OptionError, match="Unicycle among moving obstacles; it takes SingleIntegrator"):
-        Desirability.of(problem, FreeSpace.of(scene))
+    problem = Problem(dynamics=dynamics, scene=scene, R=np.eye(dynamics.m))
+    with pytest.raises(OptionError, match=message):
+        Desirability.of(problem, FreeSpace.of(scene), **options)
 
 
 @pytest.mark.parametrize("b", first([0.2, 0.1, 0.3]))

@@ -14,6 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.planner.references import Reference
 from pirrht.planner.shorten import taut_polyline
+from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.steering import Steering
 from pirrht.steering.straight_line import StraightLine
@@ -106,3 +107,26 @@ def test_straight_lines_of_a_foreign_steering_are_as_taut_as_our_own(seed: int):
     assert len(shared) >= 2
     for winding in shared:
         assert by_class(foreign)[winding].length == pytest.approx(by_class(own)[winding].length, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(seed: int):
+    """Free, of the same class, never longer, and hardly longer than what is made for Dubins curves."""
+    space = FreeSpace.of(scattered(seed))
+    car = Dubins(rho=0.4)
+    tree = grown(space, Foreign(car), 250)
+    x = space.scene.start[:3]
+    rough, fine = tree.references(x, shortened=False), by_class(tree.references(x))
+    special = grown(space, car, 250).references(x)
+    assert len(rough) >= 2
+    for before in rough:
+        after = fine[before.winding]
+        points = after.trajectory.points
+        assert after.length <= before.length * (1 + 1e-9)
+        assert space.collision.clearance(points).min() > -1e-3
+        assert space.homology.winding(points) == before.winding
+    lengths = {reference.winding: reference.length for reference in special}
+    ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
+    assert np.median(ratios) < 1.02
+    assert max(ratios) < 1.15

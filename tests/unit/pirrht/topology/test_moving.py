@@ -151,18 +151,6 @@ def test_turns_of_edges_sum_to_the_winding_of_the_path(scene):
     assert len(seen) > 2
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_a_sampled_path_has_the_class_of_its_polyline(seed):
-    """Dense samples of a path, as rollouts have them, turn as its knots do."""
-    space, rng = FreeSpace.of(busy(seed)), np.random.default_rng(seed)
-    homology = STEERING.homology(space)
-    for _ in range(20):
-        knots = random_path(rng)
-        times = np.union1d(np.linspace(knots[0, 2], knots[-1, 2], 300), knots[:, 2])
-        samples = np.column_stack([*(np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)), times])
-        assert homology.winding(samples) == homology.winding(knots)
-
-
 def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
     space = FreeSpace.of(SCENES["oblique"]())
     homology, start = STEERING.homology(space), np.array([1.0, 2.5, 0.0])
