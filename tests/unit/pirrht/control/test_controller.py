@@ -112,7 +112,7 @@ def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: 
 
 
 def test_who_forgets_to_observe_is_warned(slit: Scenario):
-    mppi = slit.with_settings(samples=50).mppi()
+    mppi = slit.with_settings(method="mppi", samples=50).controller(None)
     mppi.plan(slit.start)
     mppi.plan(slit.start)  # the same question again
     with pytest.warns(RuntimeWarning, match=r"nothing was observed in between: call step\(x, dt\)"):

@@ -176,8 +176,8 @@ def test_the_way_home_costs_what_the_straight_reference_does(slit: Scenario):
 
 def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scenario, slit_tree: HomologyTree):
     scenario = slit.with_settings(method="mppi")
-    assert scenario.mppi().path_integral.sampling.samples >= 200 * len(slit_tree.references(slit.start))
-    assert slit.with_settings(method="mppi", classes=2).mppi().path_integral.sampling.samples == 400
+    assert scenario.controller(None).path_integral.sampling.samples >= 200 * len(slit_tree.references(slit.start))
+    assert slit.with_settings(method="mppi", classes=2).controller(None).path_integral.sampling.samples == 400
 
 
 def test_what_mppi_does_not_have_is_refused(slit: Scenario):
