@@ -24,7 +24,7 @@ from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, ClassColors, fade, mix
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
-from sim.drawing.tubes import CORNERS, Outline, Tube, tubes
+from sim.drawing.tubes import Outline, Tube, tubes
 from sim.plotting.ground import outline
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named, outer
 from sim.recording.step_row import Row
@@ -36,7 +36,7 @@ NOW, PATH, WALLS, ARRIVALS, AXIS = (f"{FOLDER}/{name}" for name in ("now", "path
 ROOMY = 1.1  # times the time of the straight path, for which tubes are drawn to begin with
 KNOTS = 48  # of a braid at most
 THREADS, BEADS = 24, 12  # samples drawn at most, and points of each
-CROWD = 6  # moving obstacles, from which on tubes have fewer corners
+CORNERS = 20  # of what is round
 BODY, WALL, ARRIVAL, SHEET = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16), (*CONTROL, 4)  # see-through
 TICKS = 8  # seconds that are named, at most
 
@@ -132,8 +132,7 @@ class SpaceTime:
             return
         begin, self._drawn = self._drawn, float(ceil(time))
         scene = self._subject.space.scene
-        corners = CORNERS if len(scene.movers) < CROWD else CORNERS // 2
-        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, corners), BODY) for m in scene.movers]
+        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, CORNERS), BODY) for m in scene.movers]
         turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         around = scene.goal.center + scene.goal.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         ends = np.array([begin, self._drawn])

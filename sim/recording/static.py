@@ -73,10 +73,7 @@ def legend(subject: Subject) -> str:
 
 def key(subject: Subject) -> str:
     """Return what the numbers and colours on the map mean, in Markdown."""
-    named = [(f"obstacle {k}", f"**{k}** {name}") for k, name in enumerate(subject.names, 1)]
-    rows = [row for spare, row in named if not row.endswith(f" {spare}")]
-    if len(rows) < len(named):
-        rows.append("Other numbers: as in *obstacle 1*.")
+    rows = [f"**{k}** {name}" for k, name in enumerate(subject.names, 1) if name != f"obstacle {k}"]
     moving = " *Lilac*: moving obstacles." if subject.moves else ""
     signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}"
     return "  \n".join([signs, *rows])
@@ -137,7 +134,6 @@ def stage(subject: Subject, log: Log) -> None:
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
     log("/world/scene/names", rr.Points3D(named, labels=["goal", *subject.labels], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
-    log("/why/weight/switch", rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
 
