@@ -74,10 +74,10 @@ class Sink:
         self._closing.set()
         self._done.wait(None if self._target.lossless else GRACE)
         if not self._target.lossless:
-            finished = self._done.is_set() and self._failure is None
-            self.dropped += len(self.rows) + (0 if finished else self._under_way)
-            if not finished:  # Rerun's last attempt to reach a viewer may take forever
-                rr.unregister_shutdown()
+            self.dropped += len(self.rows)
+            if not self._done.is_set() or self._failure is not None:
+                self.dropped += self._under_way
+                rr.unregister_shutdown()  # Rerun's last attempt to reach a viewer may take forever
         self._check()
 
     def _check(self) -> None:

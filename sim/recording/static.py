@@ -16,7 +16,7 @@ from sim.drawing.colors import DRIVEN, MOVER, mix
 from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift
 from sim.recording import geoms
-from sim.recording.camera import ABOVE, FOLLOWING, above, opening, pixels_per_metre
+from sim.recording.camera import ABOVE, FOLLOWING, WIDE, above, pixels_per_metre
 from sim.recording.subject import Subject
 from sim.recording.truth_view import OPTIMUM, VALUE, on_floor
 
@@ -129,7 +129,7 @@ def stage(subject: Subject, log: Log) -> None:
         rim = {"radii": [1.15 * radius, radius], "centers": [(0.0, 0.0, high + 0.1), (0.0, 0.0, high + 0.2)]}
         log(MARK, rr.Cylinders3D(lengths=[0.01] * 2, **rim, colors=[FLOOR, DRIVEN], fill_mode="solid"))
     log(ABOVE, above(scene))
-    log(FOLLOWING, [opening()])
+    log(FOLLOWING, WIDE)
     named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
     log("/world/scene/names", rr.Points3D(named, labels=["goal", *subject.labels], **look))
