@@ -16,20 +16,16 @@ from sim.drive.executor import Plant
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
-
-
-def _solid(kind: Kind, size: tuple[float, float, float], x: float, y: float) -> Obstacle:
-    place = np.array([x, y, 0.3])
-    return Obstacle(name=kind.name.lower(), kind=kind, size=np.array(size), position=place, rotation=np.eye(3))
-
-
+BOX = Obstacle(
+    name="box", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
+)  # fmt: skip
 ROOM = Scene(
     name="rehearsal", lower=np.zeros(2), upper=np.full(2, 4.0), robot_radius=0.2, start=np.array([0.7, 2.0, 0.0]),
-    obstacles=(_solid(Kind.BOX, (0.3, 0.3, 0.3), 2.0, 2.6),), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
+    obstacles=(BOX,), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
 )  # fmt: skip
+DISC = replace(BOX, kind=Kind.CYLINDER, size=np.array([0.2, 0.3, 0.0]), position=np.array([0.0, 0.0, 0.3]))
 WALKER = Mover(
-    name="walker", solids=(_solid(Kind.CYLINDER, (0.2, 0.3, 0.0), 0.0, 0.0),),
-    motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]])),
+    name="walker", solids=(DISC,), motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]]))
 )  # fmt: skip
 
 

@@ -142,8 +142,7 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
 
 
 def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
-    belongs = about.get("belongs")
-    known = belongs if isinstance(belongs, dict) else {}
+    known = about["belongs"] if isinstance(about.get("belongs"), dict) else {}
     known = {MOVING if key.startswith("bodies") else key: value for key, value in known.items()}  # of formats 1 and 2
     for what, value in required.items():
         if known.get(what) != json.loads(json.dumps(value)):

@@ -128,7 +128,9 @@ def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tupl
                 found = load(new).scene
             except SceneError as error:
                 raise SceneError(
-                    "; ".join((f"{source}: {str(error).replace(str(new), 'as a scene')}", *notes))
+                    "; ".join(
+                        (f"{source}: {str(error).removeprefix(f'{new}: ').replace(str(new), 'as a scene')}", *notes)
+                    )
                 ) from None
             new.replace(target)
     except OSError as error:

@@ -17,7 +17,7 @@ from math import prod
 from pathlib import Path
 
 from pirrht.errors import SceneError, printable
-from sim.files import MISSING, read_bounded, why_unreadable
+from sim.files import MISSING, why_unreadable
 
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
 FINEST = 1e-6  # of any measure of an imported file [m]
@@ -41,7 +41,11 @@ def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle"
     """Read a regular file of bearable size; the SceneError of any other names the path and what to give."""
     if (why := why_unreadable(path)) is not None:
         raise SceneError(f"{path}: cannot be read (it {why}); give {what}")
-    return read_bounded(path, LARGEST_TEXT, what, remedy)
+    with path.open("rb") as stream:
+        content = stream.read(LARGEST_TEXT + 1)
+    if len(content) > LARGEST_TEXT:
+        raise SceneError(f"{path}: larger than {LARGEST_TEXT >> 20} MiB; {remedy}")
+    return content
 
 
 def check(path: Path) -> None:

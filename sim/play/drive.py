@@ -11,7 +11,8 @@ from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from math import inf
-from typing import Any
+from operator import attrgetter
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -22,12 +23,14 @@ from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
-from sim.drive.executor import Executor
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Goal, Scene
+from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
 from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
-from sim.play.events import GOAL, Event, Move, Push, World, loose_bodies
-from sim.scenario import Scenario
+from sim.play.events import GOAL, Event, Move, Push
+from sim.scenario import Driver, Scenario
 
 ROBOT = "robot/robot"  # body of every robot
 LATENCY = 0.3  # simulated time after which a changed world is waited for, where no clock runs [s]
@@ -36,10 +39,28 @@ _STATE = mujoco.mjtState
 SHOWN = _STATE.mjSTATE_TIME | _STATE.mjSTATE_QPOS | _STATE.mjSTATE_MOCAP_POS | _STATE.mjSTATE_MOCAP_QUAT
 
 
+def loose_bodies(model: mujoco.MjModel) -> dict[str, int]:
+    """Return bodies that can be placed, the one that shows the goal included, by the names under which they are."""
+    bodies = np.flatnonzero(model.body_mocapid >= 0).tolist()
+    return {(model.body(body).name or f"body{body}").removeprefix(PREFIX): body for body in bodies}
+
+
+class World(NamedTuple):
+    """A scenario that may have been changed since it was loaded, and who drives there."""
+
+    scenario: Scenario  # with the scene as it is now
+    driver: Driver  # until plans for this scene are made, that of an earlier one, as is the free space
+
+    @property
+    def scene(self) -> Scene:
+        """As it is now."""
+        return self.scenario.loaded.scene
+
+
 def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> World:
     """Plan a scenario that was loaded loose, before anything is changed."""
     tree = None if scenario.settings.method in TREELESS else scenario.grown_tree(progress)
-    return World.of(scenario, scenario.driver(tree))
+    return World(scenario, scenario.driver(tree))
 
 
 def build(world: World, before: World) -> World:
@@ -55,12 +76,7 @@ def build(world: World, before: World) -> World:
     if changed and tree is not None:
         tree = scenario.with_settings(tree=None).grown_tree()
         tree.reserve(FULLER * tree.size)
-    return replace(world, scenario=scenario, driver=scenario.driver(tree))
-
-
-def _theirs(name: str) -> Any:
-    """Return an attribute of the policy that decides now."""
-    return property(lambda live: getattr(live.built.driver, name))
+    return World(scenario, scenario.driver(tree))
 
 
 class Live(Policy):
@@ -72,7 +88,9 @@ class Live(Policy):
             does not depend on the machine [s]; None: it takes over when it is ready.
     """
 
-    tree, run, path_integral, homology = map(_theirs, ("tree", "run", "path_integral", "homology"))
+    tree, run, path_integral, homology = (
+        cast(Any, property(attrgetter(f"built.driver.{name}"))) for name in ("tree", "run", "path_integral", "homology")
+    )
 
     def __init__(self, built: World, tell: Callable[[str], object], latency: float | None) -> None:
         self.built, self._tell, self._latency = built, tell, latency
@@ -93,8 +111,7 @@ class Live(Policy):
         """Decide at state x (n,), in a new world if one is ready and has a path to the goal from there."""
         now = self.run.time
         try:
-            ready = self._ready(now)
-            if ready is not None:
+            if (ready := self.ready(now)) is not None:
                 ready.driver.begin(x, now)
                 plan = ready.driver.plan(x, left)
                 self.built = ready
@@ -103,21 +120,16 @@ class Live(Policy):
             self._tell(f"{error}; the drive goes on as planned before")
         return self.built.driver.plan(x, left)
 
-    def catch_up(self) -> None:
-        """Wait for the requested world, and take it.
+    def ready(self, now: float) -> World | None:
+        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait.
 
         Raises:
             SceneError, OptionError: nothing can be planned there.
         """
-        self.built = self._ready(inf) or self.built
-
-    def _ready(self, now: float) -> World | None:
-        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait."""
         if self._requested is None:
             return None
         at, future = self._requested
-        late = now == inf or (future.done() if self._latency is None else now >= at + self._latency - 1e-9)
-        if not late:
+        if now < inf and not (future.done() if self._latency is None else now >= at + self._latency - 1e-9):
             return None
         self._requested = None
         return future.result()
@@ -145,7 +157,11 @@ class InteractivePlant(Executor):
         self._push: Push | None = None
         scenario, model = world.scenario, world.scenario.loaded.model
         self._robot = int(model.body(ROBOT).id)
-        self.rows = {name: int(model.body_mocapid[body]) for name, body in loose_bodies(model).items()}
+        own = {mover.name for mover in world.scene.movers}  # those go where their motions say
+        bodies = {name: body for name, body in loose_bodies(model).items() if name not in own}
+        self.rows = {name: int(model.body_mocapid[body]) for name, body in bodies.items()}
+        self._home = model.key_mpos[0].reshape(-1, 3)  # where a reset puts bodies [m]
+        self._home[self.rows[GOAL], :2] = world.scene.goal.center
         model.geom_size[model.geom(PREFIX + GOAL).id, 0] = world.scene.goal.radius
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
@@ -158,11 +174,9 @@ class InteractivePlant(Executor):
         """Start at a state (n,) at a time [s]; whatever has been moved stays there."""
         super().reset(state, time)
         self._push = None
-        for name, place in self.world.places.items():
-            self.data.mocap_pos[self.rows[name], :2] = place
         self._show()
 
-    def advance(self, control_at: Callable[[Array, float], Array], rng: np.random.Generator) -> Any:
+    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
         if self.time > 0.0:  # before, a run in real time only tries everything once
             self.take_note()
@@ -184,16 +198,42 @@ class InteractivePlant(Executor):
                 return
         else:
             try:
-                self.world = self.world.after(event, self.state)
-            except OptionError as error:
-                self._tell(str(error))
+                scenario = self.world.scenario
+                scenario = self._moved(event) if isinstance(event, Move) else scenario.with_settings(noise=event.noise)
+            except PirrhtError as error:
+                self._tell(f"{event}: {error}")
                 return
-            self.enter(self.world.scenario.problem)
-            if isinstance(event, Move):
-                self.data.mocap_pos[self.rows[event.what], :2] = self.world.places[event.what]
+            self.world = World(scenario, self.world.driver)
+            self.enter(scenario.problem)
             self._live.request(self.world, self.time)
         self.done.append(event)
         self._tell(f"{event} at {self.time:.2f} s")
+
+    def _moved(self, event: Move) -> Scenario:
+        """Put a body elsewhere, and return the scenario then; SceneError or OptionError if that cannot be."""
+        if (row := self.rows.get(event.what)) is None:
+            raise OptionError(f'there is no "{event.what}" that could be moved; there are {", ".join(self.rows)}')
+        x, s, states = self.state, self.world.scenario, self.world.scenario.system.states
+        shift = np.array([*event.to, 0.0])
+        if not event.relative:
+            shift[:2] -= self.data.mocap_pos[row, :2]
+        heading = float(x[states.index("heading")]) if "heading" in states else 0.0
+        start = np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
+        scene, loaded = replace(self.world.scene, start=start), s.loaded
+        if event.what == GOAL:
+            scene = replace(scene, goal=Goal(center=scene.goal.center + shift[:2], radius=scene.goal.radius))
+        else:
+            bodies = self._model.body_rootid[self._model.geom_bodyid[loaded.obstacle_geoms & ~loaded.moving_geoms]]
+            pairs = zip(scene.obstacles, self._model.body_mocapid[bodies] == row, strict=True)
+            obstacles = (replace(o, position=o.position + shift) if is_it else o for o, is_it in pairs)
+            scene = replace(scene, obstacles=tuple(obstacles))
+        clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
+        for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
+            if clearance <= 0.0:
+                raise OptionError(f"that is on top of {place}, or too close; it stays where it was")
+        self.data.mocap_pos[row] += shift
+        self._home[row] = self.data.mocap_pos[row]
+        return replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, under a push if somebody pushes."""
@@ -253,7 +293,7 @@ class Play:
         start = self.scenario.start if home else self.plant.state
         self.plant.reset(start, self.plant.time)
         self.plant.take_note()
-        self.live.catch_up()
+        self.live.built = self.live.ready(inf) or self.live.built
         return start
 
     def close(self) -> None:

@@ -18,8 +18,8 @@ import numpy as np
 
 from pirrht.errors import OptionError
 from sim.mjcf.dressed import dress
-from sim.play.drive import ROBOT, SHOWN, InteractivePlant
-from sim.play.events import Event, Move, Noise, Push, loose_bodies
+from sim.play.drive import ROBOT, SHOWN, InteractivePlant, loose_bodies
+from sim.play.events import Event, Move, Noise, Push
 
 REFRESH = 1.0 / 60.0  # [s]
 PATIENCE = 3.0  # with a window that is to close [s]

@@ -68,10 +68,10 @@ def check_installed(option: str) -> None:
         )
 
 
-def check_display() -> None:
+def check_display(what: str = "--view", remedy: str = "use --record FILE.rrd and open it elsewhere") -> None:
     """Make sure that there is a display to show a viewer on; the OptionError names another way."""
     if sys.platform.startswith("linux") and not (os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")):
-        raise OptionError("--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere")
+        raise OptionError(f"{what} needs a display, and there is none; {remedy}")
 
 
 def spawn() -> str:

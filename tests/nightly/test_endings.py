@@ -20,56 +20,41 @@ COMMANDS = {  # none ends by itself within a minute
     "run": ["run", "slit", "--vertices", "100", "--samples", "20000"],
 }
 
-AFTER = """
+STOPPED = """
 import os, signal, sys, threading
 signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
 import sim.cli
-how, after = int(sys.argv.pop(1)), float(sys.argv.pop(1))
+how, imports, after = int(sys.argv.pop(1)), int(sys.argv.pop(1)), float(sys.argv.pop(1))
+def hook(event, _):
+    global imports
+    imports -= event == "import"
+    if imports == 0:
+        imports = -1
+        signal.raise_signal(how)
+if imports:
+    sys.addaudithook(hook)
 timer = threading.Timer(after, os.kill, [os.getpid(), how])
 timer.daemon = True
 timer.start()
 sys.exit(sim.cli.main())
 """
-
-AT_IMPORT = """
-import signal, sys
-import sim.cli
-left = int(sys.argv.pop(1))
-def hook(event, _):
-    global left
-    left -= event == "import"
-    if left == 0:
-        left = -1
-        signal.raise_signal(signal.SIGINT)
-sys.addaudithook(hook)
-sys.exit(sim.cli.main())
-"""
-
-
-def done(script: str, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", script, *words]
-    return subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
+SAID = {2: "interrupted", 15: "terminated", 1: "the terminal was closed"}
+TIMES = first([(0.3, 2), (4, 15), (3, 2), (0.3, 15), (4, 1)], 2)
 
 
 # -- signals -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [1, 2, 20, 200, 600, 1000])
-def test_ctrl_c_while_modules_are_imported_ends_without_a_traceback(number: int):
-    """Before there is anything to clean up the system ends the process, which shells call 130 as well."""
-    ran = done(AT_IMPORT, str(number), *COMMANDS["plan"])
-    assert ran.returncode in (130, -signal.SIGINT)
-    assert ran.stderr in ("", "pirrht: interrupted\n")
-
-
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize(("after", "how"), first([(0.3, 2), (4, 15), (3, 2), (0.3, 15), (4, 1)], 2))
+@pytest.mark.parametrize(("after", "how"), [*((imports, 2) for imports in (-1, -2, -20, -200, -600, -1000)), *TIMES])
 def test_a_signal_ends_a_command_with_its_status_and_one_line(command: str, after: float, how: int):
-    ran = done(AFTER, str(how), str(after), *COMMANDS[command])
+    """After some seconds, or as a module is imported: before there is anything to clean up the system ends it."""
+    when = (str(max(0, -after)), str(after if after > 0 else 1000))
+    words = [sys.executable, "-c", STOPPED, str(how), *when, *COMMANDS[command]]
+    ran = subprocess.run(words, env=environment(), capture_output=True, text=True, timeout=300)
     assert ran.returncode in (128 + how, -how if after < 1 else 128 + how)
-    said = {2: "interrupted", 15: "terminated", 1: "the terminal was closed"}[how]
     lines = [line for line in ran.stderr.splitlines() if "compiling kernels" not in line]
-    assert lines == ([] if ran.returncode < 0 else [f"pirrht: {said}"])
+    assert lines == ([] if ran.returncode < 0 else [f"pirrht: {SAID[how]}"])
 
 
 # -- outputs -----------------------------------------------------------------------------------------------------

@@ -114,29 +114,23 @@ def test_a_report_shows_the_users_method_next_to_ours(swept, tmp_path, capsys):
     Dataset(tmp_path / "new").check({"plan_seed": 0}, {})
 
 
-def test_runs_that_are_there_are_refused_and_replaced_only_on_demand(swept):
-    gym.score(ahead, seeds=range(2), method="mine", into=swept, **FAST)
+def test_runs_that_are_there_are_refused_and_replaced_only_on_demand_and_none_is_lost_by_a_failure(swept):
     driven = []
 
     def other(x):
         driven.append(x)
         return np.array([-0.5, 0.0])
 
+    with pytest.raises(OptionError, match="seed 2"):
+        gym.score(lambda seed: ahead if seed < 2 else lambda x: x * np.nan, seeds=range(5), method="mine", anew=True,
+                  into=swept, **FAST)  # fmt: skip
+    assert sorted(mine(swept)) == [0, 1]
     with pytest.raises(OptionError, match=r"holds 1 of these runs already \(method 'mine', seed 1\).* again=True"):
         gym.score(other, seeds=[1, 2], method="mine", into=swept, **FAST)
     assert not driven  # refused before anything is driven
     scored = gym.score(other, seeds=[1, 2], method="mine", into=swept, again=True, **FAST)
     assert [mine(swept)[seed]["cost"] for seed in (1, 2)] == [r["cost"] for r in scored]
     assert sorted(mine(swept)) == [0, 1, 2]
-
-
-def test_a_policy_that_fails_loses_no_finished_run(swept):
-    def some(seed):
-        return (lambda x: np.full(2, np.nan)) if seed == 2 else ahead
-
-    with pytest.raises(OptionError, match="seed 2"):
-        gym.score(some, seeds=range(5), method="mine", anew=True, into=swept, **FAST)
-    assert sorted(mine(swept)) == [0, 1]
 
 
 @pytest.mark.parametrize(

@@ -96,20 +96,6 @@ def test_a_tree_with_another_source_of_randomness_is_not_saved(slit: Scenario):
         packed(tree)
 
 
-def test_an_old_tree_stays_until_the_new_one_is_whole(slit: Scenario, saved: bytes, tmp_path: Path, monkeypatch):
-    file = tmp_path / "tree.npz"
-    file.write_bytes(saved)
-
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(OptionError, match="No space left"):
-        tree_file.save(grown(slit, 20), file)
-    assert file.read_bytes() == saved
-    assert [p.name for p in tmp_path.iterdir()] == ["tree.npz"]
-
-
 # -- command line ------------------------------------------------------------------------------------------------
 
 
