@@ -19,9 +19,8 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drive.episode import Frame
-from sim.drive.realtime import CLOCKED
-from sim.drive.truth import Truth
+from sim.drive.episode import CLOCKED, Frame
+from sim.drive.metrics import Truth
 from sim.mjcf import Loaded
 from sim.recording import viewer
 from sim.recording.layout import layout

@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.drive.episode import Frame
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording.columns import cells
 from sim.recording.reasons import arriving
 

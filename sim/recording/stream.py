@@ -20,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from pirrht.errors import OptionError
-from sim.drive.realtime import IDLE, LONGEST_WAIT
+from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 

@@ -32,7 +32,7 @@ import rerun as rr
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.motions import Mocap
 from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
 from sim.recording.columns import COMPONENTS

@@ -10,7 +10,7 @@ import pytest
 from drives import Drive
 
 from sim.cli import main
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording import export
 from sim.recording.columns import described
 

@@ -9,7 +9,7 @@ import pytest
 from drives import Drive, columns
 
 from pirrht.errors import OptionError
-from sim.drive.realtime import CLOCKED
+from sim.drive.episode import CLOCKED
 from sim.recording import viewer
 from sim.recording.recorder import NAP, ROOM
 from sim.recording.stream import ToViewer
