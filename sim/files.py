@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from pirrht.errors import OptionError, SceneError, printable
+from pirrht.errors import OptionError, printable
 
 SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
 
@@ -25,16 +26,14 @@ class Draft:
     """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
 
     def __init__(self, path: Path) -> None:
-        self.target = Path(os.path.realpath(path))  # links are followed
-        prefix = f".{self.target.name[:SHOWN]}."
-        self.handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=self.target.parent)  # open for writing
-        self.file = Path(name)
+        self.target = Path(os.path.realpath(path))
+        self.file = self.target.with_name(f".{self.target.name[:SHOWN]}.{token_hex(4)}.part")
+        self.handle = os.open(self.file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)  # open for writing
 
     def publish(self) -> None:
         """Take the target's place, with its permissions or, if there is none, those of any new file."""
-        os.umask(mask := os.umask(0))
-        mode = stat.S_IMODE(self.target.stat().st_mode) if self.target.exists() else 0o666 & ~mask
-        os.chmod(self.file, mode)
+        if self.target.exists():
+            shutil.copymode(self.target, self.file)
         os.replace(self.file, self.target)
 
     def discard(self) -> None:
@@ -48,9 +47,7 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
     """Yield a stream whose content becomes that of a file; after a failure the old file stays.
 
     What is no regular file, such as /dev/null or a pipe, and what standard output goes to is written to at the end.
-
-    Raises:
-        OptionError: it cannot be written; names the option.
+    OptionError: it cannot be written; names the option.
     """
     try:
         if takes_as_it_comes(path):
@@ -107,29 +104,8 @@ def why_unreadable(path: Path) -> str | None:
     return None if os.access(path, os.R_OK) else "may not be read"
 
 
-def read_bounded(path: Path, most: int, what: str, remedy: str) -> bytes:
-    """Read a file of at most so many bytes.
-
-    Raises:
-        SceneError: it cannot be read, and what to give instead, or it is larger, and what to do about that.
-    """
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(most + 1)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give {what}") from None
-    if len(content) > most:
-        raise SceneError(f"{path}: larger than {most >> 20} MiB; {remedy}")
-    return content
-
-
 def check_writable(path: Path, option: str) -> None:
-    """Refuse an output path before any work is done.
-
-    Raises:
-        OptionError: the name is none that the system takes, the folder is missing or may not be written to, or the
-            path is a folder or a disk.
-    """
+    """Refuse an output path before any work is done, by OptionError: a folder, a disk, one that cannot be made."""
     try:
         str(path).encode()
         mode = os.stat(path).st_mode

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError, printable
-from sim import options
 from sim.cli import parser, plan_command, run_command, tables
 from sim.cli.plan_command import notice
 from sim.files import check_writable, path_text, refused, replaced, write_json
@@ -84,8 +83,9 @@ def sweep(arguments: argparse.Namespace) -> int:
     """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
     from sim.report import summary, wording
     from sim.sweeps import sweep as engine
+    from sim.sweeps.grid import parse
 
-    grid = grid_of(arguments)
+    grid = parse(vars(arguments))
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
@@ -118,14 +118,6 @@ def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
     if len(known) > SHOWN_ERRORS:
         lines.append(f"  and {counted(len(known) - SHOWN_ERRORS, 'other error')}")
     return lines + (["the same command with --again repeats them"] if stored else [])
-
-
-def grid_of(arguments: argparse.Namespace) -> Any:
-    """The grid of a command line."""
-    from sim.sweeps import grid
-
-    given = vars(arguments)
-    return grid.parse(given, options.scene_options(given), options.settings("sweep", given))
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:

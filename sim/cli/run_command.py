@@ -25,10 +25,7 @@ from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
 from sim.text import say
 
-NO_DISPLAY = (
-    "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done and "
-    "--serve to watch in a browser"
-)
+HEADLESS = "use --headless, with --script FILE for what is done and --serve to watch in a browser"
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
 Observer = Callable[[Frame], object]
 
@@ -41,28 +38,27 @@ def run(arguments: argparse.Namespace) -> int:
     samples, lift = arguments.record_samples, arguments.record_lift
     look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
     look.check(scenario.space)
-    film, truth, recorder = None, None, None
+    film = recorder = None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
         film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
-    if arguments.truth:
-        with Progress("exact value") as solved:
-            truth = scenario.truth(solved.to)
+    with Progress("exact value") as bar:
+        truth = scenario.truth(bar.to) if arguments.truth else None
     tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
     if references:
         print(tables.class_table(references, scenario.homology))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
-    with Progress("exact value") as solved:
-        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, solved.to)
+    with Progress("exact value") as bar:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, bar.to)
     rehearse(scenario, driving=True)
     notice().finish()
     observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
     with ExitStack() as stack:
         if sinks:
             recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
-            observers.insert(0, lambda frame: recorder.log(frame, frame.news, frame.truth))
+            observers.append(lambda frame: recorder.log(frame, frame.news, frame.truth))
             if recorder.server is not None:
                 print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
         observers.append(stack.enter_context(Bar("run", scenario.settings.max_time, "s")).show)
@@ -126,7 +122,6 @@ def _sinks(arguments: argparse.Namespace) -> Any:
 
 
 def _recorder(scenario: Any, driver: Any, sinks: Any, **more: Any) -> Any:
-    """Return the recorder of a run."""
     from sim.recording.recorder import Recorder
 
     shown = (scenario.loaded, driver.tree, driver.path_integral, sinks)
@@ -141,10 +136,7 @@ def play(arguments: argparse.Namespace) -> int:
 
     script = events.read(arguments.script) if arguments.script is not None else ()
     if not arguments.headless:
-        try:
-            viewer.check_display()
-        except OptionError:
-            raise OptionError(NO_DISPLAY) from None
+        viewer.check_display("play opens a window, which", HEADLESS)
     _sinks(arguments)
     scenario = scenario_of(arguments, loose=True)
     settings = scenario.settings
@@ -168,13 +160,12 @@ def play(arguments: argparse.Namespace) -> int:
         if screen is not None:
             stack.callback(screen.close)
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
-        live = Live(arguments, game)
-        stack.callback(live.close)
-        closed = bool if screen is None else lambda: not screen.open
-        last, start = None, None
+        live = stack.enter_context(closing(Live(arguments, game)))
+        start = None
         while True:
-            last = _driven(game.drive(start), [live.log], closed) or last
-            if screen is None or (start := _next_start(game, screen, last)) is None:
+            last = _driven(game.drive(start), [live.log], bool if screen is None else lambda: not screen.open)
+            start = None if screen is None else _next_start(game, screen, last)
+            if start is None:
                 break
     if last is None:
         return 1
@@ -193,19 +184,17 @@ def _next_start(game: Any, screen: Any, last: Frame | None) -> Any:
     """
     from sim.play import events
 
+    screen.home = False
     if screen.open:
         tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
-    screen.home = False
     while screen.open:
         time.sleep(POLL)
-        moved = any(isinstance(one, events.Move) and one.what == events.GOAL for one in tuple(game.plant.asked))
-        if not (moved or screen.home):
-            continue
-        try:
-            return game.again(home=screen.home or (last is not None and last.outcome is Outcome.COLLISION))
-        except PirrhtError as error:
-            tqdm.write(str(error))
-            screen.home = False
+        if screen.home or any(isinstance(e, events.Move) and e.what == events.GOAL for e in tuple(game.plant.asked)):
+            try:
+                return game.again(home=screen.home or (last is not None and last.outcome is Outcome.COLLISION))
+            except PirrhtError as error:
+                tqdm.write(str(error))
+                screen.home = False
     return None
 
 
@@ -215,12 +204,9 @@ class Live:
     def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
         from sim.recording import viewer
 
-        self._game = game
+        self._game, self._recorders = game, list[Any]()
         self._space: Any = None
-        self._recorders: list[Any] = []
-        self._urls = [] if arguments.connect is None else [arguments.connect]
-        if arguments.view:
-            self._urls.append(viewer.spawn())
+        self._urls = [arguments.connect, viewer.spawn() if arguments.view else None]
         if arguments.serve:
             self._server = viewer.Server.start()
             self._urls.append(self._server.url)
@@ -235,11 +221,13 @@ class Live:
         """Show a control step, and its news on the terminal."""
         if frame.news:
             tqdm.write(frame.news)
-        if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
+        space, world = frame.plan.space, self._game.live.built
+        if any(self._urls) and space is not None and space is not self._space:
             from sim.recording.options import Sinks
 
             self.close()
-            built, self._space = self._game.live.built, frame.plan.space
-            self._recorders = [_recorder(built.scenario, built.driver, Sinks(connect=url)) for url in self._urls]
+            self._space = space
+            sinks = [Sinks(connect=url) for url in self._urls if url]
+            self._recorders = [_recorder(world.scenario, world.driver, one) for one in sinks]
         for recorder in self._recorders:
             recorder.log(frame, frame.news)

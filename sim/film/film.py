@@ -22,7 +22,7 @@ from sim.files import replaced
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.motions import Mocap
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second
@@ -69,8 +69,9 @@ class Film:
         self._stance, self._colors = Stance(loaded.model, loaded.states), ClassColors()
         self._mocap = Mocap(loaded.model, scene.movers) if scene.movers else None
         self._path: list[Array] = []  # rows of a time [s] and a state
-        self._plans: list[tuple[float, Plan]] = []
-        self._fans: list[tuple[float, dict[str, Fan]]] = []
+        self._times: list[float] = []  # of plans
+        self._plans: list[tuple[Plan, dict[str, Fan]]] = []
+        self._drawn = -np.inf  # time of the samples drawn last [s]
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
         """Take a control step in.
@@ -83,12 +84,13 @@ class Film:
             self._path.append(np.append(0.0, plan.state)[None])
         times = frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states))
         self._path.append(np.column_stack([times, states]))
-        self._plans.append((frame.time, plan))
-        if not self._fans or frame.time >= self._fans[-1][0] + FRESH - 1e-9:
-            found = {}
+        found = self._plans[-1][1] if self._plans else {}
+        if frame.time >= self._drawn + FRESH - 1e-9:
+            self._drawn, found = frame.time, {}
             if path_integral is not None and plan.estimate is not None:
                 found = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
-            self._fans.append((frame.time, found))
+        self._times.append(frame.time)
+        self._plans.append((plan, found))
         self._colors.meet(plan.ids)
 
     @property
@@ -137,12 +139,12 @@ class Film:
             self._mocap.place(self._data, now)
         mujoco.mj_forward(self._model, self._data)
         eye.pose(self._data)
-        plan = _latest(self._plans, time)
+        plan, samples = self._plans[int(np.searchsorted(self._times, time + 1e-9, side="right")) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
             self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
-        for name, fan in _latest(self._fans, time).items():  # the heavier the stronger; grey ones do not arrive
+        for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
             eye.thin(fan.strips, np.column_stack([np.tile(rgb(color), (len(opacity), 1)), opacity]))
@@ -160,11 +162,6 @@ class Film:
     def _line(self, points: Array, height: float, color: Color, radius: float) -> None:
         """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
         self._eye.line(np.column_stack([points, np.full(len(points), height)]), color, radius * self._thick)
-
-
-def _latest(rows: Sequence[tuple[float, Any]], time: float) -> Any:
-    """Return what belongs to the last row that has begun at a time [s]."""
-    return rows[int(np.searchsorted([begun for begun, _ in rows], time + 1e-9, side="right")) - 1][1]
 
 
 def _check(file: Path, option: str, ending: str, library: str) -> None:

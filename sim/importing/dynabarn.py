@@ -23,9 +23,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.solids import Solid, World, distinct, text
-from sim.mjcf.limits import FARTHEST, FINEST, content_of
-from sim.mjcf.refusals import listed
+from sim.importing.solids import Solid, World, distinct, text, transform
+from sim.mjcf.limits import FARTHEST, FINEST, content_of, listed
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
@@ -35,7 +34,7 @@ OPTIONS = {  # the benchmark's robot drives at most 2 m/s; its circumscribed rad
     **{"robot": "puck", "radius": "0.33", "noise": "0.05", "speed": "2", "margin": "0.1", "period": "0.1", "dt": "0.1"},
     **{"samples": "300", "limit": "0.8", "vertices": "2000", "classes": "8", "max_time": "100"},
 }
-WALLS = {"west": (-10, 0, 0.25, 10.25), "south": (0, -10, 10, 0.25), "north": (0, 10, 10, 0.25)}  # places, half sizes
+WALLS = {"west": (-10, 0, (0.25, 10.25)), "south": (0, -10, (10, 0.25)), "north": (0, 10, (10, 0.25))}  # and half sizes
 DEVIATION = 0.005  # of straight lines between rows from the spline, at the same time, at most [m]
 FINE = 256  # moments evaluated between two keys
 SPARE = 2e-4  # of the deviation is kept for what happens between those moments and for rounding [m]
@@ -63,14 +62,13 @@ def read(source: Path, number: str | None = None) -> World:
             f'<body name={label} mocap="true" pos="{text(*path[0, 1:], HALF_HEIGHT)}">\n      <geom name={label} '
             f'type="cylinder" size="{text(radius, HALF_HEIGHT)}" material="drum"/>\n    </body>'
         )
-    walls = []
-    for side, (x, y, *size) in WALLS.items():
-        pose = np.eye(4)
-        pose[:3, 3] = x, y, HALF_HEIGHT
-        walls.append(Solid(name=f"{side} wall", shape="box", size=np.array([*size, HALF_HEIGHT]), pose=pose))
+    walls = tuple(
+        Solid(f"{side} wall", "box", np.array([*half, HALF_HEIGHT]), transform(np.array([*at, HALF_HEIGHT, 0, 0, 0])))
+        for side, (*at, half) in WALLS.items()
+    )
     return World(
-        solids=tuple(walls), ground=np.array(ARENA), options=OPTIONS, custom=tuple(motions), bodies=tuple(bodies),
-        start=START, goal=GOAL,
+        solids=walls, ground=np.array(ARENA), options=OPTIONS, start=START, goal=GOAL, custom=tuple(motions),
+        bodies=tuple(bodies),
     )  # fmt: skip
 
 
@@ -129,19 +127,18 @@ def rows(keys: Array) -> Array:
     times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
     path = np.column_stack([times, place(keys, times)])
     path[::FINE] = keys
-    kept, last = [0], len(path) - 1
+    kept = [0]
 
     def close(end: int) -> bool:
-        piece = path[kept[-1] : end + 1]
-        shares = (piece[:, :1] - piece[0, 0]) / (piece[-1, 0] - piece[0, 0])
-        off = piece[:, 1:] - (piece[0, 1:] + shares * (piece[-1, 1:] - piece[0, 1:]))
-        return bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
+        piece = path[kept[-1] : end + 1] - path[kept[-1]]
+        off = piece[:, 1:] - piece[:, :1] / piece[-1, 0] * piece[-1, 1:]
+        return end < len(path) and bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
 
-    while kept[-1] < last:
-        good, step, growing = kept[-1] + 1, 1, True
-        while step:
-            fits = good + step <= last and close(good + step)
-            good, growing = good + step * fits, growing and fits
-            step = 2 * step if growing else step // 2
+    while kept[-1] < len(path) - 1:
+        good, step = kept[-1] + 1, 1
+        while close(good + step):
+            good, step = good + step, 2 * step
+        while step := step // 2:
+            good += step * close(good + step)
         kept.append(good)
     return path[kept]

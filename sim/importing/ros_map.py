@@ -20,13 +20,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
 from sim.files import why_unreadable
-from sim.importing.solids import Solid, World
+from sim.importing.solids import Solid, World, transform
 from sim.mjcf.limits import FARTHEST, MOST_PIXELS, content_of
 
 UNKNOWN = ("occupied", "free")
@@ -59,15 +58,12 @@ class Map:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
         x, y, yaw = self.origin
-        turn = Rotation.from_euler("z", yaw).as_matrix()
-        solids = []
+        frame, solids = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw])), []
         for number, piece in enumerate(cover(blocked), start=1):
             r0, r1, c0, c1 = self.resolution * piece
-            pose = np.eye(4)
-            pose[:3, :3] = turn
-            pose[:3, 3] = (x, y, 0.0) + turn @ ((c0 + c1) / 2, (r0 + r1) / 2, HEIGHT / 2)
-            size = np.array([c1 - c0, r1 - r0, HEIGHT]) / 2
-            solids.append(Solid(name=f"wall {number}", shape="box", size=size, pose=pose))
+            pose = frame.copy()
+            pose[:, 3] = frame @ ((c0 + c1) / 2, (r0 + r1) / 2, 0.0, 1.0)
+            solids.append(Solid(f"wall {number}", "box", np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose))
         high, wide = self.resolution * np.array(blocked.shape)
         border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
         return World(kind="map", solids=tuple(solids), ground=border, notes=self.notes)

@@ -15,15 +15,13 @@ from pathlib import Path
 from typing import NoReturn
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.meshes import split
 from sim.importing.sdf_files import read_world
-from sim.importing.solids import Solid, World, part_solid
-from sim.mjcf.limits import FARTHEST, FINEST, MOST_NESTED
-from sim.mjcf.refusals import listed
+from sim.importing.solids import Solid, World, part_solid, transform
+from sim.mjcf.limits import FARTHEST, FINEST, MOST_NESTED, listed
 
 _SHAPES = {  # measures of a geometry, and how many numbers each has
     "box": (("size", 3),),
@@ -137,7 +135,7 @@ class _Reader:
             solids = [part_solid(name, pose, corners) for corners in parts]
         else:
             size = np.concatenate([self._measure(collision, shape, *one) for one in _SHAPES[shape.tag]])
-            solids = [Solid(name=name, shape=shape.tag, size=size * _HALVES.get(shape.tag, 1.0), pose=pose)]
+            solids = [Solid(name, shape.tag, size * _HALVES.get(shape.tag, 1.0), pose)]
         for solid in solids:
             if np.any(np.abs(solid.pose) > FARTHEST):
                 self._noted["lost"][name] = 0.0
@@ -185,15 +183,6 @@ def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | Non
     if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
         return None
     return values if np.all(np.abs(values) <= most) else None
-
-
-def transform(values: Array, *, degrees: bool = False) -> Array:
-    """The matrix (4, 4) of x, y, z [m] and roll, pitch, yaw (6,) about fixed axes, or a quaternion x, y, z, w (7,)."""
-    by_angles = len(values) == 6
-    turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
-    matrix = np.eye(4)
-    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
-    return matrix
 
 
 class Frames:

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 
 FLAT = 1e-3  # least thickness of a part of a mesh [m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Solid:
     """One collision shape, fixed in the world."""
 
@@ -49,9 +50,9 @@ class World:
 def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
     """Make a solid of a convex part of a mesh, which is a box if it can be."""
     box = as_box(vertices)
-    if box is None:
-        return Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=vertices)
-    return Solid(name=name, shape="box", size=box[1], pose=pose @ box[0])
+    return (
+        Solid(name, "mesh", np.zeros(3), pose, vertices) if box is None else Solid(name, "box", box[1], pose @ box[0])
+    )
 
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:
@@ -70,6 +71,15 @@ def as_box(corners: Array) -> tuple[Array, Array] | None:
     second /= np.linalg.norm(second)
     pose[:3] = np.column_stack([axes[0], second, np.cross(axes[0], second), corners.mean(axis=0)])
     return pose, sizes / 2
+
+
+def transform(values: Array, *, degrees: bool = False) -> Array:
+    """The matrix (4, 4) of x, y, z [m] and roll, pitch, yaw (6,) about fixed axes, or a quaternion x, y, z, w (7,)."""
+    by_angles = len(values) == 6
+    turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
+    return matrix
 
 
 def distinct(names: Iterable[str], taken: Collection[str]) -> Iterator[str]:

@@ -167,7 +167,7 @@ def test_without_a_display_one_line_says_what_would_work(monkeypatch, capsys):
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     assert main(["play", "slit"]) == 2
-    assert re.fullmatch(r".*no display.*--headless.*\n", capsys.readouterr().err)
+    assert re.fullmatch(r".*needs a display.*--headless.*\n", capsys.readouterr().err)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sim.importing.sdf import Frames, transform
+from sim.importing.sdf import Frames
+from sim.importing.solids import transform
 
 lengths = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3)
 angles = st.lists(st.floats(-7.0, 7.0), min_size=3, max_size=3)
