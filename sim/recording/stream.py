@@ -125,8 +125,8 @@ class ToFile:
         self.deliver(stream)
         stream.native.disconnect()
         self._publish()
-        if self._old is not None:
-            with suppress(OSError):
+        with suppress(OSError):
+            if self._old is not None:
                 self._old.unlink()
 
     def abandon(self) -> None:
