@@ -1,14 +1,19 @@
-"""What objects look like at the prompt: a line each, pictures where matplotlib is."""
+"""What objects look like at the prompt and in `help`: a line each, pictures, examples that run, shapes and units."""
 
 from __future__ import annotations
 
+import doctest
+import inspect
+import re
 import sys
+from dataclasses import fields
 
 import matplotlib
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+import pirrht
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
@@ -87,3 +92,48 @@ def test_outlines_are_convex_hulls_seen_from_above(kind):
     ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
     assert np.all(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0] > 0)  # it turns left at every corner
     assert ConvexHull(corners).volume == pytest.approx(ConvexHull(points).volume, rel=1e-9)
+
+
+# -- help ----------------------------------------------------------------------------------------------------------
+
+EXAMPLES = [pirrht, pirrht.Problem, pirrht.Goal, pirrht.Scene, pirrht.Sampling, pirrht.HomologyTree, pirrht.Controller]
+TOLD = [pirrht.Problem, pirrht.Scene, pirrht.Goal, pirrht.Obstacle, pirrht.Sampling, pirrht.Estimate, pirrht.Plan]
+UNIT = re.compile(r"\[[^]]+\]")
+
+
+@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario], ids=lambda entry: entry.__name__)
+def test_the_example_in_a_docstring_gives_what_it_says(entry):
+    said = inspect.getdoc(entry)
+    example = doctest.DocTestParser().get_doctest(said, {}, entry.__name__, None, None)
+    assert example.examples
+    results = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(example)
+    assert results.attempted > 0
+    assert results.failed == 0
+
+
+def attributes(entry: type) -> dict[str, str]:
+    """What a docstring's section on attributes says of each."""
+    section = re.search(r"\nAttributes:\n(.*?)(\n\n|\Z)", inspect.getdoc(entry) + "\n\n", re.S)
+    assert section
+    found = re.findall(r"^    (\w+): (.*?)(?=^    \w+: |\Z)", section[1] + "\n", re.S | re.M)
+    return dict(found)
+
+
+@pytest.mark.parametrize("entry", TOLD, ids=lambda entry: entry.__name__)
+def test_help_tells_every_field_and_no_other(entry):
+    assert list(attributes(entry)) == [field.name for field in fields(entry)]
+
+
+@pytest.mark.parametrize("entry", TOLD, ids=lambda entry: entry.__name__)
+def test_help_tells_the_shape_and_unit_of_every_array(entry):
+    told = attributes(entry)
+    plain = {"rotation", "weight", "proposal_weights", "faces", "state"}  # axes, shares and indices have no unit
+    for field in fields(entry):
+        if re.search(r"\bArray\b|NDArray", str(field.type)):
+            assert re.search(r"\((\w|\+)+,( \w+)*\)|\(\w+, \w+\)", told[field.name]), field.name
+            assert UNIT.search(told[field.name]) or field.name in plain, field.name
+
+
+@pytest.mark.parametrize("name", ["q", "phi", "temperature"])
+def test_help_tells_the_units_of_costs(name):
+    assert re.search(r"\[cost(/s)?\]", attributes(pirrht.Problem)[name])
