@@ -14,7 +14,7 @@ from trees import grown
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.planner.expand import PassageSampler
-from pirrht.planner.graph import Graph, class_at
+from pirrht.planner.graph import ROOT, Graph, class_at
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.dubins import Dubins
 from pirrht.steering.steering import Steering
@@ -224,3 +224,17 @@ def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering:
     if 0 < classes < 8:
         assert tree.graph.pruned[0] > 0
     assert tree.node_count > tree.size or classes == 1
+
+
+@pytest.mark.parametrize(("steering", "classes"), CASES)
+def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
+    tree = grown(space, steering, 150, seed=4, classes=classes)
+    gr = tree.graph
+    for v in range(tree.size):
+        for slot in range(int(gr.nodes[v])):
+            e, turns = gr.parent[v, slot], class_at(gr, v, slot)
+            parent = 0.0 if e == ROOT else nodes(tree, int(gr.head[e]))[tuple(turns - added(gr, e))] + gr.edge_cost[e]
+            assert (e == ROOT) == tree.in_goal[v]
+            assert e == ROOT or gr.tail[e] == v
+            assert gr.cost[v, slot] == pytest.approx(parent, abs=1e-9)
+            assert gr.key[v, slot] == tree.space.homology.key(turns)
