@@ -15,7 +15,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
 from sim.drawing.sides import passing
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
 

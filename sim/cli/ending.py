@@ -75,7 +75,7 @@ def _explained(error: BaseException) -> tuple[int, str] | None:
         return 0, ""
     if isinstance(error, OSError):
         return BAD_INPUT, f"{error.filename or 'standard output'}: {error.strerror or error}"
-    systems = sys.modules.get("sim.systems.registry")
+    systems = sys.modules.get("sim.systems")
     blamed = None if systems is None or not isinstance(error, Exception) else systems.blamed(error)
     return None if blamed is None else (BAD_INPUT, blamed)  # of no system of the user's, so it is ours
 

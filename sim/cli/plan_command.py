@@ -20,7 +20,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim import options, tree_file
 from sim.cli import tables
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.files import path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare

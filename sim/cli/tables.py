@@ -12,9 +12,8 @@ from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import title
 from sim.drawing.sides import passing
-from sim.drive import realtime
-from sim.drive.metrics import EpisodeMetrics
-from sim.drive.truth import Truth
+from sim.drive import episode
+from sim.drive.metrics import EpisodeMetrics, Truth
 from sim.scenario import Scenario
 from sim.text import counted, say, table
 
@@ -156,7 +155,7 @@ def summary(run: EpisodeMetrics) -> None:
         say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
             f"the weakest on {weakest}: a guess; try more --samples")  # fmt: skip
     if run.real_time is not None:
-        say(realtime.summary(run.real_time))
+        say(episode.summary(run.real_time))
     say(f"{counted(run.steps, 'control step')}: median {run.step_ms['median']:.1f} ms, p95 {run.step_ms['p95']:.1f}, "
         f"max {max(later, default=first):.1f} after the first's {first:.1f}, {run.deadline_misses} {late}")  # fmt: skip
     if (truth := run.truth) is not None:

@@ -73,7 +73,12 @@ def worded(
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
     found = {}
     for name, mine in windings.items():
-        told, by = _telling(mine, rivals), (passed or {}).get(name, ())
+        told, by = list[int](), (passed or {}).get(name, ())
+        differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
+        while len(differ):  # the fewest obstacles that tell it from all others, one by one
+            told.append(int(np.argmax(differ.sum(axis=0))))
+            differ = differ[~differ[:, told[-1]]]
+        told.sort()
         turns = {names[k]: float(straight[k]) + mine[k] for k in told if k < len(names)}
         parts = [f"once round {name}" for name, turn in turns.items() if abs(turn) >= 1.0]
         left = [name for name, turn in turns.items() if -1.0 < turn < 0.0]
@@ -86,13 +91,3 @@ def worded(
         parts += [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]]
         found[name] = ", ".join(parts) or "straight ahead"
     return found
-
-
-def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
-    """The fewest obstacles that tell a class from all others, found one by one, in their order."""
-    told: list[int] = []
-    differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
-    while len(differ):
-        told.append(int(np.argmax(differ.sum(axis=0))))
-        differ = differ[~differ[:, told[-1]]]
-    return sorted(told)

@@ -20,7 +20,6 @@ from pirrht.topology.homology import Homology
 from sim.drawing.colors import Color
 
 Floats = NDArray[np.float32]
-Indices = NDArray[np.int64]
 DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 
@@ -114,21 +113,15 @@ def fans(
         chosen = {name: m[np.unique((rank * (len(m) - 1)).astype(np.int64))] for name, m in chosen.items()}
         length = max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
     top = max(float(estimate.weight.max()), np.finfo(float).tiny)  # earlier samples may have all the weight
-    drawn = {}
+    drawn, times = {}, estimate.rollouts.tables.times
     for name, group in chosen.items():
-        opacity = np.sqrt(estimate.weight[group[::-1]] / top)  # the heavy ones are drawn last, on top
-        strips, moments = _strips(path_integral, estimate, group[::-1], length)
-        strips[..., 2] += 0.02 * opacity[:, None].astype(np.float32)
-        drawn[name] = Fan(strips=strips, moments=moments, opacity=opacity)
+        states, steps = path_integral.replay.trace(estimate.rollouts, group[::-1])  # the heavy ones last, on top
+        opacity = np.sqrt(estimate.weight[group[::-1]] / top)
+        # Steps may be unequal; points are even in time.
+        at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
+        strips = lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
+        drawn[name] = Fan(strips=strips, moments=times[at], opacity=opacity)
     return drawn
-
-
-def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> tuple[Floats, Array]:
-    """Paths of chosen samples with `length` points each, (k, length, 3), and when they are there [s], (k, length)."""
-    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.tables.times  # steps may be unequal; points are even in time
-    at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
-    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
 
 
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:

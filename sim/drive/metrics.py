@@ -21,7 +21,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, RunState
-from pirrht.estimation.estimate import OTHER
+from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -30,7 +30,6 @@ from pirrht.topology.signature import class_id
 from sim.drawing.colors import title
 from sim.drive.executor import Advance, ClearanceChecker
 from sim.drive.result import FIGURES
-from sim.drive.truth import Truth
 
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]
@@ -84,6 +83,27 @@ def spread(problem: Problem, x: Array) -> float:
         return 0.0
     B = np.asarray(dynamics.B_c(x))[: 2 - dynamics.n + dynamics.rows]
     return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """Exact solution at one state."""
+
+    value: float  # v
+    control: Array  # u*, (m,)
+
+    @classmethod
+    def at(cls, grid: Desirability, x: Array, time: float = 0.0) -> Truth:
+        """Return value and control at state x (n,), and a time [s] that counts among moving obstacles."""
+        return cls(value=float(grid.value(x, time)), control=grid.control(x, time))
+
+    def errors(self, e: Estimate) -> tuple[float, float]:
+        """Subtract the exact value, and compute |u - u*|, for an estimate."""
+        return e.value - self.value, self.distance(e.control)
+
+    def distance(self, control: Array) -> float:
+        """|u - u*| of a control u (m,)."""
+        return float(np.linalg.norm(control - self.control))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

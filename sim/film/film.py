@@ -22,7 +22,7 @@ from sim.files import replaced
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.motions import Mocap
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second

@@ -8,7 +8,7 @@ so that a file that is there already is never replaced by a broken one.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -22,7 +22,7 @@ from pirrht.errors import OptionError, SceneError
 from sim.files import why_unreadable
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
-from sim.importing.solids import Solid, World, distinct, text
+from sim.importing.solids import World, distinct, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.limits import FARTHEST, FINEST, content_of
 
@@ -103,13 +103,13 @@ def import_world(
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
     if kind == "world" and content_of(source, what).lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
-    read: dict[str, Callable[[], World]] = {
+    readers: dict[str, Callable[[], World]] = {
         "motions": lambda: dynabarn.read(source, number),
         "map": lambda: ros_map.read_map(source).world(unknown or "occupied"),
         "mesh": lambda: meshes.read_mesh(source),
         "world": lambda: read_sdf(source, folders=models, without=without),
     }
-    world = read[kind]()
+    world = readers[kind]()
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     obstacles, movers = _write(scene, source, target, world.notes)
     turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
@@ -127,11 +127,8 @@ def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tupl
             try:
                 found = load(new).scene
             except SceneError as error:
-                raise SceneError(
-                    "; ".join(
-                        (f"{source}: {str(error).removeprefix(f'{new}: ').replace(str(new), 'as a scene')}", *notes)
-                    )
-                ) from None
+                reason = str(error).removeprefix(f"{new}: ").replace(str(new), "as a scene")
+                raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
             new.replace(target)
     except OSError as error:
         raise SceneError(f"{target}: cannot be written ({error.strerror}); choose another folder") from None
@@ -151,25 +148,29 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     half = (bounds[1::2] - bounds[::2]) / 2
     robot = "unicycle" if world.kind == "world" else ROVER
     options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_IMPORTED}
-    numerics = [
+    custom = [
         f'<{"text" if key == "robot" else "numeric"} name="pirrht_{key}" data="{value}"/>'
         for key, value in options.items()
     ]
-    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
-    lines = {"custom": [*numerics, *world.custom], "assets": filter(None, assets), "parts": [*geoms, *world.bodies]}
-    return Template(
-        (models_folder() / "templates" / "imported.xml").read_text()
-    ).substitute(
+    assets, geoms = [], []
+    for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
+        quaternion, called, shape = np.zeros(4), quoteattr(label), f'size="{text(*solid.size)}"'
+        mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
+        if solid.vertices is not None:
+            assets.append(f'<mesh name={called} vertex="{text(*solid.vertices.ravel())}"/>')
+            shape = f"mesh={called}"
+        geoms.append(
+            f'<geom name={called} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
+        )
+    lines = {"custom": [*custom, *world.custom], "assets": assets, "parts": [*geoms, *world.bodies]}
+    template = Template((models_folder() / "templates" / "imported.xml").read_text())
+    return template.substitute(
         {key: "\n".join(f"    {element}" for element in elements) for key, elements in lines.items()},
-        name=quoteattr(name),
-        centre=text(*(bounds[1::2] + bounds[::2]) / 2),
-        half=text(*half),
+        name=quoteattr(name), centre=text(*(bounds[1::2] + bounds[::2]) / 2), half=text(*half),
         height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
-        start=text(*place[:2]),
-        heading=text(*place[2:]) or "0",
-        goal=text(*disc[:2]),
-        radius=text(disc[2]),
-    )
+        start=text(*place[:2]), heading=text(*place[2:]) or "0", goal=text(*disc[:2]), radius=text(disc[2]),
+    )  # fmt: skip
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
@@ -192,18 +193,3 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, points
     if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
         raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
     return bounds
-
-
-def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
-    """Write each solid as MJCF: its mesh, if it is one, and its geom."""
-    for solid, name in zip(solids, distinct((solid.name for solid in solids), {"floor"}), strict=True):
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
-        label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
-        if solid.vertices is not None:
-            mesh, shape = f'<mesh name={label} vertex="{text(*solid.vertices.ravel())}"/>', f"mesh={label}"
-        yield (
-            mesh,
-            f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
-            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
-        )

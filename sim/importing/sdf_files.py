@@ -8,6 +8,7 @@ on this machine. An address that leads out of the searched folders is refused.
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
@@ -22,6 +23,7 @@ from pirrht.errors import SceneError
 from sim.mjcf.limits import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
+_FUEL = re.compile(r".*?/models/([^/]+)(?:/(?:[0-9]+|tip))?(?:/files)?(/.*)?", re.DOTALL)  # version, folders
 _ABOVE = 3  # folders from that of a file upward
 _INSIDE = ("", "models", "fuel_models")  # folders in each of them
 BUILT_IN = ("ground_plane", "sun")  # Gazebo's own models, which need no file: a scene has its floor anyway
@@ -165,13 +167,11 @@ class _Includes:
             return [rest, here] if found else [here]
         if scheme in ("model", "package"):
             return [rest.lstrip("/")]
-        name, *inner = rest.partition("/models/")[2].split("/")
-        if scheme not in ("http", "https") or not name:
+        fuel = _FUEL.fullmatch(rest)
+        if scheme not in ("http", "https") or fuel is None:
             self._refuse(uri, file, "names no model on this machine; write model://NAME")
-        if inner and (inner[0].isdigit() or inner[0] == "tip"):  # the version
-            inner = inner[1:]
-        inner = inner[1:] if inner[:1] == ["files"] else inner
-        return ["/".join((form, *inner)) for form in (name, name.lower(), name.lower().replace(" ", "_"))]
+        name, inner = fuel[1], fuel[2] or ""
+        return [form + inner for form in (name, name.lower(), name.lower().replace(" ", "_"))]
 
     def _roots(self, file: Path) -> list[Path]:
         parents = (folder for one in (file, self._source) for folder in _normal(one).parents[:_ABOVE])

@@ -11,7 +11,7 @@ import numpy as np
 
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec
-from sim.mjcf.refusals import listed
+from sim.mjcf.limits import listed
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody

@@ -1,4 +1,4 @@
-"""Limits of files of other people, and a trial of what MuJoCo makes of an MJCF file.
+"""Limits of files of other people, a trial of what MuJoCo makes of an MJCF file, and how files are refused.
 
 MuJoCo opens whatever a file names and allocates whatever it asks for. Here every named file is regular and of bounded
 size; then a child process of bounded memory and time reads and compiles the scene before this one does.
@@ -10,12 +10,17 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from html import unescape
 from itertools import product
 from math import prod
 from pathlib import Path
+from typing import TypeVar
 
+import numpy as np
+
+from pirrht.arrays import Array
 from pirrht.errors import SceneError, printable
 from sim.files import MISSING, why_unreadable
 
@@ -28,6 +33,7 @@ MOST_PLACES = 100_000  # where named files are searched
 MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED = 300_000, 256, 32  # of an SDF world with all that it includes
 MOST_TRIANGLES = 1_000_000  # of a COLLADA file, in all its instances
 MOST_PIXELS = 25_000_000  # of a map: 250 m square at 0.05 m; a pixel takes 64 bytes on the way
+SHOWN = 6  # names or faults in a line
 MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this process has, and seconds
 
 _NAMED = re.compile(
@@ -35,6 +41,7 @@ _NAMED = re.compile(
 )
 _PART = re.compile(rb"<!--.*?(?:-->|\Z)|<(body|geom|site)\b", re.DOTALL)  # and comments, which hold none
 _READ = "read"
+T = TypeVar("T")
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
@@ -144,3 +151,44 @@ def _try(read: Callable[[], object], sink: int) -> None:
     finally:
         os.write(sink, words[:4000].encode(errors="replace"))
         os._exit(0)
+
+
+@contextmanager
+def prefixed(words: str) -> Iterator[None]:
+    """Put words in front of the message of a SceneError."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{words}{str(error).removeprefix(words)}") from None
+
+
+class Faults(list[str]):
+    """Collects what is wrong with a file, to be refused at once."""
+
+    def of(self, read: Callable[..., T], *arguments: object) -> T | None:
+        """Return what `read` returns for arguments; None, and its words are kept, if it raises a SceneError."""
+        try:
+            return read(*arguments)
+        except SceneError as error:
+            self.append(str(error))
+            return None
+
+    def refuse(self) -> None:
+        """Raise a SceneError if anything was wrong."""
+        if self:
+            more = f"; and {len(self) - SHOWN} more" if len(self) > SHOWN else ""
+            raise SceneError("; also, ".join(self[:SHOWN]) + more)
+
+
+def listed(names: Sequence[str], most: int = SHOWN) -> str:
+    """Join names by commas, each in one line, not all of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(" ".join(name.split()) for name in names[:most]) + more
+
+
+def refuse_far(label: str, *numbers: Array) -> None:
+    """Refuse places and sizes [m] that are no numbers, or larger than any scene's."""
+    values = np.concatenate([np.asarray(one, dtype=float).ravel() for one in numbers])
+    wrong = values[~(np.abs(values) <= FARTHEST)]
+    if len(wrong):
+        raise SceneError(f"{label} has a place or size of {wrong[0]:g} m; write at most {FARTHEST:g} m")

@@ -26,9 +26,9 @@ from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
 from sim.mjcf.library import compile_spec, find, parse, robot_names
+from sim.mjcf.limits import Faults, listed, prefixed
 from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
-from sim.mjcf.refusals import Faults, listed, prefixed
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
@@ -116,18 +116,10 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
         moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, solids)
         values = Scene(
-            name=path.stem,
-            lower=borders[0],
-            upper=borders[1],
-            obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]),
-            goal=goal,
-            start=start,
-            robot_radius=robot.radius,
-            robot_height=robot.height,
-            margin=max(robot.radius - robot.reach, 0.0),
-            defaults=defaults,
-            movers=movers,
-        )
+            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
+            obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
+            robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
+        )  # fmt: skip
         clearance, body = clearance_at_start(values)
         if clearance <= 0.0:
             if (left := margin + clearance) > 0.0:
@@ -145,21 +137,11 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         model.key_qpos[0] = data.qpos
         _check_start(model, data, mask, concave)
     return Loaded(
-        scene=values,
-        model=model,
-        obstacle_geoms=mask,
-        moving_geoms=moving,
-        robot_geoms=mine,
-        dynamics_name=robot.system.name,
-        states=states,
-        command=robot.command,
-        robot=robot.name,
+        scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
+        dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
         meant=meant_system(meant) if task.robot or task.system is not None else robot.system.name,
-        path=path,
-        about=about,
-        margin=margin,
         notes=tuple(note for note in notes if note),
-    )
+    )  # fmt: skip
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:

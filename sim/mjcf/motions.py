@@ -1,8 +1,11 @@
-"""Moving obstacles: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`."""
+"""Moving obstacles: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`.
+
+In MuJoCo they move about the vertical through where they stand.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf, remainder, tau
 
@@ -14,12 +17,13 @@ from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
+from sim.mjcf.limits import listed, refuse_far
 from sim.mjcf.obstacles import MOTION, Mask
-from sim.mjcf.refusals import listed, refuse_far
 
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
 ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
+_ABOUT_VERTICAL = np.array([-1.0, -1.0, 1.0, 1.0])  # k (w, x, y, z) = (-z, -y, x, w)
 
 
 def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
@@ -108,3 +112,34 @@ def clearance_at_start(scene: Scene) -> tuple[float, str]:
 
     crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
     return min((float(crowd.clearance(scene.start[:2], 0.0)), name) for name, crowd in crowds.items())
+
+
+class Mocap:
+    """Places the J moving bodies of a model: x, y and yaw by the motion, height and tilt as the file has them."""
+
+    def __init__(self, model: mujoco.MjModel, movers: Sequence[Mover]) -> None:
+        bodies = [int(model.body(mover.name).id) for mover in movers]
+        self._motions = [mover.motion for mover in movers]
+        self._rows = model.body_mocapid[bodies]
+        self._heights = model.body_pos[bodies, 2]
+        yaws = np.array([motion.rows[0, 3] for motion in self._motions])
+        self._upright = _turned(model.body_quat[bodies], -yaws)  # at yaw 0
+
+    def place(self, data: mujoco.MjData, time: float) -> None:
+        """Place the bodies as they are at a time [s]."""
+        poses = np.array([motion.pose_at(time) for motion in self._motions])
+        data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
+        poses[:, 2] = self._heights
+        data.mocap_pos[self._rows] = poses
+
+    def poses(self, times: Array) -> tuple[Array, Array]:
+        """Places (k, J, 3) [m] and quaternions (k, J, 4), w first, at times (k,) [s]."""
+        found = np.stack([motion.pose(times) for motion in self._motions], axis=1)
+        heights = np.broadcast_to(self._heights, found.shape[:2])
+        return np.dstack([found[..., :2], heights]), _turned(self._upright, found[..., 2])
+
+
+def _turned(quaternions: Array, yaws: Array) -> Array:
+    """Quaternions (..., 4), w first, turned about the vertical by yaws (...) [rad]."""
+    half = 0.5 * yaws[..., None]
+    return np.asarray(np.cos(half) * quaternions + np.sin(half) * (_ABOUT_VERTICAL * quaternions[..., ::-1]))

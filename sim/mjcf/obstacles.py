@@ -12,8 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
-from sim.mjcf.limits import FARTHEST
-from sim.mjcf.refusals import Faults, listed, prefixed, refuse_far
+from sim.mjcf.limits import FARTHEST, Faults, listed, prefixed, refuse_far
 
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]
@@ -85,11 +84,11 @@ def geom_label(model: mujoco.MjModel, geom: int) -> str:
 
 def _refuse_turns(model: mujoco.MjModel) -> None:
     """Refuse compiled rotations that are none, which would vanish from all checks."""
-    kinds = ("body", model.body_quat, model.body), ("geom", model.geom_quat, model.geom)
-    for kind, turns, element in (*kinds, ("site", model.site_quat, model.site)):
-        wrong = np.flatnonzero(~(np.abs(np.linalg.norm(turns, axis=1) - 1.0) < _UNIT))
+    for kind in ("body", "geom", "site"):
+        norms = np.linalg.norm(getattr(model, f"{kind}_quat"), axis=1)
+        wrong = np.flatnonzero(~(np.abs(norms - 1.0) < _UNIT))
         if len(wrong):
-            name = element(wrong[0]).name
+            name = getattr(model, kind)(wrong[0]).name
             label = f'{kind} "{name}"' if name else f"unnamed {kind} number {wrong[0]}"
             raise SceneError(
                 f"{label} has a rotation that is not finite after compilation; write finite numbers of ordinary size "
@@ -139,14 +138,9 @@ def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle
         refuse_far(label, vertices)
         size = np.zeros(3)
     return Obstacle(
-        name=model.geom(geom).name or f"geom{geom}",
-        kind=Kind(shape),
-        size=size,
-        position=np.array(data.geom_xpos[geom]),
-        rotation=np.array(data.geom_xmat[geom]).reshape(3, 3),
-        vertices=vertices,
-        faces=faces,
-    )
+        name=model.geom(geom).name or f"geom{geom}", kind=Kind(shape), size=size, vertices=vertices, faces=faces,
+        position=np.array(data.geom_xpos[geom]), rotation=np.array(data.geom_xmat[geom]).reshape(3, 3),
+    )  # fmt: skip
 
 
 def _height_range(obstacle: Obstacle) -> tuple[float, float]:
@@ -188,8 +182,7 @@ def _hull_of(vertices: Array) -> tuple[Array, Faces]:
     try:
         hull = trimesh.convex.convex_hull(vertices)
     except Exception as error:  # whatever Qhull says of points without volume
-        reason = str(error).split("\n")[0]
-        raise SceneError(f"has no hull ({reason}); give it volume") from None
+        raise SceneError(f"has no hull ({str(error).partition(chr(10))[0]}); give it volume") from None
     return np.array(hull.vertices, dtype=float), np.array(hull.faces, dtype=np.int64)
 
 

@@ -22,8 +22,8 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.limits import prefixed
 from sim.mjcf.obstacles import mesh_of
-from sim.mjcf.refusals import prefixed
 from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
 from sim.text import counted
 
@@ -86,16 +86,10 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         if system is None and (wrong := _wrong_actuator(model, moved.states, moved.name)):
             raise SceneError(wrong)
         return Robot(
-            name=path.stem,
-            spec=spec,
-            system=moved,
-            reach=_checked_reach(model),
-            command=command,
-            radius=float(model.geom("footprint").size[0]),
-            height=float(model.geom("footprint").pos[2]),
-            rest=_rest(model),
+            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
+            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
             rolling=rolls(model),
-        )
+        )  # fmt: skip
 
 
 def meant_system(which: str) -> str:

@@ -18,7 +18,7 @@ DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
 COLUMNS = (4.0, 6.0, 2.0)  # shares of the robot, the map and the key in the tab Drive
 MAP = np.array([1280.0 * COLUMNS[1] / sum(COLUMNS), 362.0])  # size of the map in a window of 1280 x 720 [px]
 NARROW = 1.4  # width over height of the narrowest map that is not cut
-WIDE = 0.9  # opening of the eye that follows, upwards [rad]
+WIDE = rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH)  # lens of the eye that follows
 
 
 def above(scene: Scene) -> list[rr.AsComponents]:
@@ -40,11 +40,6 @@ def seen(scene: Scene) -> Array:
     """Return width and height of the ground that the eye above sees [m]: Rerun fits the height, whatever the width."""
     wide, high = MARGIN * (scene.upper - scene.lower)
     return np.array([wide, max(high, wide / NARROW)])
-
-
-def opening() -> rr.AsComponents:
-    """The lens of the eye that follows."""
-    return rr.Pinhole(fov_y=WIDE, aspect_ratio=1.5, image_plane_distance=DEPTH)
 
 
 class Following:

@@ -16,7 +16,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from sim.drive.episode import Frame
-    from sim.drive.truth import Truth
+    from sim.drive.metrics import Truth
 
 Values = Callable[["Frame", "Truth | None"], Iterable[Any]]
 

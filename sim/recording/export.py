@@ -159,8 +159,7 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
     Raises:
         OptionError: the file cannot be written.
     """
-    ids = {title(name): name for name in recording.classes}
-    about = {}
+    ids, about = {title(name): name for name in recording.classes}, {}
     for name in columns:
         column = described(name)
         about[name] = {"unit": column.unit, "text": column.text}
@@ -170,18 +169,13 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
         if file.suffix == ".npz":
             notes = json.dumps({"settings": recording.settings, "columns": about})
             arrays: dict[str, Any] = {**columns, "about": np.array(notes)}
-            np.savez_compressed(stream, **arrays)
-        else:
-            _write_parquet(stream, columns, about, recording.settings)
+            return np.savez_compressed(stream, **arrays)
+        import pyarrow as pa
+        import pyarrow.parquet as pq
 
-
-def _write_parquet(stream: Any, columns: Table, about: dict[str, dict[str, str]], settings: dict[str, Any]) -> None:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    fields = []
-    for name, values in columns.items():
-        notes = {"description" if key == "text" else key: text for key, text in about[name].items()}
-        fields.append(pa.field(name, pa.array(values).type, metadata=notes))
-    schema = pa.schema(fields, metadata={"pirrht": json.dumps(settings)})
-    pq.write_table(pa.table(dict(columns), schema=schema), stream, compression="zstd")
+        fields = []
+        for name, values in columns.items():
+            known = {"description" if key == "text" else key: text for key, text in about[name].items()}
+            fields.append(pa.field(name, pa.array(values).type, metadata=known))
+        schema = pa.schema(fields, metadata={"pirrht": json.dumps(recording.settings)})
+        pq.write_table(pa.table(dict(columns), schema=schema), stream, compression="zstd")

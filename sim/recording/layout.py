@@ -122,8 +122,6 @@ def _eye(subject: Subject, high: float, east: float, up: float, target: float, a
 
 def _so_far() -> rrb.VisibleTimeRanges:
     """Everything from the start to the time shown."""
-    now: dict[str, dict[str, Any]] = {"sim_time": {"seconds": 0.0}, "step": {"seq": 0}}
-    begin, until = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative
-    return rrb.VisibleTimeRanges(
-        [rrb.VisibleTimeRange(line, start=begin, end=until(**cursor)) for line, cursor in now.items()]
-    )
+    begin, now = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.cursor_relative
+    ends = {"sim_time": now(seconds=0.0), "step": now(seq=0)}
+    return rrb.VisibleTimeRanges([rrb.VisibleTimeRange(line, start=begin, end=end) for line, end in ends.items()])

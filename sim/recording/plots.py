@@ -32,7 +32,6 @@ class Plots:
     def __init__(self, stream: Stream, problem: Problem, colors: ClassColors, *, truth: bool) -> None:
         self._stream, self._temperature, self._colors = stream, problem.temperature, colors
         self._controls, self._truth = problem.dynamics.m, truth
-        self._favourite: str | None = None
         self._names: list[str] | None = None  # classes that have a line of their own
 
     def begin(self) -> None:
@@ -71,10 +70,6 @@ class Plots:
                 error = value - exact[0] if value < inf and exact[0] < inf else inf
                 lines.setdefault("optimum/control", []).append([float(np.linalg.norm(r.cells["control_error"])), off])
                 lines.setdefault("optimum/value", []).append([*_band(error, r["value_error"]), error, 0.0])
-            if r.favourite is not None:
-                if self._favourite not in (None, r.favourite):
-                    self._stream.log("/why/weight/switch", r.step, r.time, rr.Scalars(1.03))
-                self._favourite = r.favourite
         for path, table in lines.items():
             columns = rr.Scalars.columns(scalars=_short(table)).partition([len(line) for line in table])
             self._stream.columns(f"/why/{path}", [r.step for r in rows], [r.time for r in rows], columns)

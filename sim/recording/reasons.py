@@ -74,10 +74,9 @@ def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[st
     """Average something of paths over the samples drawn around each reference."""
     total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
-        values, first = of(part.paths), part.tables.first
-        for h in range(len(ids)):
-            total[h] += values[first[h] : first[h + 1]].sum()
-            number[h] += first[h + 1] - first[h]
+        first = part.tables.first[: len(ids) + 1]
+        total += np.diff(np.concatenate([[0.0], np.cumsum(of(part.paths), dtype=float)])[first])
+        number += np.diff(first)
     return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 

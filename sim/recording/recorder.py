@@ -19,9 +19,8 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drive.episode import Frame
-from sim.drive.realtime import CLOCKED
-from sim.drive.truth import Truth
+from sim.drive.episode import CLOCKED, Frame
+from sim.drive.metrics import Truth
 from sim.mjcf import Loaded
 from sim.recording import viewer
 from sim.recording.layout import layout
@@ -56,15 +55,11 @@ class Sink:
         threading.Thread(target=self._work, name="recorder", daemon=True).start()
 
     def put(self, row: Row) -> None:
-        """Hand over a row; a file takes it sooner or later, a viewer only if its queue is not full.
-
-        Raises:
-            OptionError: the file can no longer be written.
-        """
-        while self._target.lossless and self._full() and self._failure is None:
+        """Hand over a row; a file takes it sooner or later or raises, a viewer only if its queue is not full."""
+        while self._target.lossless and self._failure is None and len(self.rows) >= ROOM and not self._later():
             time.sleep(0.001)
         self._check()
-        if self._failure is None and not self._full():
+        if self._failure is None and (self._target.lossless or len(self.rows) < ROOM):
             self.rows.append(row)
         else:
             self.dropped += 1
@@ -73,22 +68,15 @@ class Sink:
         """Return whether rows are kept until the run is over."""
         return self._target.lossless and CLOCKED.is_set() and len(self.rows) < KEPT
 
-    def _full(self) -> bool:
-        return len(self.rows) >= ROOM and not self._later()
-
     def close(self) -> None:
-        """Let the thread finish; a viewer gets little time for it.
-
-        Raises:
-            OptionError: the file could not be written.
-        """
+        """Let the thread finish, for which a viewer gets little time; an OptionError if a file was not written."""
         self._closing.set()
         self._done.wait(None if self._target.lossless else GRACE)
         if not self._target.lossless:
-            finished = self._done.is_set() and self._failure is None
-            self.dropped += len(self.rows) + (0 if finished else self._under_way)
-            if not finished:  # Rerun's last attempt to reach a viewer may take forever
-                rr.unregister_shutdown()
+            self.dropped += len(self.rows)
+            if not self._done.is_set() or self._failure is not None:
+                self.dropped += self._under_way
+                rr.unregister_shutdown()  # Rerun's last attempt to reach a viewer may take forever
         self._check()
 
     def _check(self) -> None:
@@ -181,11 +169,6 @@ class Recorder:
         return bool(self._live)
 
     @property
-    def waiting(self) -> int:
-        """Steps that are still to be written to the file."""
-        return sum(len(sink.rows) for sink in self._file)
-
-    @property
     def dropped(self) -> int:
         """Frames that a viewer could not take."""
         return sum(sink.dropped for sink in self._live)
@@ -204,10 +187,6 @@ class Recorder:
             sink.put(row)
 
     def close(self) -> None:
-        """Write what is left and close everything.
-
-        Raises:
-            OptionError: the file could not be written.
-        """
+        """Write what is left and close everything; an OptionError if the file could not be written."""
         for sink in [*self._live, *self._file]:
             sink.close()

@@ -24,7 +24,7 @@ from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, ClassColors, fade, mix
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
-from sim.drawing.tubes import CORNERS, Outline, Tube, tubes
+from sim.drawing.tubes import Outline, Tube, tubes
 from sim.plotting.ground import outline
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named, outer
 from sim.recording.step_row import Row
@@ -33,10 +33,9 @@ from sim.recording.subject import Subject
 
 FOLDER = "/spacetime"
 NOW, PATH, WALLS, ARRIVALS, AXIS = (f"{FOLDER}/{name}" for name in ("now", "path", "walls", "goal", "axis"))
-ROOMY = 1.1  # times the time of the straight path, for which tubes are drawn to begin with
 KNOTS = 48  # of a braid at most
 THREADS, BEADS = 24, 12  # samples drawn at most, and points of each
-CROWD = 6  # moving obstacles, from which on tubes have fewer corners
+CORNERS = 20  # of what is round
 BODY, WALL, ARRIVAL, SHEET = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16), (*CONTROL, 4)  # see-through
 TICKS = 8  # seconds that are named, at most
 
@@ -65,8 +64,7 @@ def stage(subject: Subject, log: Log) -> None:
     log(NOW, rr.LineStrips3D(border[None], radii=0.008, colors=[mix(CONTROL, FLOOR, 0.4)]))
     sheet = {"vertex_positions": border[:4], "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
     log(f"{NOW}/sheet", rr.Mesh3D(**sheet, albedo_factor=SHEET))
-    mark = rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(RADIUS), colors=[DRIVEN])
-    log(f"{NOW}/robot", mark)
+    log(f"{NOW}/robot", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(RADIUS), colors=[DRIVEN]))
 
 
 class SpaceTime:
@@ -75,8 +73,6 @@ class SpaceTime:
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._drawn = 0.0  # until when there are tubes [s]
-        scene = subject.space.scene
-        self._first = ROOMY * float(np.hypot(*(scene.goal.center - scene.start[:2]))) / subject.rise
 
     def draw(
         self, plan: Plan, soon: Sequence[Outline], fans: Mapping[str, Fan], labels: Mapping[str, str], now: Now
@@ -89,7 +85,7 @@ class SpaceTime:
             labels: of classes, by id.
         """
         lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
-        self._reach(max([now[1] + self._first if not self._drawn else 0.0, *(float(w[-1, 2]) for w in lines)]), now)
+        self._reach(max([now[1], *(float(line[-1, 2]) for line in lines)]), now)
         braids, colors = [self._raised(line) for line in lines], [self._colors[name] for name in plan.ids]
         weights = plan.estimate.class_weights if plan.estimate else {}
         radii = [0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
@@ -132,8 +128,7 @@ class SpaceTime:
             return
         begin, self._drawn = self._drawn, float(ceil(time))
         scene = self._subject.space.scene
-        corners = CORNERS if len(scene.movers) < CROWD else CORNERS // 2
-        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, corners), BODY) for m in scene.movers]
+        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, CORNERS), BODY) for m in scene.movers]
         turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         around = scene.goal.center + scene.goal.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         ends = np.array([begin, self._drawn])

@@ -16,7 +16,7 @@ from sim.drawing.colors import DRIVEN, MOVER, mix
 from sim.drawing.sides import NAMED
 from sim.drawing.strokes import lift
 from sim.recording import geoms
-from sim.recording.camera import ABOVE, FOLLOWING, above, opening, pixels_per_metre
+from sim.recording.camera import ABOVE, FOLLOWING, WIDE, above, pixels_per_metre
 from sim.recording.subject import Subject
 from sim.recording.truth_view import OPTIMUM, VALUE, on_floor
 
@@ -73,10 +73,7 @@ def legend(subject: Subject) -> str:
 
 def key(subject: Subject) -> str:
     """Return what the numbers and colours on the map mean, in Markdown."""
-    named = [(f"obstacle {k}", f"**{k}** {name}") for k, name in enumerate(subject.names, 1)]
-    rows = [row for spare, row in named if not row.endswith(f" {spare}")]
-    if len(rows) < len(named):
-        rows.append("Other numbers: as in *obstacle 1*.")
+    rows = [f"**{k}** {name}" for k, name in enumerate(subject.names, 1) if name != f"obstacle {k}"]
     moving = " *Lilac*: moving obstacles." if subject.moves else ""
     signs = f"*Yellow*: the robot and its path. *White*: the path of most weight, and the control.{moving}"
     return "  \n".join([signs, *rows])
@@ -132,12 +129,11 @@ def stage(subject: Subject, log: Log) -> None:
         rim = {"radii": [1.15 * radius, radius], "centers": [(0.0, 0.0, high + 0.1), (0.0, 0.0, high + 0.2)]}
         log(MARK, rr.Cylinders3D(lengths=[0.01] * 2, **rim, colors=[FLOOR, DRIVEN], fill_mode="solid"))
     log(ABOVE, above(scene))
-    log(FOLLOWING, [opening()])
+    log(FOLLOWING, WIDE)
     named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
     log("/world/scene/names", rr.Points3D(named, labels=["goal", *subject.labels], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
-    log("/why/weight/switch", rr.SeriesPoints(names="class switch", colors=DRIVEN, markers="down", marker_sizes=7))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
 

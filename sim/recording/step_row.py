@@ -11,7 +11,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.drive.episode import Frame
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording.columns import cells
 from sim.recording.reasons import arriving
 
@@ -26,7 +26,6 @@ class Row:
     states: Array  # (k + 1, n) at its start and after each physics step
     cells: dict[str, list[Any]]  # its values at `/steps`, by component
     arriving: dict[str, float]  # share of the samples drawn around each reference that arrive
-    favourite: str | None  # class of greatest weight, None in a fallback
     ids: tuple[str, ...]  # classes of the references
     plan_seconds: float
     outcome: Outcome | None
@@ -40,7 +39,7 @@ class Row:
         return cls(
             step=frame.step, time=frame.time, duration=advance.time, states=np.vstack([plan.state, advance.states]),
             cells=cells(frame, truth),
-            arriving=arriving(estimate, plan.ids) if estimate else {}, favourite=plan.favourite if estimate else None,
+            arriving=arriving(estimate, plan.ids) if estimate else {},
             ids=plan.ids, plan_seconds=frame.plan_seconds, outcome=frame.outcome, plan=plan if drawn else None,
             news=news,
         )  # fmt: skip

@@ -20,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from pirrht.errors import OptionError
-from sim.drive.realtime import IDLE, LONGEST_WAIT
+from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 
@@ -125,8 +125,8 @@ class ToFile:
         self.deliver(stream)
         stream.native.disconnect()
         self._publish()
-        if self._old is not None:
-            with suppress(OSError):
+        with suppress(OSError):
+            if self._old is not None:
                 self._old.unlink()
 
     def abandon(self) -> None:

@@ -7,7 +7,7 @@
 /world/path   position after every physics step
 /spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
 /why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
-              and of each of a few; `/why/weight/switch` where another class has come to weigh most
+              and of each of a few
 /why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one
 /why/clearance, /why/control, /why/cost   clearance, u, and the cost so far without and with the value
 /why/optimum  control: standard error of u, and |u - u*|; value: the error with its standard error around it
@@ -32,7 +32,7 @@ import rerun as rr
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.motions import Mocap
 from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
 from sim.recording.columns import COMPONENTS
@@ -87,10 +87,10 @@ class Writer:
         self._batch.append(row)
         self._waiting_since = min(self._waiting_since, time.monotonic())
         span = row.time + row.duration - self._batch[0].time
-        if row.outcome is None and (len(self._batch) < BATCH_STEPS or span < BATCH_TIME - 1e-9):
-            return False
-        self.end()
-        return True
+        full = row.outcome is not None or (len(self._batch) >= BATCH_STEPS and span >= BATCH_TIME - 1e-9)
+        if full:
+            self.end()
+        return full
 
     def secure(self) -> bool:
         """Write the steps ahead that have waited too long, lest a crash lose them; whether there were any."""

@@ -19,8 +19,7 @@ from pirrht.problem import Problem
 from sim.mjcf import load
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
-from sim.systems import named, refuse
-from sim.systems.registry import chosen
+from sim.systems import chosen, named, refuse
 
 AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
@@ -79,14 +78,15 @@ def prepare(
 
 def _refuse_unknown(options: Mapping[str, Any], given: Mapping[str, Any]) -> None:
     """Refuse names that are no arguments or no settings; OptionError offers the one that is meant, or all."""
-    kinds = (("argument", options, BY_SCENE, "prepare(..., {}=...)"),
-             ("setting", given, BY_SETTING, "prepare(..., given={{{!r}: ...}})"))  # fmt: skip
-    for (what, names, known, _), (other, _, others, how) in (kinds, kinds[::-1]):
-        for name in (name for name in names if name not in known):
+    for where, names, known, others, what in (
+        ("prepare", options, BY_SCENE, BY_SETTING, "argument but a setting: prepare(..., given={{{!r}: ...}})"),
+        ("given", given, BY_SETTING, BY_SCENE, "setting but an argument: prepare(..., {}=...)"),
+    ):
+        for name in names.keys() - known.keys():
             like = get_close_matches(name, known, n=1)
-            fit = f"; did you mean {like[0]}" if like else f"; those are {', '.join(sorted(known))}"
-            fit = f" but {'an' if other == 'argument' else 'a'} {other}: {how.format(name)}" if name in others else fit
-            raise OptionError(f"{'prepare' if what == 'argument' else 'given'}: {name!r} is no {what}{fit}")
+            fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted(known))}"
+            meant = what.format(name) if name in others else f"{what.split()[0]}; {fit}"
+            raise OptionError(f"{where}: {name!r} is no {meant}")
 
 
 def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:

@@ -27,9 +27,9 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim import tree_file
 from sim.drive import episode
+from sim.drive.episode import Clock
 from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
-from sim.drive.realtime import Clock
 from sim.mjcf import Loaded
 from sim.options import check_size
 from sim.settings import Settings
@@ -261,30 +261,27 @@ class Scenario:
 
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""
-        period = self.settings.period
+        period, step = self.settings.period, float(self.loaded.model.opt.timestep)
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
-        step = float(self.loaded.model.opt.timestep)
         return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
         grid: Desirability | None = None,
     ) -> Generator[Frame]:  # fmt: skip
-        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; a frame per period.
-
-        Args:
-            grid: the exact solution, with which every control is compared.
-        """
-        s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
-        clock = Clock() if s.real_time else None
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock, grid=grid)
+        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; see `episode.run`."""
+        s, start, clock = self.settings, self.start if start is None else start, Clock()
+        return episode.run(
+            plant, driver, start, rng or self.plant_rng(), max_time=s.max_time, grow=s.grow,
+            clock=clock if s.real_time else None, grid=grid,
+        )  # fmt: skip
 
 
 def required_limit(tree: HomologyTree, x: Array) -> float:
-    """Return the least H_limit [turns] that allows the short path of every class of a tree of a wide limit from x (n,).
+    """Return the least H_limit [turns] that allows paths from x (n,) of at most LONGER times the shortest length.
 
-    Paths of at most 1.25 times the shortest matter.
+    The tree's own limit is a wide one.
     """
     try:
         references = tree.references(x)

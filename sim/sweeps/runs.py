@@ -22,7 +22,7 @@ from sim import tree_file
 from sim.mjcf.library import find
 from sim.rehearsal import rehearse
 from sim.scenario import Driver, Scenario, prepare
-from sim.systems.registry import source
+from sim.systems import source
 
 KEPT = 4  # scenes and trees that a process keeps at hand
 GRIDS = 1  # likewise; one among bodies that move takes 0.2 GB, and runs come by scene and noise

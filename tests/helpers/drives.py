@@ -108,6 +108,15 @@ def columns(file: Path) -> dict[str, dict[str, list]]:
     return table
 
 
+def static(file: Path, path: str, column: str) -> list:
+    """What is recorded once of an entity."""
+    for chunk in RrdReader(str(file)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.is_static and chunk.entity_path == path and column in batch.schema.names:
+            return batch.column(column).to_pylist()[0]
+    raise AssertionError(path)
+
+
 def rerun(*arguments: str | Path) -> subprocess.CompletedProcess:
     command = [sys.executable, "-m", "rerun", *map(str, arguments)]
     return subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, text=True, timeout=60)

@@ -11,7 +11,7 @@ import gc, sys
 sys.path.append(sys.argv[1])
 from benchmarks.moving_scene import moving_scenario
 from numba.core.dispatcher import Dispatcher
-from sim.drive import realtime
+from sim.drive import episode
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 
@@ -20,12 +20,12 @@ def known():
     found = {(one.py_func.__module__, one.py_func.__name__, str(types)) for one in every for types in one.overloads}
     return {one for one in found if not (scene == "many" and one[0].startswith("numba."))}
 
-def begun(plain=realtime._undisturbed):
+def begun(plain=episode._undisturbed):
     global before
     before = known()
     return plain()
 
-realtime._undisturbed = begun
+episode._undisturbed = begun
 scene, robot = sys.argv[2:]
 if scene == "many":  # paths by which classes go on there come in another layout: to compile for it took nine periods
     given = {"samples": 60, "period": 0.1, "max_time": 3.0, "real_time": True, "predict": "velocity"}

@@ -11,11 +11,12 @@ from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
+from sim import systems
 from sim.cli import main
 from sim.mjcf import scene_names
 from sim.scenario import prepare
 from sim.scenario.scenario import ENOUGH
-from sim.systems import System, registry
+from sim.systems import System
 
 SEEDS = 4
 
@@ -64,7 +65,7 @@ class Forgetful(DoubleIntegrator):
 
 @pytest.mark.parametrize("kind", [Tug, Forgetful])
 def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_refused(monkeypatch, kind):
-    monkeypatch.setattr(registry, "_known", dict(registry._known))
+    monkeypatch.setattr(systems, "_known", dict(systems._known))
     system = System(
         name=kind.__name__.lower(), dynamics=lambda settings: kind(b=settings.noise), steering=MassSteering.of,
         R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"), defaults={"period": 0.05, "vertices": 60, "samples": 20},

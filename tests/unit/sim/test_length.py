@@ -64,19 +64,14 @@ def test_without_noise_it_is_the_length_of_the_path_and_one_that_has_not_begun_h
     assert length.total == length.noisy == 0.0
 
 
-@pytest.mark.parametrize("finer", [2, 5])
-def test_a_finer_physics_step_changes_the_noisy_length_only(finer: int):
+@pytest.mark.parametrize(("finer", "period"), [(2, 1), (5, 10_000)])
+def test_a_finer_physics_step_changes_the_noisy_length_only_and_the_control_period_nothing(finer: int, period: int):
     step = STEP / finer
     fine = noisy(straight(step), 0.3, np.random.default_rng(3), step)
     one, other = measured(point(0.3), fine, step), measured(point(0.3), fine[::finer])
+    assert measured(point(0.3), fine, step, period).total == one.total
     assert one.total == pytest.approx(other.total, rel=1e-9)
     assert one.noisy > 1.3 * other.noisy
-
-
-@pytest.mark.parametrize("period", [1, 7, 50, 10_000])
-def test_the_control_period_changes_nothing(period: int):
-    path = noisy(straight(), 0.2, np.random.default_rng(4))
-    assert measured(point(0.2), path, period=period).total == measured(point(0.2), path).total
 
 
 @pytest.mark.parametrize("seed", range(20))

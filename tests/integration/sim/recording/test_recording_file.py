@@ -40,6 +40,7 @@ def test_a_pipe_is_refused_by_name_before_the_plan(tmp_path, capsys, planned):
         (["--view"], "display"),
         (["--record-lift", "3"], "slit has the obstacles 1 to 2"),
         (["--record-hz", "0"], "--record-hz"),
+        (["--record-hz", "nan"], "--record-hz"),
         (["--record", "x" * 300], "too long"),
         (["--record", os.fsdecode(b"b\xff.rrd")], "not UTF-8"),
         (["--record", "no/a.rrd"], "does not exist"),

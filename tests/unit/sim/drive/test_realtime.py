@@ -17,10 +17,9 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from sim.cli import main
 from sim.drive import episode
-from sim.drive.episode import Frame
+from sim.drive.episode import BEHIND, IDLE, MOST_PIECES, Clock, Frame, Planner
 from sim.drive.executor import Plant
 from sim.drive.metrics import TimedPlan
-from sim.drive.realtime import BEHIND, IDLE, MOST_PIECES, Clock, Planner
 from sim.recording.stream import Stream
 from sim.scenario import Scenario, prepare
 

@@ -11,7 +11,7 @@ from drives import Drive, columns
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording import truth_view
 from sim.recording.options import Look
 from sim.recording.recorder import Recorder, Sinks
