@@ -30,8 +30,7 @@ def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_t
     objects = [
         plan, plan.estimate, plan.estimate.rollouts, plan.references[0], plan.references[0].trajectory, slit_tree,
         controller, slit.with_settings(method="mppi").driver(None), slit.problem, slit.loaded.scene, slit.space,
-        slit.loaded.scene.goal,
-        slit.space.homology, slit.sampling, slit.loaded.scene.obstacles[0], slit, slit.loaded, slit.system,
+        slit.loaded.scene.goal, slit.space.homology, slit.sampling, slit.loaded.scene.obstacles[0], slit, slit.loaded,
         slit.settings, frames[0], frames[0].advance,
     ]  # fmt: skip
     for shown in objects:
