@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from pathlib import Path
@@ -89,10 +88,17 @@ def load(
     about, arrays = _read(file, name)
     required = belongings(space, steering)
     required |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
-    _check_belongs(name, about, required)
+    known = about["belongs"] if isinstance(about.get("belongs"), dict) else {}
+    known = {MOVING if key.startswith("bodies") else key: value for key, value in known.items()}  # of formats 1 and 2
+    for what, value in required.items():
+        if known.get(what) != json.loads(json.dumps(value)):
+            raise OptionError(
+                f"{name} was grown for another task: {what} is {known.get(what)} there and {value} here; "
+                "grow a tree for this one, or ask for what it was grown for"
+            )
     try:
-        belongs, bits = about["belongs"], np.random.PCG64()
-        bits.state, limits = about["rng"], {"limit": float(belongs["limit"]), "classes": int(belongs["classes"])}
+        bits = np.random.PCG64()
+        bits.state, limits = about["rng"], {"limit": float(known["limit"]), "classes": int(known["classes"])}
         tree = HomologyTree(space, steering, **limits, rng=np.random.Generator(bits))  # type: ignore[arg-type]
         tree.draws = int(about["draws"])
         _check(arrays, tree, np.any(np.isnan(steering.roots(space.scene.goal.center)), axis=0))
@@ -124,7 +130,7 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
             raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
         raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with np.load(file, mmap_mode="r", allow_pickle=False) as content:  # mapped, lest a single array be read whole
             total = sum(member.file_size for member in content.zip.infolist())  # more is not unpacked
             if total > TUNING.file_bytes:
                 raise ValueError("it unpacks to more than a tree has")
@@ -139,17 +145,6 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
             f"format {TREE_FORMAT}: make it anew"
         )
     return about, arrays
-
-
-def _check_belongs(name: str, about: Mapping[str, Any], required: Mapping[str, Any]) -> None:
-    known = about["belongs"] if isinstance(about.get("belongs"), dict) else {}
-    known = {MOVING if key.startswith("bodies") else key: value for key, value in known.items()}  # of formats 1 and 2
-    for what, value in required.items():
-        if known.get(what) != json.loads(json.dumps(value)):
-            raise OptionError(
-                f"{name} was grown for another task: {what} is {known.get(what)} there and {value} here; "
-                "grow a tree for this one, or ask for what it was grown for"
-            )
 
 
 def _sizes(tree: HomologyTree, V: int, E: int, P: int, K: int) -> dict[str, int]:

@@ -24,7 +24,7 @@ from pirrht.control.settings import TREELESS
 from pirrht.errors import OptionError, PirrhtError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.scene import Goal
 from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
 from sim.mjcf.coordinates import rolls
@@ -35,8 +35,7 @@ from sim.scenario import Driver, Scenario
 ROBOT = "robot/robot"  # body of every robot
 LATENCY = 0.3  # simulated time after which a changed world is waited for, where no clock runs [s]
 FULLER = 2  # times as many vertices there is space for in a tree that grows on
-_STATE = mujoco.mjtState
-SHOWN = _STATE.mjSTATE_TIME | _STATE.mjSTATE_QPOS | _STATE.mjSTATE_MOCAP_POS | _STATE.mjSTATE_MOCAP_QUAT
+SHOWN = mujoco.mjtState.mjSTATE_INTEGRATION  # part of MuJoCo's state that a picture needs, and more
 
 
 def loose_bodies(model: mujoco.MjModel) -> dict[str, int]:
@@ -50,11 +49,6 @@ class World(NamedTuple):
 
     scenario: Scenario  # with the scene as it is now
     driver: Driver  # until plans for this scene are made, that of an earlier one, as is the free space
-
-    @property
-    def scene(self) -> Scene:
-        """As it is now."""
-        return self.scenario.loaded.scene
 
 
 def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> World:
@@ -70,8 +64,8 @@ def build(world: World, before: World) -> World:
         SceneError, OptionError: nothing can be planned there.
     """
     tree, space = before.driver.tree, before.scenario.space
-    if changed := world.scene is not before.scene:
-        space = FreeSpace.of(world.scene)
+    if changed := world.scenario.loaded is not before.scenario.loaded:
+        space = FreeSpace.of(world.scenario.loaded.scene)
     scenario = replace(world.scenario, space=space)
     if changed and tree is not None:
         tree = scenario.with_settings(tree=None).grown_tree()
@@ -94,14 +88,14 @@ class Live(Policy):
 
     def __init__(self, built: World, tell: Callable[[str], object], latency: float | None) -> None:
         self.built, self._tell, self._latency = built, tell, latency
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
+        self.pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
         self._requested: tuple[float, Future[World]] | None = None  # at which time of the run [s]
 
     def request(self, world: World, at: float) -> None:
         """Request a world at a time of the run [s], in place of what was requested before."""
         if self._requested is not None:
             self._requested[1].cancel()
-        self._requested = at, self._pool.submit(build, world, self.built)
+        self._requested = at, self.pool.submit(build, world, self.built)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
@@ -134,10 +128,6 @@ class Live(Policy):
         self._requested = None
         return future.result()
 
-    def close(self) -> None:
-        """Let what is under way end, and nothing more begin."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
 
 class InteractivePlant(Executor):
     """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it.
@@ -155,14 +145,14 @@ class InteractivePlant(Executor):
         self.asked = deque[Event]()  # events of now, from another thread
         self.done: list[Event] = []
         self._push: Push | None = None
-        scenario, model = world.scenario, world.scenario.loaded.model
+        scenario, model, scene = world.scenario, world.scenario.loaded.model, world.scenario.loaded.scene
         self._robot = int(model.body(ROBOT).id)
-        own = {mover.name for mover in world.scene.movers}  # those go where their motions say
+        own = {mover.name for mover in scene.movers}  # those go where their motions say
         bodies = {name: body for name, body in loose_bodies(model).items() if name not in own}
         self.rows = {name: int(model.body_mocapid[body]) for name, body in bodies.items()}
         self._home = model.key_mpos[0].reshape(-1, 3)  # where a reset puts bodies [m]
-        self._home[self.rows[GOAL], :2] = world.scene.goal.center
-        model.geom_size[model.geom(PREFIX + GOAL).id, 0] = world.scene.goal.radius
+        self._home[self.rows[GOAL], :2] = scene.goal.center
+        model.geom_size[model.geom(PREFIX + GOAL).id, 0] = scene.goal.radius
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
         servos = bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
@@ -219,7 +209,7 @@ class InteractivePlant(Executor):
             shift[:2] -= self.data.mocap_pos[row, :2]
         heading = float(x[states.index("heading")]) if "heading" in states else 0.0
         start = np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
-        scene, loaded = replace(self.world.scene, start=start), s.loaded
+        scene, loaded = replace(s.loaded.scene, start=start), s.loaded
         if event.what == GOAL:
             scene = replace(scene, goal=Goal(center=scene.goal.center + shift[:2], radius=scene.goal.radius))
         else:
@@ -231,9 +221,10 @@ class InteractivePlant(Executor):
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
                 raise OptionError(f"that is on top of {place}, or too close; it stays where it was")
+        scenario = replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
         self.data.mocap_pos[row] += shift
         self._home[row] = self.data.mocap_pos[row]
-        return replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
+        return scenario
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, under a push if somebody pushes."""
@@ -297,5 +288,5 @@ class Play:
         return start
 
     def close(self) -> None:
-        """Stop what plans in the background."""
-        self.live.close()
+        """Let what plans in the background end, and nothing more begin."""
+        self.live.pool.shutdown(wait=True, cancel_futures=True)

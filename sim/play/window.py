@@ -37,7 +37,8 @@ class Window:
         self._plant, self.keys = plant, deque[int]()
         model = self.model = copy.copy(plant.world.scenario.loaded.model)
         dress(model)
-        width, depth = (plant.world.scene.upper - plant.world.scene.lower).tolist()
+        scene = plant.world.scenario.loaded.scene
+        width, depth = (scene.upper - scene.lower).tolist()
         model.stat.extent = 0.9 * max(depth, width / 1.6)  # the viewer begins at 1.5 times this distance
         model.vis.global_.azimuth, model.vis.global_.elevation = 90, -70  # from above, and a little from the south
         self.data = mujoco.MjData(model)

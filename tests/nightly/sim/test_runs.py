@@ -1,4 +1,4 @@
-"""Robots among moving obstacles are not hit, first plans are no guesses, and systems of one's own are driven."""
+"""Robots are not hit, first plans are no guesses, and systems of one's own, the optimal law and margins are driven."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim import systems
 from sim.cli import main
-from sim.mjcf import scene_names
+from sim.mjcf import robot_names, scene_names
 from sim.scenario import prepare
 from sim.scenario.scenario import ENOUGH
 from sim.systems import System
@@ -77,3 +77,70 @@ def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_ref
         return
     with pytest.raises(OptionError, match=r"^Forgetful: its noise never reaches x, y; its drift must say how"):
         mine.controller(mine.grown_tree())
+
+
+def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detour(slit):
+    """24 drives of the equation itself, seeds 0 to 23: 23.5 (0.7) should arrive, 1.1 (1.0) of them through the slit."""
+    noisy = slit.with_settings(noise=0.3, method="optimal")
+    truth = noisy.truth()
+    goals, slits = 0, 0
+    for seed in range(24):
+        scenario = noisy.with_settings(seed=seed, plant="sde")
+        *_, last = scenario.drive(scenario.plant(), scenario.optimal(truth))
+        goals += last.outcome is Outcome.GOAL
+        slits += last.metrics.executed_class == "0,0"
+    assert goals >= 20
+    assert slits <= 6
+
+
+def test_a_drive_by_the_law_has_neither_estimate_nor_fallback(slit):
+    noisy = slit.with_settings(noise=0.3, method="optimal")
+    driver = noisy.optimal()
+    plan = driver.plan(noisy.start)
+    assert plan.estimate is None
+    assert plan.fallback is None
+    assert plan.favourite is None
+    assert plan.exact == pytest.approx(9.535, abs=0.002)
+    elsewhere = np.array([2.0, 2.0])
+    assert plan.at(elsewhere, 0.004) == pytest.approx(driver.desirability.control(elsewhere))
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_gaps_are_wide_enough_for_the_noise_the_cheapest_way_squeezes_through_two_and_ten_classes_are_near(seed):
+    """The obstacle course is as hard and as varied as it claims; narrow is less than four robot radii."""
+    scenario = prepare("clutter", given={"seed": seed, "classes": 16})
+    tree = scenario.grown_tree()
+    references, passages = scenario.references(tree), tree.passages
+    assert passages.width.min() > 0.5
+    crossed = passages.crossed(references[0].trajectory.points)
+    assert np.count_nonzero(passages.width[crossed] < 4 * 0.15) >= 2
+    costs = np.array([reference.cost for reference in references])
+    assert len(costs) >= 10
+    assert costs[9] <= 1.3 * costs[0]
+
+
+# -- inside the margin -------------------------------------------------------------------------------------------
+
+COVERED = """<mujoco><worldbody>
+<geom name="wall" type="box" size="1.5 0.1 0.3" pos="1.5 0.4 0.3" euler="0 0 10"/>
+<geom name="post" type="cylinder" size="0.3 0.3" pos="3 1.8 0.3"/>
+<site name="workspace" type="box" size="2.5 1.75 0.5" pos="2.5 1.75 0.5"/>
+<site name="start" pos="0.75 0.58 0" euler="0 0 30"/><site name="goal" type="cylinder" size="0.45 0.01" pos="3 2 0"/>
+</worldbody></mujoco>"""
+
+
+def test_an_estimate_inside_the_margin_is_the_exact_value(tmp_path):
+    (tmp_path / "room.xml").write_text(COVERED)
+    scenario = prepare(tmp_path / "room.xml", margin=0.15, given={"noise": 0.1, "samples": 2000})
+    assert len(scenario.space.scene.waivers) == 2  # at the start, and in the free part of the goal
+    estimate = scenario.controller(scenario.grown_tree()).plan(scenario.start).estimate
+    truth = float(scenario.truth().value(scenario.start))
+    assert abs(estimate.value - truth) < 4.0 * estimate.value_error + 0.005
+
+
+@pytest.mark.parametrize("robot", robot_names())
+def test_every_robot_drives_out_of_the_margin_into_a_partly_covered_goal(tmp_path, robot):
+    (tmp_path / "room.xml").write_text(COVERED)
+    scenario = prepare(tmp_path / "room.xml", robot=robot, margin=0.15, given={"max_time": 15.0})
+    frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
+    assert frames[-1].outcome is Outcome.GOAL

@@ -81,6 +81,22 @@ def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(nam
         assert_equal_references(tree, copy, scenario.start)
 
 
+@pytest.mark.slow
+def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
+    scenario = prepare("slit", robot="hover", given={"vertices": 60})
+    tree = scenario.grown_tree()
+    copy = again(tree)
+    assert np.isnan(copy.states[0, 2:]).all()
+    assert packed(copy) == packed(tree)
+    assert_equal_references(tree, copy, scenario.start)
+    arrays = unpacked(packed(tree))
+    for vertex, component in ((0, 0), (len(arrays["in_goal"]) - 1, 2)):
+        states = arrays["states"].copy()
+        states[vertex, component] = np.nan
+        with pytest.raises(OptionError, match="states and costs are not numbers"):
+            tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)
+
+
 def test_equal_trees_are_equal_bytes_without_pickles_whatever_start_and_noise_are(slit: Scenario, saved: bytes):
     assert packed(grown(slit, 200)) == saved
     assert all(array.dtype != object for array in unpacked(saved).values())
@@ -229,7 +245,7 @@ def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Sc
     with zipfile.ZipFile(declared, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("cost.npy", header.getvalue() + bytes(8))
     pickled = repacked(unpacked(saved) | {"tail": np.array([None], dtype=object)})
-    for content in (declared, pickled):
+    for content in (header, declared, pickled):
         content.seek(0)
         with pytest.raises(OptionError, match="is no tree of pirrht"):
             tree_file.load(content, slit.space, StraightLine())

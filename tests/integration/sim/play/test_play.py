@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import re
 import threading
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 from repository import ROOT
@@ -19,6 +22,7 @@ from sim.cli import main
 from sim.play import drive, events
 from sim.play.drive import LATENCY, Play, first
 from sim.play.events import Event, Move, Noise, Push
+from sim.play.window import HOME, LESS, MORE, PULLED, Window
 from sim.scenario import Scenario, prepare
 
 FEW = {"vertices": 150, "samples": 40, "max_time": 8.0}
@@ -197,3 +201,80 @@ def test_steps_of_a_script_come_in_the_order_of_their_times(tmp_path):
     (tmp_path / "script.json").write_text('[{"at": 2, "noise": 0.2}, {"at": 1, "move": "goal", "by": [1, 0]}]')
     move = Move(at=1.0, what="goal", to=(1.0, 0.0), relative=True)
     assert events.read(tmp_path / "script.json") == (move, Noise(at=2.0, noise=0.2))
+
+
+# -- the window --------------------------------------------------------------------------------------------------
+
+
+class Viewer:
+    """A handle as MuJoCo's passive viewer has it."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, *, key_callback) -> None:
+        self.key, self.m, self.runs = key_callback, model, True
+        self.perturb = SimpleNamespace(select=0, active=0, refpos=np.zeros(3))
+        self.cam, self.lock, self.sync = mujoco.MjvCamera(), nullcontext, lambda: None
+        mujoco.mjv_defaultFreeCamera(model, self.cam)
+
+    def is_running(self) -> bool:
+        return self.runs
+
+    def close(self) -> None:
+        self.runs, self.m = False, None
+
+
+@pytest.fixture
+def window() -> Window:
+    known = scenario(vertices=60)
+    return Window(Play(known, first(known), real_time=True).plant, Viewer)
+
+
+def drag(window: Window, body: str, *places: tuple[float, float, float]) -> list:
+    """Hold a body, move the cursor from place to place, and let go: the events."""
+    hand = window.handle.perturb
+    hand.select, hand.active = window.model.body(body).id, 1
+    for place in places:
+        hand.refpos = np.array(place)
+        window.refresh()
+    hand.active = 0
+    window.refresh()
+    return list(window._plant.asked)
+
+
+def test_the_picture_is_that_of_the_plant_from_above_until_the_window_is_closed(window):
+    camera = window.handle.cam
+    np.testing.assert_allclose(camera.lookat, [3.0, 2.5, 0.0], atol=0.1)
+    assert 5.0 < camera.distance < 8.0
+    assert camera.elevation < -60.0
+    assert window.model.site_rgba[window.model.site("workspace").id, 3] == 0.0  # it would hide what is in it
+    for place in ([2.0, 1.0], [1.0, 2.5]):
+        window._plant.reset(np.array(place))
+        window.refresh()
+        np.testing.assert_allclose(window.data.body("robot/robot").xpos[:2], place)
+    window.start()
+    window.close()
+    assert (window.open, window.thread.is_alive()) == (False, False)
+
+
+@pytest.mark.parametrize(
+    ("body", "places", "moved"),
+    [  # up is away from the camera
+        ("loose/upper wall", [(3.4, 2.8, 0.2), (3.6, 2.8, 0.2), (3.6, 2.8, 0.7)], [("upper wall", (3.6, 3.3))]),
+        ("loose/goal", [(5.5, 2.5, 0.0), (5.0, 3.0, 0.0)], [("goal", (5.0, 3.0))]),
+        ("loose/goal", [(5.5, 2.5, 0.0)], []),  # only taken hold of
+    ],
+)
+def test_a_body_that_is_let_go_has_been_moved_along_the_ground(window, body, places, moved):
+    assert drag(window, body, *places) == [Move(at=0.0, what=what, to=pytest.approx(to)) for what, to in moved]
+
+
+def test_the_robot_is_pulled_towards_the_cursor_and_not_too_fast(window):
+    pulls = drag(window, "robot/robot", (1.0, 2.5, 0.1), (1.0, 2.6, 0.1), (9.0, 2.5, 0.1))
+    np.testing.assert_allclose([one.speed for one in pulls], [(0.0, 0.0), (0.0, 0.4), (PULLED, 0.0)], atol=1e-9)
+
+
+@pytest.mark.parametrize(("key", "noise"), [(MORE, [0.125]), (LESS, [0.08]), (HOME, [])])
+def test_keys_change_the_noise_and_home_is_for_the_one_who_waits(window, key, noise):
+    window.handle.key(key)
+    window.refresh()
+    assert list(window._plant.asked) == [Noise(at=0.0, noise=pytest.approx(one)) for one in noise]
+    assert window.home == (key == HOME)

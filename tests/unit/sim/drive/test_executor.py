@@ -10,7 +10,6 @@ from plants import QUIET, STEP, WALL, both, driven, hold, problem_of, scene_file
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.collision import Collision
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
@@ -72,23 +71,17 @@ def test_a_period_that_is_no_multiple_of_the_physics_step_is_refused_with_both(p
 
 
 @pytest.mark.parametrize("period", [STEP, 0.006, 0.1, 0.3])
-def test_a_period_is_driven_in_whole_physics_steps(period):
+def test_a_period_is_driven_in_whole_physics_steps_and_paid_for_where_they_begin(period):
     loaded = load("slit")
-    plant = Executor(loaded, problem_of(loaded, SingleIntegrator(b=QUIET)), period=period)
-    advance = plant.advance(hold(0.6, 0.8), np.random.default_rng(0))
+    problem = problem_of(loaded, SingleIntegrator(b=QUIET), q=lambda x, p: x[0], q_min=0.1)
+    plant = Executor(loaded, problem, period=period)
+    advance = plant.advance(hold(1.0, 0.0), np.random.default_rng(0))
     count = round(period / STEP)
     assert advance.outcome is None
     assert (advance.time, advance.length) == pytest.approx((period, period))
-    assert advance.cost == pytest.approx(2 * period)  # q + u'Ru/2 = 1 + 1
+    assert advance.cost == pytest.approx(STEP * np.sum(1.0 + STEP * np.arange(count) + 1.0))  # q + u'Ru/2 = x + 1
     assert advance.states.shape == advance.controls.shape == advance.noise.shape == (count, 2)
     np.testing.assert_allclose(plant.state, advance.states[-1])
-
-
-def test_cost_is_paid_where_the_step_begins():
-    loaded = load("slit")
-    problem = problem_of(loaded, SingleIntegrator(b=QUIET), q=lambda x, p: x[0], q_min=0.1)
-    advance = Executor(loaded, problem, period=2 * STEP).advance(hold(1.0, 0.0), np.random.default_rng(0))
-    assert advance.cost == pytest.approx(STEP * (1 + 1 + 1 + (1 + STEP)))
 
 
 def test_what_cannot_be_driven_is_refused(tmp_path):
@@ -150,15 +143,6 @@ def test_nothing_passes_a_wall_within_a_step(tmp_path):
 def test_what_is_between_two_free_places_blocks_and_what_is_next_to_them_does_not(y, blocked):
     checker = ClearanceChecker(load("slit").scene, lambda points: np.hypot(*points.T) - 0.5)
     assert checker.blocked(np.array([-1.0, y]), np.array([1.0, y])) is blocked
-
-
-def test_the_least_clearance_is_that_after_every_step(tmp_path):
-    loaded = load(scene_file(tmp_path, world=WALL))
-    clearance = Collision(loaded.scene.world, loaded.scene.footprint).clearance
-    plant = Executor(loaded, problem_of(loaded, SingleIntegrator(b=0.2)), period=0.1)
-    for end in driven(plant, lambda x, s: np.array([1.0 - 4.0 * x[0], 0.0]), 1, 20):
-        assert end.outcome is None
-        assert end.clearance == pytest.approx(clearance(end.states).min(), abs=1e-12)
 
 
 def drive_right(folder: Path, x: float, goal: tuple[float, float, float], *, world: str = "", speed: float = 1.0):
