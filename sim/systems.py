@@ -80,9 +80,6 @@ class System:
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
 
-    def __repr__(self) -> str:
-        return f"System({self.name!r}, states {' '.join(self.states)})"
-
     @property
     def called(self) -> str:
         """Name in messages: the robot that the help names, or its own name."""
@@ -190,15 +187,10 @@ def _steering(path: str) -> Callable[[Any], Any]:
     return lambda problem: imported(f"pirrht.steering.{path}").of(problem)
 
 
-def _at_speed(settings: Settings) -> float:
-    """Return the state cost rate at which a control cost v'v, of R = 2, asks for the speed of the settings."""
-    return settings.speed**2
-
-
-SYSTEMS = (
+SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settings
     System(
         name="single_integrator", dynamics=_dynamics("single_integrator:SingleIntegrator"),
-        steering=_steering("straight_line:StraightLine"), R=2.0 * np.eye(2), states=POSE[:2], urge=_at_speed,
+        steering=_steering("straight_line:StraightLine"), R=2.0 * np.eye(2), states=POSE[:2], urge=lambda s: s.speed**2,
         heeds=("noise", "speed"), robots="puck", noise_in="m/sqrt(s)",
     ),
     System(
@@ -218,7 +210,7 @@ SYSTEMS = (
         own=("noise", "vertices", "samples", "dt", "period"), robots="hover", noise_in="m/s/sqrt(s)",
     ),
     System(  # its paths have a speed of their own
-        name="rover", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=_at_speed, states=POSE,
+        name="rover", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=lambda s: s.speed**2, states=POSE,
         defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300, heeds=("noise", "speed"),
         own=("vertices", "samples", "dt", "period"), robots="rover", noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),
@@ -234,11 +226,7 @@ BUILT_IN = tuple(_known)
 
 
 def register(system: System) -> System:
-    """Make a system known by its name; a later one takes the place of an earlier one, but of none that is built in.
-
-    Raises:
-        OptionError: it is no `System`, or its name is that of a built-in one.
-    """
+    """Make a system known by its name, in place of an earlier one; OptionError if that one is built in."""
     if not isinstance(system, System):
         raise OptionError(f"{system!r} is no sim.systems.System; make one with System(name=..., dynamics=..., ...)")
     if system.name in BUILT_IN and _known[system.name] is not system:

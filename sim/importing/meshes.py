@@ -8,7 +8,8 @@ as Gazebo places them, by their unit and nodes but not by `<up_axis>`.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -200,7 +201,9 @@ def read_collada(path: Path, name: str = "") -> Array:
     """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
     try:
         root = parse(path, "a COLLADA file")
-        for element in root.iter():
+        for count, element in enumerate(root.iter()):
+            if count > MOST_ELEMENTS:
+                raise ValueError(f"more than {MOST_ELEMENTS} elements")
             element.tag = element.tag.rpartition("}")[2]
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
         return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
@@ -213,6 +216,7 @@ def _placed(root: ET.Element, name: str) -> Iterator[Array]:
     """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
     ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
     shapes: dict[ET.Element, Array] = {}
+    points = cache(_points)
     elements = triangles = 0
     scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
     todo = [(element, np.eye(4), not name) for element in scene]
@@ -223,7 +227,7 @@ def _placed(root: ET.Element, name: str) -> Iterator[Array]:
         wanted = wanted or name in (element.get("name"), element.get("id"))
         if element.tag == "geometry" and wanted:
             if element not in shapes:
-                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids)])
+                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids, points)])
             yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
         elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
         if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
@@ -233,17 +237,22 @@ def _placed(root: ET.Element, name: str) -> Iterator[Array]:
         todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
 
 
-def _polygons(geometry: ET.Element, ids: dict[Any, Any]) -> Iterator[Array]:
+def _points(block: ET.Element) -> Array:
+    width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
+    return _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
+
+
+def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.Element], Array]) -> Iterator[Array]:
     """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
     for part in geometry.iterfind("mesh/*"):
         inputs = {one.get("semantic"): one for one in part.findall("input")}
         if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
             block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
-            width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
-            points = _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
             stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
             for indices in part.iter("p"):
-                corners = points[_numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]]
+                corners = points(block)[
+                    _numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]
+                ]
                 counts = np.array([len(corners)])
                 if part.tag in ("triangles", "polylist"):
                     counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)

@@ -17,12 +17,6 @@ from sim.mjcf import limits
 
 mujoco.set_mju_user_warning(lambda text: None)  # without, it leaves a MUJOCO_LOG.TXT in the current folder
 
-_SIZES = {
-    **dict.fromkeys(("nkey", "nuserdata"), 0),
-    **dict.fromkeys(("memory", "njmax", "nconmax", "nstack"), -1),
-    **{f"nuser_{kind}": -1 for kind in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")},
-}  # as in a file without the element `size`
-
 
 def models_folder() -> Path:
     """The folder with `scenes` and `robots`: inside the package when installed, next to it in a checkout."""
@@ -90,8 +84,10 @@ def _read(path: Path) -> mujoco.MjSpec:
     """The spec of a file, without what it says of the sizes of memory: MuJoCo knows them itself."""
     with _refused(f"{path}: not MJCF: ", "; correct the XML there"):
         spec = mujoco.MjSpec.from_file(str(path))
-    for name, value in _SIZES.items():
-        setattr(spec, name, value)
+    spec.nkey = spec.nuserdata = 0
+    for name in dir(spec):
+        if name in ("memory", "njmax", "nconmax", "nstack") or name.startswith("nuser_"):
+            setattr(spec, name, -1)
     lent = models_folder() / "robots" / "meshes"  # for copies of built-in robots, whose meshes have stayed there
     for mesh in spec.meshes:
         there = lent / Path(mesh.file).name

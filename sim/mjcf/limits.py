@@ -111,7 +111,16 @@ def trial(path: Path, read: Callable[[], object]) -> None:
     source, sink = os.pipe()
     child = os.fork()
     if child == 0:
-        _try(read, sink)
+        words = ""
+        try:
+            _bound()
+            read()
+            words = _READ
+        except Exception as error:
+            words = "" if isinstance(error, MemoryError) else str(error)
+        finally:
+            os.write(sink, words[:4000].encode(errors="replace"))
+            os._exit(0)
     os.close(sink)
     try:
         with os.fdopen(source, "rb") as stream:
@@ -128,29 +137,19 @@ def trial(path: Path, read: Callable[[], object]) -> None:
         raise SceneError(words)
 
 
-def _try(read: Callable[[], object], sink: int) -> None:
-    """Be the child: read under limits, write how it went, and end."""
-    words = ""
-    try:
-        import resource
+def _bound() -> None:
+    """Bound memory and time of this process, which says nothing from now on."""
+    import resource
 
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
-            signal.signal(number, signal.SIG_DFL)
-        signal.alarm(WALL)
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        for limit, most in ((resource.RLIMIT_AS, used + MEMORY), (resource.RLIMIT_CPU, CPU), (resource.RLIMIT_CORE, 0)):
-            hard = resource.getrlimit(limit)[1]
-            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
-        read()
-        words = _READ
-    except Exception as error:
-        words = "" if isinstance(error, MemoryError) else str(error)
-    finally:
-        os.write(sink, words[:4000].encode(errors="replace"))
-        os._exit(0)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+        signal.signal(number, signal.SIG_DFL)
+    signal.alarm(WALL)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    for limit, most in ((resource.RLIMIT_AS, used + MEMORY), (resource.RLIMIT_CPU, CPU), (resource.RLIMIT_CORE, 0)):
+        hard = resource.getrlimit(limit)[1]
+        resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
 
 
 @contextmanager

@@ -151,8 +151,7 @@ def _named_system(spec: mujoco.MjSpec) -> System:
 def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     """The robot's command matrix (nu, k), of as many columns as a twist has numbers, if that is known."""
     data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), np.empty(0))
-    if twists is None:
-        twists = max(2, data.size // nu) if nu else 2
+    twists = twists or max(2, data.size // max(nu, 1))
     if nu == 0 or data.size != twists * nu:
         found = f"of {counted(data.size, 'number')}" if data.size else "missing"
         raise SceneError(

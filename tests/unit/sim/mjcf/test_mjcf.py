@@ -30,18 +30,18 @@ def rebuilt(scene: Scene) -> mujoco.MjModel:
     """The plain values turned into a flat MuJoCo model, obstacle i as geom i, last the robot's sphere."""
     spec = mujoco.MjSpec()
     for i, obstacle in enumerate(scene.obstacles):
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, obstacle.rotation.ravel())
-        kind = getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}")
-        pose = {"type": kind, "pos": obstacle.position, "quat": quaternion}
+        x, y = obstacle.rotation.T[:2]
+        geom = spec.worldbody.add_geom(pos=obstacle.position)
+        geom.alt.type, geom.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, [*x, *y]
+        geom.type = getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}")
         if obstacle.vertices is None:
-            spec.worldbody.add_geom(size=obstacle.size, **pose)
+            geom.size = obstacle.size
         else:
             spec.add_mesh(name=f"mesh{i}", uservert=obstacle.vertices.ravel())
-            spec.worldbody.add_geom(meshname=f"mesh{i}", **pose)
+            geom.meshname = f"mesh{i}"
     body = spec.worldbody.add_body(pos=[0, 0, scene.robot_height])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 1, 0])
+    for axis in ([1, 0, 0], [0, 1, 0]):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene.robot_radius, 0, 0])
     return spec.compile()
 
