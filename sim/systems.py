@@ -80,9 +80,6 @@ class System:
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
 
-    def __repr__(self) -> str:
-        return f"System({self.name!r}, states {' '.join(self.states)})"
-
     @property
     def called(self) -> str:
         """Name in messages: the robot that the help names, or its own name."""
