@@ -130,7 +130,7 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
             raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
         raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
     try:
-        with np.load(file, allow_pickle=False) as content:
+        with np.load(file, mmap_mode="r", allow_pickle=False) as content:  # mapped, lest a single array be read whole
             total = sum(member.file_size for member in content.zip.infolist())  # more is not unpacked
             if total > TUNING.file_bytes:
                 raise ValueError("it unpacks to more than a tree has")

@@ -99,25 +99,15 @@ def sweep(arguments: argparse.Namespace) -> int:
     print(wording.figures(*summary.summed(records)))
     if arguments.json:
         write_json(arguments.json, records)
-    errors = [str(record["error"]) for record in records if record["outcome"] is None]
+    errors = [printable((str(r["error"]).splitlines() or [""])[0]) for r in records if r["outcome"] is None]
     if arguments.output is not None:
         runs = counted(len(records), "run")
         print(f"{path_text(arguments.output)}: {runs}, {len(errors)} of them ended with an error")
-    for line in error_lines(errors, stored=arguments.output is not None):
-        print(line, file=sys.stderr)
+    if errors:
+        often = [f"  {count} x {error}" for error, count in Counter(errors).most_common(SHOWN_ERRORS)]
+        again = ["the same command with --again repeats them"] if arguments.output is not None else []
+        print(f"{counted(len(errors), 'run')} ended with an error:", *often, *again, sep="\n", file=sys.stderr)
     return 1 if errors else 0
-
-
-def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
-    """The most frequent errors of runs, and how to try again; empty without any."""
-    if not errors:
-        return []
-    known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
-    lines = [f"{counted(len(errors), 'run')} ended with an error:"]
-    lines += [f"  {count} x {printable(error)}" for error, count in known[:SHOWN_ERRORS]]
-    if len(known) > SHOWN_ERRORS:
-        lines.append(f"  and {counted(len(known) - SHOWN_ERRORS, 'other error')}")
-    return lines + (["the same command with --again repeats them"] if stored else [])
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -126,7 +116,6 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from sim.sweeps.dataset import Dataset
 
     dataset = Dataset(arguments.output)
-    dataset.check(grid.settings, {})
     jobs = engine.checked(grid.jobs())
     scenes = {job.name: job.digest for job in jobs}
     noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}

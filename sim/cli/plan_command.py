@@ -90,10 +90,8 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             "begin at rest (`pirrht estimate --at` takes any state)"
         )
     notice()
-    settings, place = options.settings(command, given), options.scene_options(given)
-    scenario = prepare(
-        arguments.scene, given=settings, loose=loose, driven=command not in ("plan", "estimate"), **place
-    )
+    settings, driven = options.settings(command, given), command not in ("plan", "estimate")
+    scenario = prepare(arguments.scene, given=settings, loose=loose, driven=driven, **options.scene_options(given))
     if start is not None and len(start) == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     for name in ("predict", "speed_limit") if not scenario.moving else ():
@@ -116,10 +114,8 @@ def planned(
     if not references:
         say("no class reaches the goal from the start past moving obstacles: the robot waits for a path")
     if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
-        say(
-            f"|1 - H_i| <= {scenario.settings.limit:g} leaves out paths that are not much longer than the shortest: "
-            f"grown within {tree.limit:g} (--limit keeps to a limit)"
-        )
+        out = f"|1 - H_i| <= {scenario.settings.limit:g} leaves out paths that are not much longer than the shortest"
+        say(f"{out}: grown within {tree.limit:g} (--limit keeps to a limit)")
     return tree, references
 
 
@@ -137,8 +133,6 @@ def plan(arguments: argparse.Namespace) -> int:
 
             figures.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
-    if scenario.settings.method in TREELESS:
-        say(f"--method {scenario.settings.method} plans without a tree: this is the tree of pi-rrht")
     began, lengths = notice().clock(), None
     if arguments.convergence:
         tree, vertices = scenario.empty_tree(), scenario.settings.vertices

@@ -28,20 +28,18 @@ def scene_table(rows: Sequence[tuple[str, str, float, int, str]]) -> str:
     """One row per scene: its name, robot, noise, number of moving obstacles, and a sentence on it."""
     known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
     lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
-    about = ["about", "-" * 7, *(row[-1] for row in rows)]
-    return "\n".join(f"{line.ljust(max(map(len, lines)))}  {more}" for line, more in zip(lines, about, strict=True))
+    return "\n".join(map("{}  {}".format, lines, ["about", "-" * 5, *(row[-1] for row in rows)]))
 
 
 def class_table(references: Sequence[Reference], homology: Homology | None = None) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes moving obstacles."""
-    header = ["class", "cost", "length [m]"]
-    more: list[list[str]] = [[] for _ in references]
-    if homology is not None and homology.J:
-        header, more = [*header, "bodies"], [[", ".join(passing(r, homology)) or "-"] for r in references]
-    elif not references or len(references[0].winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
-        header, more = [*header, "H"], [[" ".join(f"{h:+.2f}" for h in r.signature)] for r in references]
-    rows = [[title(r.id), f"{r.cost:.4f}", f"{r.length:.3f}", *last] for r, last in zip(references, more, strict=True)]
-    return table(header, rows)
+    rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
+    for row, r in zip(rows, references, strict=True):
+        if homology is not None and homology.J:
+            row["bodies"] = ", ".join(passing(r, homology)) or "-"
+        elif len(r.winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
+            row["H"] = " ".join(f"{h:+.2f}" for h in r.signature)
+    return table([*rows[0]], [[*row.values()] for row in rows]) if rows else "no class"
 
 
 def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], truth: Truth | None = None) -> str:

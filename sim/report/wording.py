@@ -8,10 +8,9 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from sim.drawing.colors import title
-from sim.report.comparisons import BASE, LEVEL, Comparison, pairs_needed
 from sim.report.plots import Picture
 from sim.report.statistics import Interval
-from sim.report.summary import ALL, BEST, Point, Report, p_value
+from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value, pairs_needed
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table

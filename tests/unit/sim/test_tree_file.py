@@ -245,7 +245,7 @@ def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Sc
     with zipfile.ZipFile(declared, "w", zipfile.ZIP_DEFLATED) as file:
         file.writestr("cost.npy", header.getvalue() + bytes(8))
     pickled = repacked(unpacked(saved) | {"tail": np.array([None], dtype=object)})
-    for content in (declared, pickled):
+    for content in (header, declared, pickled):
         content.seek(0)
         with pytest.raises(OptionError, match="is no tree of pirrht"):
             tree_file.load(content, slit.space, StraightLine())
