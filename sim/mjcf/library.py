@@ -82,7 +82,7 @@ def _compiled(path: Path) -> None:
 
 def _read(path: Path) -> mujoco.MjSpec:
     """The spec of a file, without what it says of the sizes of memory: MuJoCo knows them itself."""
-    with _refused(f"{path}: not MJCF: ", "; write MJCF there"):
+    with _refused(f"{path}: not MJCF: ", "; correct the XML there"):
         spec = mujoco.MjSpec.from_file(str(path))
     spec.nkey = spec.nuserdata = 0
     for name in dir(spec):
