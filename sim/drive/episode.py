@@ -139,10 +139,8 @@ def _by_clock(
         return started
 
     def drive() -> None:
-        for step, period in enumerate(_drive(plant, planner, first, rng)):
+        for period in _drive(plant, planner, first, rng, max_time):
             news.put(period)
-            if ending(period[1], step * plant.period, max_time) is not None:
-                return
 
     with _undisturbed():
         planner.origin = clock.now()
@@ -159,8 +157,10 @@ def _by_clock(
                 one.join()
 
 
-def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Generator) -> Iterator[Period]:
-    """Drive period by period as the clock goes."""
+def _drive(
+    plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Generator, max_time: float
+) -> Iterator[Period]:  # fmt: skip
+    """Drive period by period as the clock goes, until the run ends."""
     clock, origin, arrived = planner.clock, planner.origin, planner.arrived
     for step in count():
         begin, start, late, met = step * plant.period, plant.state, list[float](), law
@@ -182,6 +182,8 @@ def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Genera
         advance = plant.advance(control, rng)
         planner.driven.append(advance.states)
         yield replace(met, plan=replace(met.plan, state=start)), advance, np.array(late)
+        if ending(advance, begin, max_time) is not None:
+            return
 
 
 class Planner:

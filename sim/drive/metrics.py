@@ -209,7 +209,8 @@ class EpisodeMetrics:
         self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
         outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
-        news = self._count(made, begin, late)
+        news = self._count(plan, begin)
+        self._time(made, begin, late)
         if outcome is not None:
             self.outcome = outcome.name.lower()
             news.append(f"{self.outcome} at {self.time:.2f} s")
@@ -226,9 +227,9 @@ class EpisodeMetrics:
         self.steps += 1
         return self.last
 
-    def _count(self, made: TimedPlan, begin: float, late: Array | None) -> list[str]:
-        """Count a period that began at a time [s]; return lines for a person on what is new."""
-        plan, estimate, news = made.plan, made.plan.estimate, list[str]()
+    def _count(self, plan: Plan, begin: float) -> list[str]:
+        """Count a plan of a time [s]; return lines for a person on what is new."""
+        estimate, news = plan.estimate, list[str]()
         if self.last is None:
             self.value_estimate = plan.exact if estimate is None else estimate.value
         was_blocked = self.last is not None and self.last.plan.fallback is not None
@@ -258,16 +259,19 @@ class EpisodeMetrics:
             if plan.decided is not None:
                 self.class_reversals += self._decided not in (None, plan.decided)
                 self._decided = plan.decided
+        return news
+
+    def _time(self, made: TimedPlan, begin: float, late: Array | None) -> None:
+        """Take the wall times of a period that began at a time [s] into account."""
         self.plan_seconds.append(made.plan_seconds)
         missed = made.plan_seconds > self._period
         if late is not None:
             self._late.append(late)
             missed = made.begin < begin - GRACE
             if not missed and self.last is not None:
-                samples = 0 if estimate is None else sum(part.size for part in estimate.parts)
-                self._ready.append((samples, made.slack))
+                parts = () if made.plan.estimate is None else made.plan.estimate.parts
+                self._ready.append((sum(part.size for part in parts), made.slack))
         self.deadline_misses += missed
-        return news
 
     @property
     def step_ms(self) -> dict[str, Any]:
