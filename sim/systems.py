@@ -287,6 +287,9 @@ def chosen(which: str | System) -> System:
         why += f" ({places[-1]}); fix it" if places else "; fix it"
         if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
             why = f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
+            if Path(module).suffix == ".py" or os.sep in module:
+                file = Path(module)
+                why = f"{file.name} is a file, and a module is wanted; in its folder, write --system {file.stem}:{name}"
         raise OptionError(f"--system {which}: {why}") from None
     finally:
         with suppress(ValueError):

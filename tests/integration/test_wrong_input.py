@@ -59,7 +59,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("plan slit --goal 5 2 0.2 1.57", "1.57", "--help"),
     ("run slit --robot hover --truth", "no grid solves the problem of a hover", "puck or unicycle"),
     ("run slit --robot hover --speed 2", "this robot is a hover", "leave it out"),
-    ("run slit --system wind.py:BALLOON", "there is no module wind.py", "fix the name"),
+    ("run slit --system wind.py:BALLOON", "wind.py is a file", "--system wind:BALLOON"),
     ("import broken.xml -o new.xml --motion", "broken.xml", "leave out --motion"),
     ("import motions.txt -o new.xml", "motions.txt", "add --motion"),
     ("estimate slit --at 3.4 2.8", "--at 3.4 2.8", "choose another"),
