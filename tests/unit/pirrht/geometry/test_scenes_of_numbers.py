@@ -12,16 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from trees import grown
 
-from pirrht import (
-    Controller,
-    FreeSpace,
-    Problem,
-    Sampling,
-    Scene,
-    SceneError,
-    SingleIntegrator,
-    StraightLine,
-)
+from pirrht import Controller, FreeSpace, Problem, Sampling, Scene, SceneError, SingleIntegrator, StraightLine
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
