@@ -30,7 +30,7 @@ from pathlib import Path
 
 from pirrht.errors import PirrhtError
 from sim.files import check_writable, write_json
-from sim.text import table, width
+from sim.text import table
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
@@ -93,7 +93,7 @@ def main() -> int:
         header, rows, values = importlib.import_module(f"benchmarks.{options.what}").rows(options)
     except PirrhtError as error:
         parser.error(str(error))
-    print(table(header, rows, width()))
+    print(table(header, rows))
     if options.json:
         write_json(options.json, values)
     return 0

@@ -43,7 +43,7 @@ def main() -> int:
         for frame in episode.run(plant, controller, loaded.scene.start, for_plant, max_time=60.0):
             recorder.log(frame, frame.news)
 
-    result = frame.metrics.result().json()
+    result = frame.metrics.json()
     print(f"{result['outcome']} after {result['time']:.2f} s through class {result['executed_class']}")
     print(
         f"lambda {problem.temperature:.4f}, cost {result['cost']:.3f}, estimated value {result['value_estimate']:.3f}"

@@ -5,7 +5,7 @@ Among moving obstacles they show where these and the references are at equal mom
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil
 from pathlib import Path
 from textwrap import wrap
@@ -26,7 +26,6 @@ from sim.files import replaced
 from sim.plotting import ground
 from sim.plotting.lines import many, tree_lines
 from sim.scenario import Scenario
-from sim.scenario.convergence import Convergence
 
 INK = "#222222"
 TREE = "#9aa3ab"  # no colour of a class
@@ -68,26 +67,27 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
 
 
 def draw_convergence(
-    path: Path, scene: str, convergence: Convergence, references: Sequence[Reference], *, at_most: int = 16
+    path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
 ) -> None:
-    """Write the lengths of the best path per class against the iteration, like the paper's Fig. 3a."""
+    """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
     plt = pyplot("--convergence")
     figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
-    shown, end = [name for name in final if name in convergence.ids][:at_most], convergence.iterations[-1]
+    iterations, end = convergence["iterations"], convergence["iterations"][-1]
+    shown = [name for name in final if name in convergence["lengths"]][:at_most]
     for name in shown:
-        lengths, look = convergence.lengths[:, convergence.ids.index(name)], {"color": rgb(colors[name]), "lw": 1.6}
+        lengths, look = np.array(convergence["lengths"][name]), {"color": rgb(colors[name]), "lw": 1.6}
         label = f"{title(name)}: {lengths[-1]:.2f} m, shortened {final[name]:.2f}"
         lengths = np.where(np.isfinite(lengths), lengths, np.nan)
-        axes.step(convergence.iterations, lengths, where="post", label=label, **look)
+        axes.step(iterations, lengths, where="post", label=label, **look)
         axes.plot([0.97 * end, 1.03 * end], [final[name]] * 2, ls=":", **look)
     if shown:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(final.values()), 1.5 * max(final[name] for name in shown))
     axes.set_xlabel("iteration (random states drawn)")
     axes.set_ylabel("length of the tree's best path per class [m]")
-    axes.set_title(f"{scene}: {convergence.vertices[-1]} vertices; dotted: shortened within the class", fontsize=10)
+    axes.set_title(f"{scene}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(title="class", **LEGEND)

@@ -8,15 +8,16 @@ import os
 import shutil
 import stat
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
+from secrets import token_hex
 from typing import Any, BinaryIO
 
 import numpy as np
 
-from pirrht.errors import OptionError, SceneError, printable
+from pirrht.errors import OptionError, printable
 
 SHOWN = 40  # characters of a file's name that its draft bears: two such names and an ending fit any file system
 
@@ -25,16 +26,14 @@ class Draft:
     """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
 
     def __init__(self, path: Path) -> None:
-        self.target = target_of(path)
-        prefix = f".{self.target.name[:SHOWN]}."
-        self.handle, name = tempfile.mkstemp(prefix=prefix, suffix=".part", dir=self.target.parent)  # open for writing
-        self.file = Path(name)
+        self.target = Path(os.path.realpath(path))
+        self.file = self.target.with_name(f".{self.target.name[:SHOWN]}.{token_hex(4)}.part")
+        self.handle = os.open(self.file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)  # open for writing
 
     def publish(self) -> None:
         """Take the target's place, with its permissions or, if there is none, those of any new file."""
-        os.umask(mask := os.umask(0))
-        mode = stat.S_IMODE(self.target.stat().st_mode) if self.target.exists() else 0o666 & ~mask
-        os.chmod(self.file, mode)
+        if self.target.exists():
+            shutil.copymode(self.target, self.file)
         os.replace(self.file, self.target)
 
     def discard(self) -> None:
@@ -47,20 +46,15 @@ class Draft:
 def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
     """Yield a stream whose content becomes that of a file; after a failure the old file stays.
 
-    What is no regular file, such as /dev/null or a pipe, and what standard output goes to are written straight to, in
-    one go at the end. A pipe that nobody reads then is an error.
-
-    Raises:
-        OptionError: it cannot be written; names the option.
+    What is no regular file, such as /dev/null or a pipe, and what standard output goes to is written to at the end.
+    OptionError: it cannot be written; names the option.
     """
     try:
         if takes_as_it_comes(path):
-            with tempfile.TemporaryFile() as stream:  # content that is written to and fro, and none after a failure
-                yield stream
-                stream.seek(0)
-                known = _output(os.stat(path))
-                with os.fdopen(_open_pipe(path) if known is None else os.dup(known), "wb") as target:
-                    shutil.copyfileobj(stream, target)
+            yield (content := BytesIO())
+            output = _output(path)
+            with open(path if output is None else os.dup(output), "wb") as target:
+                target.write(content.getvalue())
             return
         draft = Draft(path)
         try:
@@ -73,55 +67,24 @@ def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
         raise refused(option, path, error) from None
 
 
-def target_of(path: Path) -> Path:
-    """Return the target of a path, which need not exist; symbolic links are followed."""
-    return Path(os.path.realpath(path))
-
-
 def takes_as_it_comes(path: Path) -> bool:
     """Return whether nothing can take a path's place: a device, a pipe, or the file behind this process' output."""
-    try:
-        found = os.stat(path)
-    except (OSError, ValueError):
-        return False
-    return not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)) or _output(found) is not None
+    odd = os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path))
+    return odd or _output(path) is not None
+
+
+def _output(path: Path) -> int | None:
+    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
+    for known in (1, 2):
+        with suppress(OSError, ValueError):
+            if os.path.samestat(os.stat(path), os.fstat(known)):
+                return known
+    return None
 
 
 def path_text(path: Path) -> str:
     """Return a path as text in one line that any terminal takes."""
-    with suppress(UnicodeEncodeError):  # half a character, which is in no name that the system knows
-        return printable(os.fsencode(path).decode("utf-8", "backslashreplace"))
     return printable(str(path))
-
-
-_pipes: dict[Path, int] = {}  # descriptors of pipes whose readers wait for what is not there yet
-
-
-def has_reader(path: Path) -> bool:
-    """Return whether a process reads a pipe; it is kept open until it is written to, so that its reader waits."""
-    with suppress(OSError):
-        if _output(os.stat(path)) is None and path not in _pipes:
-            _pipes[path] = _open_pipe(path)
-        return True
-    return False
-
-
-def _open_pipe(path: Path) -> int:
-    """Return a descriptor to write to a pipe or device, without waiting for a reader."""
-    if path in _pipes:
-        return _pipes.pop(path)
-    handle = os.open(path, os.O_WRONLY | os.O_TRUNC | getattr(os, "O_NONBLOCK", 0))
-    os.set_blocking(handle, True)
-    return handle
-
-
-def _output(found: os.stat_result) -> int | None:
-    """Return the descriptor of standard output or error if it is the file: opening it again would empty it."""
-    for known in (1, 2):
-        with suppress(OSError):
-            if os.path.samestat(found, os.fstat(known)):
-                return known
-    return None
 
 
 MISSING = "does not exist"
@@ -141,67 +104,34 @@ def why_unreadable(path: Path) -> str | None:
     return None if os.access(path, os.R_OK) else "may not be read"
 
 
-def read_bounded(path: Path, most: int, what: str, remedy: str) -> bytes:
-    """Read a file of at most so many bytes.
-
-    Raises:
-        SceneError: it cannot be read, and what to give instead, or it is larger, and what to do about that.
-    """
-    try:
-        with path.open("rb") as stream:
-            content = stream.read(most + 1)
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read ({error.strerror}); give {what}") from None
-    if len(content) > most:
-        raise SceneError(f"{path}: larger than {most >> 20} MiB; {remedy}")
-    return content
-
-
 def check_writable(path: Path, option: str) -> None:
-    """Refuse an output path before any work is done.
-
-    Raises:
-        OptionError: the name is none that the system takes, the folder is missing or may not be written to, or the
-            path is a folder, a disk, or a pipe that nobody reads.
-    """
-    found = checked_name(path, option)
-    folder, straight = target_of(path).parent, takes_as_it_comes(path)
-    mode, there = (0, []) if found is None else (found.st_mode, [path])
+    """Refuse an output path before any work is done, by OptionError: a folder, a disk, one that cannot be made."""
+    try:
+        str(path).encode()
+        mode = os.stat(path).st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        mode = 0
+    except (OSError, ValueError) as error:
+        raise refused(option, path, error) from None
+    folder = Path(os.path.realpath(path)).parent
+    places = [path] if takes_as_it_comes(path) else [folder, *([path] if mode else [])]
     for wrong, what in (
         (stat.S_ISDIR(mode), " is a folder; give the path of a file"),
         (stat.S_ISBLK(mode), " is a disk; give the path of a file"),
-        (stat.S_ISFIFO(mode) and not has_reader(path),
-         " is a pipe that nobody reads; start its reader first, or give the path of a file"),
-        (not straight and not folder.is_dir(), f": the folder {path_text(folder)} does not exist; create it first"),
-        (not all(os.access(one, os.W_OK) for one in (there if straight else [folder, *there])),
+        (not folder.is_dir(), f": the folder {path_text(folder)} does not exist; create it first"),
+        (not all(os.access(place, os.W_OK) for place in places),
          " may not be written; choose another place or fix the permissions"),
     ):  # fmt: skip
         if wrong:
             raise OptionError(f"{option} {path_text(path)}{what}")
 
 
-def checked_name(path: Path, option: str) -> os.stat_result | None:
-    """Query the system for a path; None if there is none.
-
-    Raises:
-        OptionError: the name is too long, not UTF-8 or leads nowhere.
-    """
-    try:
-        str(path).encode()
-        return os.stat(path)
-    except (FileNotFoundError, NotADirectoryError):
-        return None
-    except UnicodeEncodeError:
-        raise OptionError(f"{option} {path_text(path)}: the name is not UTF-8; give one that is") from None
-    except (OSError, ValueError) as error:  # ValueError: a null character
-        raise refused(option, path, error) from None
-
-
 def refused(option: str, path: Path, error: OSError | ValueError) -> OptionError:
     """Make the error where the system refuses a path that an option names, or what is done with it."""
     text = path_text(path)
     short = text if len(text) <= 80 else f"{text[:40]}...{text[-30:]}"
-    return OptionError(f"{option} {short}: {getattr(error, 'strerror', None) or error}; choose another place")
+    why = "the name is not UTF-8" if isinstance(error, UnicodeError) else getattr(error, "strerror", None) or error
+    return OptionError(f"{option} {short}: {why}; choose another place")
 
 
 def write_json(path: Path, value: Any) -> None:

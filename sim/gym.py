@@ -15,6 +15,7 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 
 from __future__ import annotations
 
+import reprlib
 import time
 from collections.abc import Callable, Iterable
 from contextlib import nullcontext
@@ -28,12 +29,11 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from sim.drive.metrics import EpisodeMetrics, Frame, Period
-from sim.drive.result import DriveResult
+from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
-from sim.settings import BY_SCENE
+from sim.settings import BY_SCENE, BY_SETTING
 from sim.sweeps import runs, scores
 from sim.sweeps.runs import Job
 
@@ -45,6 +45,8 @@ except ImportError:
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
 SETTINGS = ("noise", "period", "max_time", "plant", "phi")  # of a run, that an environment has
+ARGUMENTS = {*BY_SCENE, *SETTINGS} - {"preset"}
+SEED = BY_SETTING["seed"]
 
 Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
 
@@ -74,14 +76,15 @@ class Drive(gymnasium.Env[Array, Array]):
             raise OptionError(f"render_mode is {render_mode!r}; there is none: film runs with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        given = {name: options.pop(name) for name in SETTINGS if options.get(name) is not None}
-        task = {name: options.pop(name, None) for name in BY_SCENE if name != "preset"} | {"preset": None}
-        task["freeze"] = task["freeze"] or None
-        if strange := options.keys() - set(SETTINGS):
-            fit = ", ".join(sorted({*BY_SCENE, *SETTINGS, "penalty", "bound"} - {"preset"}))
+        if strange := options.keys() - ARGUMENTS:
+            fit = ", ".join(sorted({*ARGUMENTS, "penalty", "bound"}))
             raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment; those are {fit}")
+        given = {name: options[name] for name in SETTINGS if options.get(name) is not None}
+        task: dict[str, Any] = {name: options.get(name) for name in BY_SCENE}
+        task["freeze"] = task["freeze"] or None
         s, parts = prepare(scene, **task, given=given), (runs.frozen(task), runs.frozen(given))
         self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
+        self._asked: float | None = None  # when an action was asked for, on the clock [s]
         self.scenario, self.render_mode, self._plant, d = s, None, s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
@@ -92,18 +95,13 @@ class Drive(gymnasium.Env[Array, Array]):
         if not np.all(low < high):
             raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
         self.action_space = Box(low, high, (d.m,), np.float64)
-        self._metrics: EpisodeMetrics | None = None
-
-    @property
-    def frame(self) -> Frame | None:
-        """The last period; None before the first one."""
-        return None if self._metrics is None else self._metrics.last
+        self.frame: Frame | None = None  # the last period
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Stand at the start; without a seed one is drawn."""
-        super().reset(seed=None if seed is None else _seed(seed))
+        super().reset(seed=None if seed is None else SEED.check(seed, "seed"))
         self.seed = int(self.np_random.integers(2**31)) if seed is None else int(seed)
-        scenario, s = self.scenario, self.scenario.settings
+        scenario, s, self.frame = self.scenario, self.scenario.settings, None
         self._rng = scenario.with_settings(seed=self.seed).plant_rng()
         self._plant.reset(scenario.start)
         self._metrics = EpisodeMetrics(scenario, self._plant.state, period=s.period, max_time=s.max_time)
@@ -116,35 +114,30 @@ class Drive(gymnasium.Env[Array, Array]):
         Raises:
             OptionError: before `reset`, after the end, or the action is no control.
         """
-        if self._metrics is None or (self.frame is not None and self.frame.outcome is not None):
+        if self._asked is None:
             raise OptionError("the run has not begun or is over; call reset() first")
-        thought, m = time.perf_counter() - self._asked, self.scenario.problem.dynamics.m
-        control = np.asarray(action, dtype=float)
-        if control.shape != (m,) or not np.all(np.isfinite(control)):
-            raise OptionError(f"the action is {control.tolist()}; it must be {m} finite numbers")
+        thought = time.perf_counter() - self._asked
+        control = _control(action, self.action_space.shape, "the action is")
         u = np.clip(control, self.action_space.low, self.action_space.high)  # type: ignore[attr-defined]
         x, times = self._plant.state, np.array([0.0, self.scenario.settings.period])
         plan = Plan(state=x, times=times, references=(), ids=(), estimate=None, fallback=None, instead=u[None])
         advance = self._plant.advance(lambda x, s: u, self._rng)
-        outcome = self._metrics.frame(Period(plan=plan, advance=advance, plan_seconds=thought)).outcome
+        self.frame = self._metrics.frame(TimedPlan(plan=plan, plan_seconds=thought), advance)
+        outcome = self.frame.outcome
         reward = -advance.cost - (self._fall if outcome is Outcome.COLLISION else 0.0)
-        self._asked = time.perf_counter()
+        self._asked = time.perf_counter() if outcome is None else None
         over = outcome in (Outcome.GOAL, Outcome.COLLISION)
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
 
-    def figures(self) -> DriveResult:
-        """Return the figures of this run so far as a record.
+    def result(self) -> dict[str, Any]:
+        """Return the figures of this run so far, as `pirrht run --json` has them.
 
         Raises:
             OptionError: nothing has been driven yet.
         """
         if self.frame is None:
             raise OptionError("nothing has been driven yet; call reset() and step() first")
-        return self.frame.metrics.result()
-
-    def result(self) -> dict[str, Any]:
-        """Return the figures of this run so far, as `pirrht run --json` has them."""
-        return self.figures().json()
+        return self.frame.metrics.json()
 
     def _info(self) -> dict[str, Any]:
         frame = self.frame
@@ -190,47 +183,37 @@ def score(
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise)
     # The key of a run, scene and trees included.
     known = {"scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
-    keys = [{**runs.key(replace(job, seed=_seed(seed)), job.noise), **known} for seed in seeds]
+    keys = [{**runs.key(replace(job, seed=SEED.check(seed, "seed")), job.noise), **known} for seed in seeds]
     records: list[dict[str, Any]] = []
     into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
     with into_folder or nullcontext(lambda record: None) as keep:
         for key in keys:
-            made: Any = policy(key["seed"]) if anew else policy  # type: ignore[arg-type]
-            records.append(_scored(env, drive, made, key))
+            began, step, over = time.perf_counter(), 0, False
+            act: Any = policy(key["seed"]) if anew else policy  # type: ignore[arg-type]
+            x, _ = env.reset(seed=key["seed"])
+            while not over:
+                action = act(x)
+                if isinstance(env.action_space, Box):
+                    where = f"seed {key['seed']}, step {step}: the policy returned"
+                    _control(action, env.action_space.shape, where)
+                x, _, terminated, truncated, _ = env.step(action)
+                step, over = step + 1, terminated or truncated
+            assert drive.frame is not None
+            record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began)
+            records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])
     return records
 
 
-def _scored(env: gymnasium.Env[Any, Any], drive: Drive, policy: Any, key: dict[str, Any]) -> dict[str, Any]:
-    """Return the record of one run."""
-    began = time.perf_counter()
-    x, _ = env.reset(seed=key["seed"])
-    over, step = False, 0
-    while not over:
-        action = policy(x)
-        if isinstance(env.action_space, Box):
-            _check(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
-        x, _, terminated, truncated, _ = env.step(action)
-        step, over = step + 1, terminated or truncated
-    record = runs.finished(key, drive.scenario, drive.figures(), time.perf_counter() - began)
-    return {**record, "samples": None, "dt": None}  # they are the policy's own affair
-
-
-def _check(action: Any, shape: tuple[int, ...], where: str) -> None:
+def _control(action: Any, shape: tuple[int, ...] | None, where: str) -> Array:
+    """Return a control as an array of a shape; OptionError, with `where` it came from, unless it is one."""
     try:
         u = np.asarray(action, dtype=float)
     except (TypeError, ValueError):
-        raise OptionError(f"{where} {action!r}; expected is a control of the shape {shape}") from None
-    if u.shape != shape:
-        raise OptionError(f"{where} the shape {u.shape}; expected is a control of the shape {shape}")
-    if not np.all(np.isfinite(u)):
-        raise OptionError(f"{where} {u.tolist()}; a control must be finite")
-
-
-def _seed(seed: int) -> int:
-    if not isinstance(seed, int | np.integer) or seed < 0:
-        raise OptionError(f"seed is {seed}; it must be a whole number of at least 0")
-    return int(seed)
+        u = np.array(np.nan)
+    if u.shape != shape or not np.all(np.isfinite(u)):
+        raise OptionError(f"{where} {reprlib.repr(action)}; a control is finite and of the shape {shape}")
+    return u
 
 
 def name_of(scene: str) -> str:

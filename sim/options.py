@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
-from sim.settings import BY_SCENE, BY_SETTING, GRID, PLACES, RUN, SCENE_OPTIONS, SETTINGS, SINGLE, Option
+from sim.settings import BY_SCENE, BY_SETTING, GROUPS, PLACES, SCENE_OPTIONS, SETTINGS, SINGLE, Option
 
 GIB = 2.0**30
 MEMORY_SHARE = 0.5  # of the memory of a machine may go to one plan
@@ -22,13 +23,12 @@ PATH_STEPS = 100_000  # steps of one path at most
 PLAN_STEPS = 1e9  # steps of all paths of a plan at most
 TAIL = 40.0  # paths are cut so many lambda after the cheapest reference (`pirrht.estimation.sampler`)
 DOUBLINGS = 16  # of --samples under --target-error, without --budget
-RECORDING, FILES = "recording", "files"
-GROUPS = ("", "scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files")
 DAILY = {  # options that `--help` of a command with a scene lists
     "scene", "scenes", "robot", "start", "goal", "noise", "speed", "seed", "method", "preset", "samples", "vertices",
     "real-time", "output", "png", "at", "repeat", "truth", "record", "video", "view", "headless", "script", "methods",
     "seeds", "jobs", "json",
 }  # fmt: skip
+*_, RUN, GRID, RECORDING, FILES = GROUPS
 
 
 def obstacles(text: str) -> list[int]:
@@ -44,6 +44,7 @@ def _one(commands: str, name: str, text: str, metavar: Any = "", **more: Any) ->
 
 
 _file = partial(_one, kind=Path, group=FILES)
+_output = partial(_file, output=True)
 _flag = partial(_one, kind=bool)
 _singles = " ".join(SINGLE)
 
@@ -52,27 +53,25 @@ COMMAND_OPTIONS = (
     _one("sweep", "scenes", "built-in names or MJCF files", "SCENE", positional=True, count="+"),
     _one("warm", "robots", "built-in robots or MJCF files; none: all built-in", "ROBOT", positional=True, count="*"),
     _flag("warm", "moving", "for scenes with moving obstacles"),
-    _file("plan", "output", "save the tree for `--tree`", "TREE.npz", short="o"),
-    _file("plan", "png", "draw tree and references (extra `figures`)", "FILE"),
-    _file("plan", "convergence", "draw the length of each class's best path per iteration", "FILE"),
+    _output("plan", "output", "save the tree for `--tree`", "TREE.npz", short="o"),
+    _output("plan", "png", "draw tree and references (extra `figures`)", "FILE"),
+    _output("plan", "convergence", "draw the length of each class's best path per iteration", "FILE"),
     _one("estimate", "at", "state, see the table; missing numbers are 0", "X", kind=float, count="+", required=True),
-    _one("estimate", "time", "time at which moving obstacles are evaluated", "S", kind=float, default=0.0,
-         bounds=(0.0, 86_400.0)),
+    _one("estimate", "time", "when, among moving obstacles", "S", kind=float, default=0.0, bounds=(0.0, 86_400.0)),
     _one("estimate", "repeat", "repeats with independent samples", "N", kind=int, default=1, bounds=(1, 10_000)),
     _flag("estimate", "truth", "add the exact value and control from a grid"),
     _flag("run", "truth", "compare each control with the exact one from a grid", group=RUN),
-    _file("run", "record", "write a Rerun recording", "FILE.rrd", group=RECORDING),
+    _output("run", "record", "write a Rerun recording", "FILE.rrd", group=RECORDING),
     _one("run", "record-hz", "references and samples per simulated second", "HZ", kind=float, default=5.0,
          bounds=(1e-6, 1e6), group=RECORDING),
-    _one("run", "record-samples", "sampled paths to record", "WHICH", choices=("all", "some", "none"), default="some",
+    _one("run", "record-samples", "sampled paths", "WHICH", choices=("all", "some", "none"), default="some",
          group=RECORDING),
     _one("run", "record-lift", "obstacles whose H is the height in the tab Tree, as in 5,12", "K1,K2", kind=obstacles,
          unset="two that separate the shortest classes", group=RECORDING),
-    _file("run", "video", "film of the run (extra `video`)", "FILE.mp4", group=RECORDING),
-    _file("run", "png", "last picture of the film (extra `video`)", "FILE.png", group=RECORDING),
+    _output("run", "video", "film of the run (extra `video`)", "FILE.mp4", group=RECORDING),
+    _output("run", "png", "last picture of the film (extra `video`)", "FILE.png", group=RECORDING),
     _flag("run play", "view", "open the Rerun viewer", group=RECORDING),
-    _flag("run play", "serve", "serve viewer and data to browsers of this machine; from a terminal until Ctrl-C",
-          group=RECORDING),
+    _flag("run play", "serve", "serve browsers of this machine, from a terminal until Ctrl-C", group=RECORDING),
     _one("run play", "connect", "stream to a viewer, rerun+http://127.0.0.1:9876/proxy", "URL", group=RECORDING),
     _flag("play", "headless", "no window, as fast as possible, deterministic", group=RUN),
     _file("play", "script", "pushes, moves and noise by the time of the run, as JSON", "FILE.json", group=RUN),
@@ -81,27 +80,23 @@ COMMAND_OPTIONS = (
     _one("sweep", "seeds", "seeds A to B-1", "A:B", default="0:10", group=GRID),
     _one("sweep", "jobs", "processes", "N", kind=int, unset="all cores", bounds=(1, 1024)),
     _one("sweep", "scheduler", "send runs to a Dask cluster: tcp://... (extra `cluster`)", "URL"),
-    _file("sweep", "json", "write one record per run as JSON", "FILE"),
+    _output("sweep", "json", "write one record per run as JSON", "FILE"),
     _file("sweep", "output", "keep runs as a Parquet dataset; the same command continues it", "DIR", short="o"),
     _flag("sweep", "again", "repeat runs that ended with an error (with -o)", group=FILES),
-    _file(f"{_singles} report", "json", "write the results as JSON", "FILE"),
+    _output(f"{_singles} report", "json", "write the results as JSON", "FILE"),
     _file("report", "folder", "made by `pirrht sweep -o DIR`, complete or not", "DIR", positional=True),
     _file("report", "output", "folder of report.md and report.html", "FOLDER", short="o", unset="DIR"),
     _file("export", "recording", "made by `pirrht run --record`, complete or not", "FILE.rrd", positional=True),
-    _file("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
-    _file("import", "world", "an SDF file (.world, .sdf), a map's .yaml, a file of motions (.json), or a mesh", "WORLD",
-          positional=True),
-    _file("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
+    _output("export", "output", "the table to write, .parquet or .npz", "TABLE", short="o", required=True),
+    _file("import", "world", "a Gazebo world or SDF, a map's .yaml, motions (.json), a mesh", "WORLD", positional=True),
+    _output("import", "output", "the scene to write", "SCENE.xml", short="o", required=True),
     _flag("import", "motion", "WORLD is a file of motions (DynaBARN)"),
-    _flag("import", "decompose", "WORLD is a mesh (.obj, .stl, .dae) in metres, z up: write its convex parts (extra "
-        "`decompose`)"),
+    _flag("import", "decompose", "WORLD is a mesh in metres, z up: write its convex parts (extra `decompose`)"),
     _one("import", "world", "its number in a file of motions", "NUMBER", attribute="number", unset="its only one"),
-    _one("import", "start", "X Y [m] and TH [rad]", "X", kind=float, count="+", bounds=PLACES),
-    _one("import", "goal", "disc [m]", ("X", "Y", "R"), kind=float, count=3, bounds=PLACES),
-    _one("import", "workspace", "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), kind=float, count=4,
-         bounds=PLACES),
-    _one("import", "models", "folders of models that a Gazebo world includes, besides GZ_SIM_RESOURCE_PATH, "
-        "GAZEBO_MODEL_PATH and folders around WORLD", "DIR", kind=Path, count="+"),
+    *(replace(BY_SCENE[name], commands=("import",), role="command", group="", bounds=PLACES, unset="")
+      for name in ("start", "goal", "workspace")),
+    _one("import", "models", "folders of models of a Gazebo world, besides GZ_SIM_RESOURCE_PATH, GAZEBO_MODEL_PATH and "
+         "folders around WORLD", "DIR", kind=Path, count="+"),
     _one("import", "without", "models of a Gazebo world to leave out", "MODEL", count="+"),
     _one("import", "unknown", "unknown cells of a map are walls (occupied) or not (free)", "RULE", unset="occupied"),
 )  # fmt: skip
@@ -112,14 +107,7 @@ NUMERICS = {option.name: option for option in OPTIONS if option.numeric}  # in s
 def options_of(command: str) -> list[Option]:
     """The options of a command, in the order of its help."""
     own = (option for option in OPTIONS if command in option.commands)
-    return sorted(own, key=lambda option: GROUPS.index(option.group))
-
-
-def check(command: str, given: Mapping[str, Any]) -> None:
-    """Refuse values (not None) that options of a command do not admit; OptionError names what they may be."""
-    for option in options_of(command):
-        if (value := given.get(option.dest)) is not None:
-            option.check(value)
+    return sorted(own, key=lambda option: ("", *GROUPS).index(option.group))
 
 
 def scene_options(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -134,12 +122,8 @@ def settings(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]) -> dict[str, Any]:
     """Numbers of the command alone, by name: as given, else as the scene has them, else their defaults."""
-    found = {}
-    for option in options_of(command):
-        if option.role == "command" and option.numeric:
-            value = given.get(option.dest)
-            found[option.dest] = option.check(scene.get(option.name, option.default)) if value is None else value
-    return found
+    own = {o.dest: o for o in options_of(command) if o.role == "command" and o.numeric and given.get(o.dest) is None}
+    return {name: option.check(scene.get(option.name, option.default)) for name, option in own.items()}
 
 
 def check_size(task: Any, memory: float | None = None) -> None:
@@ -147,39 +131,31 @@ def check_size(task: Any, memory: float | None = None) -> None:
     s, d, scene, classes = task.settings, task.problem.dynamics, task.loaded.scene, task.classes_at_start()
     if s.method == "optimal":
         return
+    mppi, targeted = s.method == "mppi", s.target_error is not None
     speed = s.speed if "speed" in task.system.heeds else 1.0
     cost = 2.0 * math.dist(scene.goal.center, scene.start[:2]) / speed + TAIL * task.problem.temperature
-    seconds = s.horizon if s.method == "mppi" else cost / task.problem.least_rate  # of a path, about
+    seconds = s.horizon if mppi else cost / task.problem.least_rate  # of a path, about
     steps = max(1.0, seconds / s.dt)
-    if steps > PATH_STEPS:
-        remedy = "lower --horizon" if s.method == "mppi" else "lower --noise"
-        raise OptionError(
-            f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most {PATH_STEPS:,} are possible; "
-            f"{remedy} or raise --dt"
-        )
-    most = s.samples * DOUBLINGS if s.budget is None else s.budget
-    samples = classes * float(s.samples if s.target_error is None else most)
+    samples = float(classes * ((s.budget or s.samples * DOUBLINGS) if targeted else s.samples))
     proposals = classes if s.method in ("pi-rrht", "best-class") else 1
-    traced = (steps + 1) * d.n if s.method == "mppi" else 0  # paths that outlast the control sequence
+    traced = (steps + 1) * d.n if mppi else 0  # paths that outlast the control sequence
     drawn = 8.0 * (samples * (6 + 2 * d.m + 3 * proposals + traced) + proposals * steps * (2 * d.m + 9))
     near = 2.0 * math.e * math.log(s.vertices + 1.0)
     grown = s.vertices * (8.0 * len(task.space.obstacles) + 120.0 * min(4, s.classes or 4) + 92.0 * near)
-    plan = f"a plan of {samples:.3g} samples around {classes} classes"
-    fewer = f"lower {'--budget or --samples' if s.target_error is not None else '--samples or --classes'}"
     limit = MEMORY_SHARE * (physical() if memory is None else memory)
-    for needed, what, remedy in (
-        (grown, f"a tree of {s.vertices} --vertices", "lower --vertices"), (drawn, plan, fewer)
+    plan = f"a plan of {samples:.3g} samples around {classes} classes"
+    fewer = f"lower {'--budget or --samples' if targeted else '--samples or --classes'}"
+    fits = f"GiB of memory, and at most {limit / GIB:.3g} GiB of this machine's are given to it"
+    for needed, most, message in (
+        (steps, PATH_STEPS, f"--dt {s.dt:g}: a path of {seconds:.3g} s has {steps:.3g} steps, and at most "
+         f"{PATH_STEPS:,} are possible; lower {'--horizon' if mppi else '--noise'} or raise --dt"),
+        (grown, limit, f"a tree of {s.vertices} --vertices takes about {grown / GIB:.3g} {fits}; lower --vertices"),
+        (drawn, limit, f"{plan} takes about {drawn / GIB:.3g} {fits}; {fewer}"),
+        (steps * samples, PLAN_STEPS, f"{plan} takes {steps * samples:.3g} steps, and at most {PLAN_STEPS:.0e} are "
+         f"possible; {fewer}, or raise --dt"),
     ):  # fmt: skip
-        if needed > limit:
-            raise OptionError(
-                f"{what} would take about {needed / GIB:.3g} GiB of memory, and at most {limit / GIB:.3g} GiB of this "
-                f"machine's are given to it; {remedy}"
-            )
-    if steps * samples > PLAN_STEPS:
-        raise OptionError(
-            f"{plan} takes {steps * samples:.3g} steps, and at most {PLAN_STEPS:.0e} are possible; {fewer}, or raise "
-            "--dt"
-        )
+        if needed > most:
+            raise OptionError(message)
 
 
 def physical() -> float:

@@ -12,32 +12,26 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from sim.drive import episode
-from sim.drive.plant import Analytic
+from sim.drive.executor import Plant
 from sim.scenario import Scenario
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
-
-
-def _solid(kind: Kind, size: tuple[float, float, float], x: float, y: float) -> Obstacle:
-    place = np.array([x, y, 0.3])
-    return Obstacle(name=kind.name.lower(), kind=kind, size=np.array(size), position=place, rotation=np.eye(3))
-
-
+BOX = Obstacle(
+    name="box", kind=Kind.BOX, size=np.full(3, 0.3), position=np.array([2.0, 2.6, 0.3]), rotation=np.eye(3)
+)  # fmt: skip
 ROOM = Scene(
     name="rehearsal", lower=np.zeros(2), upper=np.full(2, 4.0), robot_radius=0.2, start=np.array([0.7, 2.0, 0.0]),
-    obstacles=(_solid(Kind.BOX, (0.3, 0.3, 0.3), 2.0, 2.6),), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
+    obstacles=(BOX,), goal=Goal(center=np.array([3.3, 2.0]), radius=0.3),
 )  # fmt: skip
-_WALKER = Mover(
-    name="walker", solids=(_solid(Kind.CYLINDER, (0.2, 0.3, 0.0), 0.0, 0.0),),
-    motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]])),
+DISC = replace(BOX, kind=Kind.CYLINDER, size=np.array([0.2, 0.3, 0.0]), position=np.array([0.0, 0.0, 0.3]))
+WALKER = Mover(
+    name="walker", solids=(DISC,), motion=Motion(rows=np.array([[0.0, 2.0, 0.5, 0.0], [3.0, 2.0, 1.6, 0.0]]))
 )  # fmt: skip
-BUSY_ROOM = replace(ROOM, movers=(_WALKER,))
 
 
 def small_of(scenario: Scenario) -> Scenario:
     """Put the robot into a small room under its settings; an obstacle moves there if some do in the scene."""
-    room = BUSY_ROOM if scenario.moving else ROOM
-    s = scenario.settings
+    room, s = replace(ROOM, movers=(WALKER,) * scenario.moving), scenario.settings
     few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)
     return replace(scenario, settings=few, problem=replace(scenario.problem, scene=room), space=FreeSpace.of(room))
 
@@ -56,7 +50,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
             return
         driver = small.driver(tree)
         driver.path_integral.warm_up()
-        plant = Analytic(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
+        plant = Plant(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
         list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
         if tree is None:
             return

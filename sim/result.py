@@ -8,14 +8,15 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
+from pirrht.topology.signature import class_id
 from sim.drawing.sides import passing
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.scenario import Scenario
-from sim.scenario.convergence import Convergence
 
 
 def classes_json(references: Sequence[Reference], homology: Homology) -> list[dict[str, Any]]:
@@ -30,14 +31,13 @@ def classes_json(references: Sequence[Reference], homology: Homology) -> list[di
 def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
     """Count open passages, and list those on no reference, narrowest first, lengths [m]."""
     passages, collision = tree.passages, tree.space.collision
-    used = np.zeros(passages.count, dtype=bool)
-    for reference in references:
-        used |= passages.crossed(reference.trajectory.points)
-    unused = [
+    crossed = [passages.crossed(reference.trajectory.points) for reference in references]
+    unused = ~np.any([np.zeros(passages.count, dtype=bool), *crossed], axis=0)
+    found = [
         {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}
-        for k in np.flatnonzero(~used).tolist()
+        for k in np.flatnonzero(unused).tolist()
     ]
-    return {"open": passages.count, "unused": unused}
+    return {"open": passages.count, "unused": found}
 
 
 def plan_json(
@@ -45,39 +45,46 @@ def plan_json(
 ) -> dict[str, Any]:
     """The public JSON of `plan`; `seconds` is the wall time of tree and references, without compiling."""
     return {
-        "scene": scenario.loaded.scene.name,
-        "robot": scenario.loaded.robot,
-        "vertices": tree.size,
-        "nodes": tree.node_count,
-        "pruned_classes": int(tree.graph.pruned[0]),
-        "seconds": seconds,
-        "fcl_calls": scenario.space.collision.calls,
-        **_windings_json(scenario, references),
+        "scene": scenario.loaded.scene.name, "robot": scenario.loaded.robot, "vertices": tree.size,
+        "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
+        "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
         "passages": passages_json(tree, references),
-    }
+    }  # fmt: skip
 
 
-def convergence_json(convergence: Convergence) -> dict[str, Any]:
-    """Iterations, vertices and, by class id, the length [m] of the best path; null where there is none."""
-    return {
-        "iterations": convergence.iterations.tolist(),
-        "vertices": convergence.vertices.tolist(),
-        "lengths": {name: convergence.lengths[:, c].tolist() for c, name in enumerate(convergence.ids)},
+def convergence_json(
+    tree: HomologyTree, x: Array, vertices: int, *, every: int, progress: Callable[[int], None] | None = None
+) -> dict[str, Any]:
+    """Grow a tree to so many vertices, and note each class's best length [m] from x (n,) every so often (Fig. 3a).
+
+    Lengths are not shortened and never rise: infinite before a class is found. The tree does not depend on the notes.
+
+    Returns:
+        iterations of Algorithm 1 (random states drawn) and vertices at each note, and lengths by class, shortest first.
+    """
+    counts, notes = [(tree.draws, tree.size)], [tree.lengths(x)]
+    while tree.size < vertices:
+        before = tree.size
+        tree.grow(min(vertices, before + every), progress=progress)
+        if tree.size == before:
+            break
+        counts.append((tree.draws, tree.size))
+        notes.append(tree.lengths(x))
+    # A path once found stays one, also when the state's nearest vertices or the K cheapest classes become others.
+    known = {
+        winding: np.minimum.accumulate([note.get(winding, np.inf) for note in notes]).tolist()
+        for winding in sorted({winding for note in notes for winding in note})
     }
+    lengths = {class_id(winding): known[winding] for winding in sorted(known, key=lambda one: known[one][-1])}
+    return {"iterations": [n for n, _ in counts], "vertices": [n for _, n in counts], "lengths": lengths}
 
 
 def settings_json(scenario: Scenario) -> dict[str, Any]:
     """Return the settings of a run by the names of the public JSON."""
     s, loaded = scenario.settings, scenario.loaded
-    return {
-        "scene": loaded.scene.name,
-        "robot": loaded.robot,
-        **{name: getattr(s, name) for name in ("method", "seed", "noise")},
-        "lambda": scenario.problem.temperature,
-        **{name: getattr(s, name) for name in ("samples", "dt", "period")},
-        "margin": scenario.margin,
-        **({"predict": s.predict} if scenario.moving else {}),
-    }
+    known = {"scene": loaded.scene.name, "robot": loaded.robot, "method": s.method, "seed": s.seed, "noise": s.noise}
+    known |= {"lambda": scenario.problem.temperature, "samples": s.samples, "dt": s.dt, "period": s.period}
+    return {**known, "margin": scenario.margin, **({"predict": s.predict} if scenario.moving else {})}
 
 
 def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
@@ -87,34 +94,28 @@ def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[s
 
 
 def estimate_json(
-    scenario: Scenario,
-    references: Sequence[Reference],
-    estimates: Sequence[Estimate | None],
+    scenario: Scenario, references: Sequence[Reference], estimates: Sequence[Estimate | None],
     truth: Truth | None = None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `estimate`; null where every sample died. With a truth also that and the errors."""
 
-    def each(figure: Callable[[Estimate], Any]) -> list[Any]:
-        return [None if e is None else figure(e) for e in estimates]
+    def each(**figures: Callable[[Estimate], Any]) -> dict[str, list[Any]]:
+        return {name: [None if e is None else of(e) for e in estimates] for name, of in figures.items()}
 
-    exact = {}
+    exact: dict[str, Any] = {}
     if truth is not None:
-        exact = {
-            "truth": {"value": truth.value, "control": truth.control.tolist()},
-            "value_error": each(lambda e: truth.errors(e)[0]),
-            "control_error": each(lambda e: truth.errors(e)[1]),
-        }
+        exact["truth"] = {"value": truth.value, "control": truth.control.tolist()}
+        exact |= each(value_error=lambda e: truth.errors(e)[0], control_error=lambda e: truth.errors(e)[1])
     names = ("value", "ess", "doubtful", "class_weights", "class_ess", "proposal_weights")
-    return {
-        **exact,
-        **{name: each(attrgetter(name)) for name in names},
-        "control": each(lambda e: e.control.tolist()),
-        "value_stderr": each(lambda e: e.value_error),
-        "control_stderr": each(lambda e: e.control_error.tolist()),
-        "tail": each(lambda e: None if np.isnan(e.tail) else e.tail),
-        "samples": each(lambda e: sum(part.size for part in e.parts)),
-        **_windings_json(scenario, references),
-    }
+    found = each(
+        **{name: attrgetter(name) for name in names},
+        control=lambda e: e.control.tolist(),
+        value_stderr=attrgetter("value_error"),
+        control_stderr=lambda e: e.control_error.tolist(),
+        tail=lambda e: None if np.isnan(e.tail) else e.tail,
+        samples=lambda e: sum(part.size for part in e.parts),
+    )
+    return {**exact, **found, **_windings_json(scenario, references)}
 
 
 def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:

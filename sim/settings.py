@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -19,7 +20,8 @@ from pirrht.estimation.sampling import ALLOCATIONS, DRAWS, EXITS, GUIDES, STEPS,
 
 DRIVES = ("plan", "run", "play", "estimate", "sweep")  # commands that take a scene
 SINGLE = ("plan", "run", "play", "estimate")  # those that take one method, noise and seed
-SCENE, PROBLEM, PLANNER, RUN, GRID = "scene and robot", "problem", "planner and sampler", "run", "grid"  # headings
+GROUPS = ("scene and robot", "problem", "planner and sampler", "run", "grid", "recording", "files")  # headings
+SCENE, PROBLEM, PLANNER, RUN, GRID, *_ = GROUPS
 SEED = 2**63 - 1  # the largest seed
 PLACES = (-1e6, 1e6)  # coordinates of a scene [m]
 RUN_PERIODS = 10_000_000  # control steps of a run at most
@@ -45,6 +47,7 @@ class Option:
     attribute: str = ""  # name in records and in parsed arguments; empty: as `name`
     short: str = ""  # another way to type it
     positional: bool = False
+    output: bool = False  # whether it names a file that is written
     required: bool = False
     role: str = "command"  # "setting" of a run, "scene", or of the "command" alone
     numeric: bool = False  # a scene may carry it, as the custom numeric `pirrht_NAME`
@@ -69,20 +72,16 @@ class Option:
         return self._number(value, label) if self.count is None else [self._number(one, label) for one in value]
 
     def _number(self, value: Any, label: str) -> Any:
-        low, high = self.bounds or PLACES
-        whole = self.kind is int
-        try:
-            known = low <= value <= high or (self.infinite and value == math.inf)
-        except TypeError:
-            known = False
-        if known and (not whole or value == int(value)):
-            return int(value) if whole else value
-        shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
+        (low, high), whole = self.bounds or PLACES, self.kind is int
+        with suppress(TypeError):  # it is no number
+            if (low <= value <= high and not (whole and value % 1)) or (self.infinite and value == math.inf):
+                return int(value) if whole else value
         required = f"{low:g} or more, and at most {high:g}{' (inf is allowed)' if self.infinite else ''}"
         if low > 0:
             required = f"a positive number, from {low:g} to {high:g}"
         if whole:
             required = f"a whole number of at least {low} and at most {high}"
+        shown = f"{value:g}" if isinstance(value, float) else reprlib.repr(value)
         raise OptionError(f"{label} is {shown}; it must be {required}")
 
 
@@ -112,11 +111,10 @@ class SceneOptions:
     """Choices of scene, robot and task; None where the scene decides. OptionError: a value is out of its bounds."""
 
     # fmt: off
-    robot: Any = stated(  # noqa: RUF009
-        None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME", unset="the scene's")
-    system: Any = stated(  # noqa: RUF009
-        None, "a `sim.systems.System`, or a function that returns one, of a module in this folder or installed",
-        "MODULE:NAME", unset="the robot's")
+    robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME",
+                        unset="the scene's")
+    system: Any = stated(None, "a `sim.systems.System` or what returns one, of a module here or installed",
+                         "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s")
@@ -124,10 +122,8 @@ class SceneOptions:
     goal: Sequence[float] | None = stated(None, "disc [m]", ("X", "Y", "R"), count=3, unset="the scene's")
     workspace: Sequence[float] | None = stated(None, "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), PLACES,
                                                count=4, unset="the scene's site or floor")
-    freeze: bool | None = stated(None, "weld bodies with joints at the first keyframe or default pose, and drop "
-                                 "actuators")
-    without: Sequence[str] | None = stated(None, "leave out bodies of the scene and what refers to them", "BODY",
-                                           count="+")
+    freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
+    without: Sequence[str] | None = stated(None, "leave out bodies and what refers to them", "BODY", count="+")
     preset: str | None = stated(None, "paper, fast or accurate", "NAME", group=PLANNER)
     # fmt: on
 
@@ -137,18 +133,17 @@ class SceneOptions:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Everything a run depends on besides the scene; all numbers in SI units.
-
-    Raises:
-        OptionError: a value is out of its option's bounds, or goes badly with another one.
-    """
+    """Everything a run depends on besides the scene, in SI units; OptionError: out of bounds, or two that clash."""
 
     # fmt: off
     noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=SINGLE)
-    speed: float = stated(1.0, "speed V of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3),
-                          group=PROBLEM)
+    speed: float = stated(1.0, "speed V of a unicycle, best of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM)
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
     phi: float = stated(np.inf, "final cost off the goal", "COST", (0.0, 1e12), infinite=True, group=PROBLEM)
+    risk: float | None = stated(None, "the margin is the least with which a run collides with at most this probability, "
+                                "by its 95 % bound", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
+    risk_infeasible: str = one_of(("stop", "best"), "where no margin keeps --risk: stop, or take the nearest",
+                                  group=PROBLEM)
     seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)
     method: str = one_of(tuple(METHODS), ", ".join(METHODS), metavar="NAME", commands=SINGLE)
     samples: int = stated(200, "samples around each reference", "N", (1, 10_000_000))
@@ -156,41 +151,33 @@ class Settings:
     classes: int = stated(16, "classes per vertex at most, 0 for all", "K", (0, 10_000))
     limit: float = stated(0.6, "H_limit of |1 - H_i| <= H_limit; a default that excludes a path of at most 1.25 times "
                           "the shortest is widened to 0.8, 1 or 1.5", "H", (1e-3, 100.0))
-    target_error: float | None = stated(None, "draw, doubling, until the control's standard error is below EPS", "EPS",
-                                        (1e-6, 1e3))
-    budget: int | None = stated(None, "samples around each reference at most under --target-error", "N",
-                                (1, 100_000_000), unset="16 --samples")
+    target_error: float | None = stated(None, "draw until the control's standard error is less", "EPS", (1e-6, 1e3))
+    budget: int | None = stated(None, "most samples of a reference under --target-error", "N", (1, 100_000_000),
+                                unset="16 --samples")
     dt: float = stated(0.1, "rollout step", "S", (1e-5, 10.0))
     period: float = stated(0.01, "control period: time between plans", "S", (1e-5, 100.0))
-    threads: int | None = stated(None, "threads of the sampler; results do not depend on it", "N", (1, 1024),
-                                 unset="all cores")
+    threads: int | None = stated(None, "threads; results do not depend on it", "N", (1, 1024), unset="all cores")
     exit: str = one_of(EXITS, "first exit along the step (bridge) or at its end (endpoint, paper)")
     steps: str = one_of(STEPS, "rollout steps: split near walls and goal (fitted) or all of --dt (uniform, paper)")
-    weights: str = one_of(WEIGHTS, "mixture of references: balance, average (paper) or biased (no likelihood ratio, as "
-                          "Biased-MPPI)")
+    weights: str = one_of(WEIGHTS, "balance, average (paper) or biased (no likelihood ratio, as Biased-MPPI)")
     guide: str = one_of(GUIDES, "proposals: feedback or open-loop (paper)")
     between: str = one_of(BETWEEN, "between plans the control follows the state (classes) or is held (hold, paper)")
     allocation: str = one_of(ALLOCATIONS, "samples per reference: by contribution to earlier plans, or equal (paper)")
     draws: str = one_of(DRAWS, "pairs of opposite noise (antithetic) or independent samples (paper)")
     polish: bool = stated(True, "do not shorten references")
-    tree: str | None = stated(None, "a tree that `pirrht plan -o` saved, instead of growing one", "TREE.npz",
-                              commands=DRIVES[1:])
-    consistency: float = stated(0.8, "best-class: factor on the value of the class followed so far, 1 for no "
-                                "preference", "C", (1e-3, 1e3))
+    tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=DRIVES[1:])
+    consistency: float = stated(0.8, "best-class: factor on the value of the class followed", "C", (1e-3, 1e3))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
     exploration: float = stated(1.0, "mppi: noise of its samples over the robot's", "X", (1e-3, 1e3))
-    predict: str = one_of(("known", "velocity"),
-                          "moving obstacles: motions are known, or predicted by constant velocity")
-    speed_limit: float = stated(0.0, "fastest reference among moving obstacles, 0 for five times the best speed", "M/S",
-                                (0.0, 1e3))
+    predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
+    speed_limit: float = stated(0.0, "limit among moving obstacles, 0 for five best speeds", "M/S", (0.0, 1e3))
     plant: str = one_of(("mujoco", "sde"), "mujoco, or sde: the analytic equation", metavar="NAME")
     max_time: float = stated(30.0, "end of the run in simulated time", "S", (1e-3, 86_400.0))
     real_time: bool = stated(False, "run against the clock, with as many classes and samples as there is time for; "
                              "results differ from run to run", group=RUN, commands=("run",))
     grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",
                               (0, 10_000), unset="0", group=RUN, commands=("run", "play"))
-    plan_seed: int | None = stated(None, "seed of the trees", "N", (0, SEED), default=0, group=GRID,
-                                    commands=("sweep",))
+    plan_seed: int | None = stated(None, "seed of trees", "N", (0, SEED), default=0, group=GRID, commands=("sweep",))
     # fmt: on
 
     def __repr__(self) -> str:
@@ -263,13 +250,9 @@ def refuse_unused(given: Mapping[str, Any], methods: Sequence[str]) -> None:
 def resolve(
     base: Settings, scene: Mapping[str, float], preset: Mapping[str, Any], given: Mapping[str, Any]
 ) -> Settings:
-    """The settings in force: a system's own, overlaid by those of the scene, a preset and the user (not None).
+    """Overlay a system's settings by those of the scene, a preset and the user (not None); OptionError: none can be.
 
-    Args:
-        scene: by name of the option; what is no setting is left aside, here and in `given`.
-
-    Raises:
-        OptionError: a value that cannot work.
+    What is no setting is left aside in `scene`, by name of the option, and in `given`.
     """
     if "method" in given:  # a sweep resolves settings before it takes each of its methods
         refuse_unused(given, [given["method"] or base.method])

@@ -32,22 +32,9 @@ def say(text: str) -> None:
         print(line if columns is None else fit.fill(line))
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]], columns: int | None = None, *, keep: int = 1) -> str:
-    """Columns padded to their widest cell; the first is left-aligned, the others right.
-
-    Args:
-        columns: a table that is wider becomes several, each with the first `keep` columns and some of the others.
-    """
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns padded to their widest cell; the first is left-aligned, the others right."""
     cells = [list(header), *[list(map(printable, row)) for row in rows]]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    parts = [list(range(keep))]
-    for i in range(keep, len(widths)):
-        wide = sum(widths[k] + 2 for k in parts[-1]) + widths[i]
-        if columns is not None and wide > columns and len(parts[-1]) > keep:
-            parts.append(list(range(keep)))
-        parts[-1].append(i)
-    blocks = []
-    for part in parts:
-        lines = ["  ".join(row[i].rjust(widths[i]) if i else row[i].ljust(widths[i]) for i in part) for row in cells]
-        blocks.append("\n".join(line.rstrip() for line in [lines[0], "-" * len(lines[0]), *lines[1:]]))
-    return "\n\n".join(blocks)
+    lines = ["  ".join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])]).rstrip() for row in cells]
+    return "\n".join([lines[0], "-" * len(lines[0]), *lines[1:]])

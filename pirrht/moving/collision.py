@@ -158,10 +158,6 @@ class MovingObstacles:
         near = near if which is None else near & which
         return any(self._bodies[j].meets(a, begin, b, end) for j in np.flatnonzero(near))
 
-    def travel(self, begin: float, end: float) -> float:
-        """Bound how far any point of any obstacle goes between two times [s], jumps aside [m]."""
-        return max((body.travel(begin, end) for body in self._bodies), default=0.0)
-
     def _lower(self, place: Array, time: float) -> Array:
         """Return lower bounds of the free distances to all obstacles, (J,) [m]."""
         free, at_x, at_y, when, holds, ends = self._each.copy().T  # as a whole, whoever asks meanwhile

@@ -156,7 +156,7 @@ def late_plans(scenarios: list[Scenario], seconds: float, predict: str) -> tuple
                     recorder.log(frame, frame.news)
         taken, whole = np.subtract(ticks(), before).tolist()
         stolen, passed = stolen + taken, passed + whole
-        figures = frame.metrics.result().real_time
+        figures = frame.metrics.real_time
         assert figures is not None
         late, plans = late + figures["deadline_misses"], plans + figures["periods"]
     return late, plans, stolen / max(passed, 1)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,8 +14,8 @@ from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, title
+from sim.result import convergence_json
 from sim.scenario import Scenario
-from sim.scenario.convergence import Convergence, grow
 
 VERTICES, NOTES = 1000, 250  # of the tree, as in the paper; notes of lengths taken on the way
 SHOWN = 8  # classes, the shortest first
@@ -27,12 +27,12 @@ class Lengths:
 
     scenario: Scenario
     tree: HomologyTree
-    convergence: Convergence
+    convergence: Mapping[str, Any]  # `convergence_json`
     references: Sequence[Reference]  # shortened, the shortest of all classes first
 
     def history(self, reference: Reference) -> Array:
         """Lengths of a class' best path at each note, NaN before it is found [m]."""
-        column = self.convergence.lengths[:, self.convergence.ids.index(reference.id)]
+        column = np.array(self.convergence["lengths"][reference.id])
         known: Array = np.where(np.isfinite(column), column, np.nan)
         return known
 
@@ -41,10 +41,10 @@ def work(effort: Effort, tick: Tick) -> Lengths:
     """Grow the tree of `clutter`."""
     scenario = effort.scenario("clutter", vertices=effort.vertices or VERTICES)
     tree, vertices = scenario.empty_tree(), scenario.settings.vertices
-    convergence = grow(tree, scenario.start, vertices, every=max(1, vertices // NOTES))
+    convergence = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // NOTES))
     references = scenario.references(tree)
     tick()
-    known = [reference for reference in references if reference.id in convergence.ids]
+    known = [reference for reference in references if reference.id in convergence["lengths"]]
     return Lengths(scenario=scenario, tree=tree, convergence=convergence, references=known[:SHOWN])
 
 
@@ -75,16 +75,16 @@ def draw(plt: Any, shown: Lengths) -> Any:
 
 
 def _histories(axes: Any, shown: Lengths, colors: ClassColors) -> None:
-    convergence, end = shown.convergence, shown.convergence.iterations[-1]
+    iterations = shown.convergence["iterations"]
     for reference in shown.references:
         color, lengths = style.rgb(colors[reference.id]), shown.history(reference)
         label = f"{title(reference.id)}: {reference.length:.2f} m"
-        axes.step(convergence.iterations, lengths, where="post", color=color, lw=1.2, label=label)
-        axes.plot([1.01 * end, 1.05 * end], [reference.length] * 2, color=color, lw=1.6)
+        axes.step(iterations, lengths, where="post", color=color, lw=1.2, label=label)
+        axes.plot([1.01 * iterations[-1], 1.05 * iterations[-1]], [reference.length] * 2, color=color, lw=1.6)
     last = [r.length for r in shown.references]
     if last:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(last), 1.35 * max(last))
-    axes.set_xlim(0, 1.06 * end)
+    axes.set_xlim(0, 1.06 * iterations[-1])
     axes.set_xlabel("iteration (random states drawn)")
     axes.set_ylabel("shortest path of the class [m]")
     axes.grid(color="#e3e3e3", lw=0.4)

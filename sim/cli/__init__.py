@@ -1,4 +1,4 @@
-"""The command `pirrht`; modules that take long to import are imported once signals are heeded."""
+"""The command `pirrht`; modules that take long to import are imported once the words are known to be good."""
 
 from __future__ import annotations
 
@@ -8,10 +8,7 @@ __all__ = ["main"]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run one command.
-
-    Args:
-        argv: words of the command; None: those that this process was started with.
+    """Run one command, of the words `argv` or those that this process was started with.
 
     Returns:
         0 for success, 1 for a run that failed, 2 for bad input, 128 + n if signal n ended it (130: Ctrl-C).
@@ -21,21 +18,22 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
             _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
-    from contextlib import nullcontext
     from importlib.util import find_spec
 
     from pirrht.errors import OptionError
     from sim.cli import ending
 
     def command() -> int:
-        with ending.at_once() if argv is None else nullcontext():
-            from sim.cli import parser
+        from sim.cli import parser
 
-            arguments = parser.read(argv)
-            missing = [one for one in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(one) is None]
-            if missing:
-                raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
-            from sim.cli import commands
-        return commands.COMMANDS[arguments.command](arguments)
+        arguments = parser.read(argv)
+        missing = [one for one in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(one) is None]
+        if missing:
+            raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
+        parser.check_outputs(arguments)
+        from sim.cli import commands
+
+        with ending.unwinding():
+            return commands.COMMANDS[arguments.command](arguments)
 
     return ending.ended(command, process=argv is None)

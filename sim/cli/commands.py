@@ -14,15 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError, printable
-from sim import options
 from sim.cli import parser, plan_command, run_command, tables
-from sim.cli.plan_command import check_outputs, notice
+from sim.cli.plan_command import notice
 from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 from sim.systems import named
-from sim.text import counted, say, width
+from sim.text import counted, say
 
 SHOWN_ERRORS = 3
 DEMO_LEVELS = (("little", 0.1), ("much", 0.3))  # noise b [m/sqrt(s)]
@@ -57,14 +56,11 @@ def demo(_: argparse.Namespace, more: Sequence[str] = ()) -> int:
 
 
 def demo_sentences(little: dict[str, Any], much: dict[str, Any]) -> list[str]:
-    """The two sentences to take along, from the JSON of both runs."""
-    paths = [
-        DEMO_ENDS.get(one["outcome"]) or DEMO_PATHS.get(one["executed_class"], f"by class {one['executed_class']}")
-        for one in (little, much)
-    ]
+    """Return the two sentences to take along, from the JSON of both runs."""
+    one, two = (DEMO_ENDS.get(r["outcome"]) or DEMO_PATHS.get(r["executed_class"], "elsewhere") for r in (little, much))
+    (_, low), (_, high) = DEMO_LEVELS
     return [
-        f"1. The plan was the same; with noise b = {DEMO_LEVELS[0][1]:g} the robot went {paths[0]}, with b = "
-        f"{DEMO_LEVELS[1][1]:g} {paths[1]}.",
+        f"1. The plan was the same; with noise b = {low:g} the robot went {one}, with b = {high:g} {two}.",
         "2. Noise decides the worth of a path, the mean of exp(-cost / lambda) over what may happen on it: a short "
         "path on which most samples hit a wall loses to a longer one on which they arrive.",
     ]
@@ -85,10 +81,11 @@ def compile_ahead(arguments: argparse.Namespace) -> int:
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
+    from sim.report import summary, wording
     from sim.sweeps import sweep as engine
+    from sim.sweeps.grid import parse
 
-    check_outputs(arguments, "json")
-    grid = grid_of(arguments)
+    grid = parse(vars(arguments))
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
@@ -99,36 +96,18 @@ def sweep(arguments: argparse.Namespace) -> int:
         raise OptionError("--again repeats runs of a dataset; add its folder, -o DIR")
     else:
         records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
-    print(tables.sweep_table(records, width()))
+    print(wording.figures(*summary.summed(records)))
     if arguments.json:
         write_json(arguments.json, records)
-    errors = [str(record["error"]) for record in records if record["outcome"] is None]
+    errors = [printable((str(r["error"]).splitlines() or [""])[0]) for r in records if r["outcome"] is None]
     if arguments.output is not None:
         runs = counted(len(records), "run")
         print(f"{path_text(arguments.output)}: {runs}, {len(errors)} of them ended with an error")
-    for line in error_lines(errors, stored=arguments.output is not None):
-        print(line, file=sys.stderr)
+    if errors:
+        often = [f"  {count} x {error}" for error, count in Counter(errors).most_common(SHOWN_ERRORS)]
+        again = ["the same command with --again repeats them"] if arguments.output is not None else []
+        print(f"{counted(len(errors), 'run')} ended with an error:", *often, *again, sep="\n", file=sys.stderr)
     return 1 if errors else 0
-
-
-def error_lines(errors: Sequence[str], *, stored: bool) -> list[str]:
-    """The most frequent errors of runs, and how to try again; empty without any."""
-    if not errors:
-        return []
-    known = Counter((error.splitlines() or [""])[0] for error in errors).most_common()
-    lines = [f"{counted(len(errors), 'run')} ended with an error:"]
-    lines += [f"  {count} x {printable(error)}" for error, count in known[:SHOWN_ERRORS]]
-    if len(known) > SHOWN_ERRORS:
-        lines.append(f"  and {counted(len(known) - SHOWN_ERRORS, 'other error')}")
-    return lines + (["the same command with --again repeats them"] if stored else [])
-
-
-def grid_of(arguments: argparse.Namespace) -> Any:
-    """The grid of a command line."""
-    from sim.sweeps import grid
-
-    given = vars(arguments)
-    return grid.parse(given, options.scene_options(given), options.settings("sweep", given))
 
 
 def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
@@ -137,7 +116,6 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     from sim.sweeps.dataset import Dataset
 
     dataset = Dataset(arguments.output)
-    dataset.check(grid.settings, {})
     jobs = engine.checked(grid.jobs())
     scenes = {job.name: job.digest for job in jobs}
     noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
@@ -158,17 +136,13 @@ def report(arguments: argparse.Namespace) -> int:
     from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output or arguments.folder
-    if arguments.output is not None and folder.is_file():
-        raise OptionError(f"--output {folder} is a file; give the path of a folder")
-    text, web = folder / "report.md", folder / "report.html"
-    known = engine.report(Dataset(arguments.folder))
+    known, text, web = engine.report(Dataset(arguments.folder)), folder / "report.md", folder / "report.html"
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:  # ValueError: a name that is no text
         raise refused("--output", folder, error) from None
-    for option, file in (("--output", text), ("--output", web), ("--json", arguments.json)):
-        if file is not None:
-            check_writable(file, option)
+    for file in (text, web):
+        check_writable(file, "--output")
     try:
         drawn = pictures(known)
     except OptionError as error:
@@ -189,7 +163,6 @@ def import_world(arguments: argparse.Namespace) -> int:
     from sim.importing import scene_file
     from sim.importing.sdf_files import folders_of
 
-    check_outputs(arguments, "output")
     names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")
     imported = scene_file.import_world(
         arguments.world, arguments.output, **{name: getattr(arguments, name) for name in names},
@@ -206,7 +179,6 @@ def export(arguments: argparse.Namespace) -> int:
     """Turn a recording into a table."""
     from sim.recording import export as engine
 
-    check_outputs(arguments, "output")
     engine.check_format(arguments.output)
     known = engine.read(arguments.recording)
     columns = engine.table(known)

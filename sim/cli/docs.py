@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
-from sim.files import replaced
 from sim.options import NUMERICS, options_of
 from sim.settings import DRIVES, SINGLE, Option
 
@@ -40,7 +38,7 @@ def _tables(options: list[Option]) -> list[str]:
     tables = []
     for group in dict.fromkeys(option.group for option in options):
         title = f"**{group[0].upper()}{group[1:]}**\n\n" if group else ""
-        tables.append(f"\n{title}{COLUMNS}" + "\n".join(_row(o) for o in options if o.group == group) + "\n")
+        tables.append(f"\n{title}{COLUMNS}" + "".join(_row(o) for o in options if o.group == group))
     return tables
 
 
@@ -48,17 +46,15 @@ def _row(option: Option) -> str:
     metavar = " ".join(option.metavar) if isinstance(option.metavar, tuple) else option.metavar
     typed = option.flag if option.positional else f"{option.flag} {metavar}".rstrip()
     typed = (f"-{option.short}, " if option.short else "") + typed + (" ..." if option.count == "+" else "")
-    mark = " \N{BULLET}" if option.name in NUMERICS else ""
     values = ", ".join(f"`{choice}`" for choice in option.choices) or ("required" if option.required else "")
     if option.bounds is not None:
-        low, high = (f"{b}" if option.kind is int else f"{b:g}" for b in option.bounds)
+        low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)
         values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
-    cells = (f"`{typed}`{mark}", option.text, default_of(option), values)
-    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
+    mark = " \N{BULLET}" if option.name in NUMERICS else ""
+    cells = (f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values)
+    return f"| {' | '.join(cells)} |\n"
 
 
 if __name__ == "__main__":
-    with replaced(PAGE, "docs/cli.md") as stream:
-        stream.write(page().encode())
+    PAGE.write_text(page())
     print(PAGE)
-    sys.exit()

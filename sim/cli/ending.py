@@ -1,146 +1,83 @@
 """Ending of a command: with a status and at most one line, whatever stops it and wherever it is then.
 
-Signals are heeded from the first line of `main` on, so this module imports next to nothing.
+This module is there before any slow one, so it imports next to nothing.
 """
 
 from __future__ import annotations
 
 import os
-import select
 import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
-from typing import Any
 
 from pirrht.errors import PirrhtError, printable
 
 BAD_INPUT, BY_SIGNAL = 2, 128  # exit statuses; a signal's number is added to the second
 WORDS = {"SIGINT": "interrupted", "SIGTERM": "terminated", "SIGHUP": "the terminal was closed"}
-_importing: list[bool] = []  # not empty: signals end the process without unwinding
-_lines: list[str] = []  # of this command on standard error
+_heard: list[int] = []  # signals that unwind the command
 
 
 class Stopped(SystemExit):
     """A signal ends the command: context managers clean up while it unwinds."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(BY_SIGNAL + number)
-        self.number = number
 
 
 def ended(command: Callable[[], int], *, process: bool = False) -> int:
     """Run a command; its exit status, 2 for bad input and what the system refuses, 128 + n for signal n.
 
     Args:
-        process: this process is the command's own, so that nobody heeds signals after it.
+        process: this process is the command's own.
     """
+    _heard.clear()
+    if process:
+        _any_name_prints()
     try:
-        _lines.clear()
-        with _signals():
-            if process:
-                _any_name_prints()
-            status = _status(command)
-            if process:
-                signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is left cannot be done better by a traceback
-    except (KeyboardInterrupt, Stopped) as stop:  # a second one, while the first was dealt with
-        status = BY_SIGNAL + _number(stop) if _lines else _stopped(_number(stop))
-    for stream in (sys.stdout, sys.stderr) if process else ():  # else the interpreter tries again, and reports that
-        _discard(stream)
+        try:
+            status = command()
+        except SystemExit:  # of --help, once its text has been taken
+            _flush()
+            raise
+        _flush()
+    except BaseException as error:
+        if (explained := _explained(error)) is None:
+            raise
+        status, line = explained
+        with suppress(OSError, ValueError, AttributeError):  # nobody listens; AttributeError: closed from the start
+            sys.stderr.write(f"pirrht: {printable(line)}\n" if line else "")
+            sys.stderr.flush()
+    finally:
+        for stream in (sys.stdout, sys.stderr) if process else ():
+            try:
+                stream.flush()
+            except (OSError, ValueError):  # else the interpreter tries again, and reports that
+                os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     return status
 
 
-@contextmanager
-def at_once() -> Iterator[None]:
-    """Signals end the process without unwinding: for imports, of which C code catches and prints what interrupts it."""
-    _importing.append(True)
-    try:
-        yield
-    finally:
-        _importing.pop()
+def _flush() -> None:
+    if sys.stdout is not None:
+        sys.stdout.flush()
 
 
-def tell(line: str) -> None:
-    """One line on standard error, if anyone listens."""
-    text = f"pirrht: {printable(line)}\n"  # names of files need not be text
-    with suppress(OSError, ValueError, AttributeError):  # AttributeError: closed from the start
-        sys.stderr.write(text)
-        sys.stderr.flush()
-    _lines.append(line)
-
-
-def _number(stop: BaseException) -> int:
-    return stop.number if isinstance(stop, Stopped) else signal.SIGINT
-
-
-def _stopped(number: int) -> int:
-    tell(WORDS[signal.Signals(number).name])
-    return BY_SIGNAL + number
-
-
-def _status(command: Callable[[], int]) -> int:
-    try:
-        try:
-            status: int | SystemExit = command()
-        except SystemExit as leave:  # of --help, once its text has been taken
-            status = leave
-        if isinstance(status, Stopped):
-            raise status
-        if sys.stdout is not None:
-            sys.stdout.flush()
-        if isinstance(status, SystemExit):
-            raise status
-        return status
-    except PirrhtError as error:
-        line = str(error)
-    except (KeyboardInterrupt, Stopped) as stop:
-        return _stopped(_number(stop))
-    except MemoryError:
-        line = "there is not enough memory; ask for less (--vertices, --samples, --classes) or close other programs"
-    except OSError as error:
-        context: BaseException | None = error
-        while context is not None:  # a signal may have been unwinding
-            if isinstance(context, KeyboardInterrupt | Stopped):
-                return _stopped(_number(context))
-            context = context.__context__
-        gone = isinstance(error, BrokenPipeError) and _reader_gone()
-        _discard(sys.stdout)
-        if gone:
-            return 0
-        line = f"{error.filename or 'standard output'}: {error.strerror or error}"
-    except Exception as error:
-        systems = sys.modules.get("sim.system_import")
-        blamed = None if systems is None else systems.blamed(error)
-        if blamed is None:  # of no system of the user's, so it is ours
-            raise
-        line = blamed
-    tell(line)
-    return BAD_INPUT
-
-
-def _reader_gone() -> bool:
-    """Return whether standard output is a pipe that nobody reads."""
-    if not hasattr(select, "poll"):
-        return True
-    watch = select.poll()
-    try:
-        watch.register(sys.stdout.fileno(), 0)
-    except (OSError, ValueError):
-        return True
-    return any(events & select.POLLERR for _, events in watch.poll(0))
-
-
-def _discard(stream: Any) -> None:
-    """Throw away what is left in a stream that cannot be written, so that the interpreter does not try again."""
-    try:
-        stream.flush()
-    except (OSError, ValueError):
-        with suppress(OSError, ValueError):
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            os.dup2(nowhere, stream.fileno())
-            os.close(nowhere)
+def _explained(error: BaseException) -> tuple[int, str] | None:
+    """Return the exit status and the line of an error; None for one that is no end of a command."""
+    if _heard or isinstance(error, KeyboardInterrupt):  # whatever failed while a signal unwound
+        number = _heard[0] if _heard else signal.SIGINT
+        return BY_SIGNAL + number, WORDS[signal.Signals(number).name]
+    if isinstance(error, PirrhtError):
+        return BAD_INPUT, str(error)
+    if isinstance(error, MemoryError):
+        remedy = "ask for less (--vertices, --samples, --classes) or close other programs"
+        return BAD_INPUT, f"there is not enough memory; {remedy}"
+    if isinstance(error, BrokenPipeError) and error.filename is None:  # nobody reads the output any more
+        return 0, ""
+    if isinstance(error, OSError):
+        return BAD_INPUT, f"{error.filename or 'standard output'}: {error.strerror or error}"
+    systems = sys.modules.get("sim.systems")
+    blamed = None if systems is None or not isinstance(error, Exception) else systems.blamed(error)
+    return None if blamed is None else (BAD_INPUT, blamed)  # of no system of the user's, so it is ours
 
 
 def _any_name_prints() -> None:
@@ -153,25 +90,19 @@ def _any_name_prints() -> None:
 
 
 @contextmanager
-def _signals() -> Iterator[None]:
+def unwinding() -> Iterator[None]:
     """SIGTERM and SIGHUP unwind as Ctrl-C does; whoever ignores or heeds them already goes on doing so."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    owner = os.getpid()
 
     def stop(number: int, _: FrameType | None) -> None:
         patches = sys.modules.get("pirrht.jit.patches")
-        if os.getpid() != owner:  # a forked process that has this handler from its parent
-            signal.signal(number, signal.SIG_DFL)
-            os.kill(os.getpid(), number)
-        elif _importing:
-            os._exit(_stopped(number))
-        elif patches is None or not patches.waits(number):  # else it comes again once a kernel is made or loaded
-            raise KeyboardInterrupt if number == signal.SIGINT else Stopped(number)
+        if patches is None or not patches.waits(number):  # else it comes again once a kernel is made or loaded
+            _heard.append(number)
+            raise KeyboardInterrupt if number == signal.SIGINT else Stopped(BY_SIGNAL + number)
 
-    numbers = [getattr(signal, name) for name in WORDS if hasattr(signal, name)]
-    before = {number: signal.getsignal(number) for number in numbers}
+    before = {number: signal.getsignal(number) for name in WORDS if (number := getattr(signal, name, None))}
     mine = {n: old for n, old in before.items() if old in (signal.SIG_DFL, signal.default_int_handler)}
     for number in mine:
         signal.signal(number, stop)
@@ -179,5 +110,4 @@ def _signals() -> Iterator[None]:
         yield
     finally:
         for number, old in mine.items():
-            if signal.getsignal(number) is not signal.SIG_IGN:  # as `ended` leaves SIGINT
-                signal.signal(number, old)
+            signal.signal(number, old)

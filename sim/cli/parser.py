@@ -10,10 +10,12 @@ import pirrht
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
-from sim.options import DAILY, check, options_of
+from sim.files import check_writable
+from sim.options import DAILY, options_of
 from sim.recording.columns import explained
 from sim.settings import DRIVES, PRESETS, SPECIAL, Option
-from sim.systems import named, names, typed
+from sim.systems import System, named, names, typed
+from sim.text import table
 
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {text}" for name, (text, _, _) in PRESETS.items())
@@ -52,11 +54,11 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """Print the help of a command and exit; `const` is the name of the command, and whether to list all options."""
+    """Print the help of a command, `const`, with its daily options or all, and exit."""
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, __: Any, flag: str | None = None) -> NoReturn:
         """Print to standard output."""
-        print(help_of(*self.const))
+        print(help_of(self.const, everything=flag == "--help-all"))
         parser.exit()
 
 
@@ -65,8 +67,17 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
     arguments, unknown = parser().parse_known_args(argv)
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
-    check(arguments.command, vars(arguments))
+    for option in options_of(arguments.command):
+        if (value := getattr(arguments, option.dest)) is not None:
+            option.check(value)
     return arguments
+
+
+def check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse files that could not be written, before any work is done."""
+    for option in options_of(arguments.command):
+        if option.output and (file := getattr(arguments, option.dest)) is not None:
+            check_writable(file, option.flag)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -84,8 +95,7 @@ def parser() -> argparse.ArgumentParser:
 
 def help_of(name: str, everything: bool) -> str:
     """Return the help of a command, with its daily options or with all."""
-    text, more = COMMANDS[name]
-    takes_scene = name in DRIVES
+    (text, more), takes_scene = COMMANDS[name], name in DRIVES
     notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
     notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
     scene = "SCENE ..." if name == "sweep" else "SCENE"
@@ -101,13 +111,13 @@ def help_of(name: str, everything: bool) -> str:
 def robots_text() -> str:
     """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
     columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
-    rows: list[tuple[str, ...]] = [("robot", "unit of --noise", "state", *columns)]
-    for system in map(named, names()):
-        if system.robots:
-            values = [f"{getattr(system.settings, name):g}" for name in columns]
-            rows.append((system.robots, system.noise_in, typed(system.states), *values))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return "\n".join("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
+    numbers = [[f"{getattr(system.settings, name):g}" for name in columns] for system in _robots()]
+    rows = [[r.robots, r.noise_in, typed(r.states), *row] for r, row in zip(_robots(), numbers, strict=True)]
+    return table(["robot", "unit of --noise", "state", *columns], rows)
+
+
+def _robots() -> list[System]:
+    return [system for system in map(named, names()) if system.robots]
 
 
 def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
@@ -125,14 +135,14 @@ def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
         else:
             words |= {"type": option.kind, "metavar": option.metavar or None, "nargs": option.count}
         if option.positional:
-            groups[option.group].add_argument(option.dest, **words)
-            continue
-        typed = [f"-{option.short}"] if option.short else []
-        words |= {"dest": option.dest, "required": option.required}
-        words["default"] = None if option.numeric else option.default
-        groups[option.group].add_argument(*typed, option.flag, **words)
-    one.add_argument("-h", "--help", action=_Help, nargs=0, const=(name, False), help=argparse.SUPPRESS)
-    one.add_argument("--help-all", action=_Help, nargs=0, const=(name, True), help=argparse.SUPPRESS)
+            typed = [option.dest]
+        else:
+            typed = [*([f"-{option.short}"] if option.short else []), option.flag]
+            default = None if option.numeric else option.default
+            words |= {"dest": option.dest, "required": option.required, "default": default}
+        groups[option.group].add_argument(*typed, **words)
+    for flags in (("-h", "--help"), ("--help-all",)):
+        one.add_argument(*flags, action=_Help, nargs=0, const=name, help=argparse.SUPPRESS)
 
 
 def default_of(option: Option) -> str:
@@ -141,8 +151,7 @@ def default_of(option: Option) -> str:
         return ""
     values = {option.default}
     if option.role == "setting" and option.default is None and not option.unset:
-        systems = [one for one in map(named, names()) if one.robots]
-        users = [one for one in systems if option.dest not in SPECIAL or option.dest in one.heeds]
+        users = [one for one in _robots() if option.dest not in SPECIAL or option.dest in one.heeds]
         values = {getattr(one.settings, option.dest) for one in users}
     if len(values) > 1:
         return "the robot's"

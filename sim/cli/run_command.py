@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from contextlib import ExitStack, closing, nullcontext
+from collections.abc import Callable, Generator, Sequence
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from typing import Any
 
@@ -16,72 +17,55 @@ from pirrht.errors import OptionError, PirrhtError
 from pirrht.estimation.estimate import OTHER
 from pirrht.outcome import Outcome
 from sim.cli import tables
-from sim.cli.plan_command import check_outputs, notice, planned, progress, progress_bar, report_prediction, scenario_of
+from sim.cli.plan_command import Progress, notice, planned, report_prediction, scenario_of
 from sim.drawing.colors import title
 from sim.drive.episode import Frame
-from sim.drive.truth import ExactReference
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json
-from sim.text import say, width
+from sim.text import say
 
-NO_DISPLAY = (
-    "play opens a window, and there is no display for it; use --headless, with --script FILE for what is done and "
-    "--serve to watch in a browser"
-)
+HEADLESS = "use --headless, with --script FILE for what is done and --serve to watch in a browser"
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
+Observer = Callable[[Frame], object]
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
     from sim.recording.options import Look
 
-    check_outputs(arguments, "json", "record", "video", "png")
     sinks, scenario = _sinks(arguments), scenario_of(arguments)
     samples, lift = arguments.record_samples, arguments.record_lift
     look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
     look.check(scenario.space)
-    settings, film, truth, recorder = scenario.settings, None, None, None
+    film = recorder = None
     if arguments.video is not None or arguments.png is not None:
         from sim.film.film import Film
 
         film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
-    if arguments.truth:
-        with progress("exact value") as solved:
-            truth = scenario.truth(solved)
-    exact = None if truth is None else ExactReference(truth)
-    tree, references = (None, []) if settings.method in TREELESS else planned(scenario, waits=True)
+    with Progress("exact value") as bar:
+        truth = scenario.truth(bar.to) if arguments.truth else None
+    tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
     if references:
-        print(tables.class_table(references, width(), scenario.homology))
+        print(tables.class_table(references, scenario.homology))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
-    with progress("exact value") as solved:
-        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, solved)
+    with Progress("exact value") as bar:
+        driver = scenario.driver(tree, truth if truth is not None and truth.dt is None else None, bar.to)
     rehearse(scenario, driving=True)
     notice().finish()
-    bar = progress_bar("run", settings.max_time, "s")
-    if sinks:
-        from sim.recording.recorder import Recorder
-
-        shown, about = (scenario.loaded, driver.tree, driver.path_integral), settings_json(scenario)
-        recorder = Recorder(*shown, sinks, look, settings=about, grid=truth)
-        if recorder.server is not None:
-            print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-    with closing(scenario.drive(scenario.plant(), driver)) as frames, recorder or nullcontext(), bar:
-        for frame in frames:
-            known = None if exact is None else exact.add(frame.plan)
-            if recorder is not None:
-                recorder.log(frame, frame.news, known)
-            if film is not None:
-                film.add(frame, driver.path_integral)
-            if frame.news and frame.outcome is None:  # how it ended is in the summary
-                bar.write(frame.news)
-            bar.update(round(frame.end_time - bar.n, 6))
-            favourite = title(frame.metrics.favourite or OTHER)
-            bar.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
-    figures = frame.metrics.result()
-    result = {**figures.json(), **({} if exact is None else {"truth": exact.result()})}
-    tables.summary(figures, result.get("truth"))
+    observers: list[Observer] = [] if film is None else [lambda frame: film.add(frame, driver.path_integral)]
+    with ExitStack() as stack:
+        if sinks:
+            recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
+            observers.append(lambda frame: recorder.log(frame, frame.news, frame.truth))
+            if recorder.server is not None:
+                print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
+        observers.append(stack.enter_context(Bar("run", scenario.settings.max_time, "s")).show)
+        last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
+    assert last is not None
+    result = last.metrics.json()
+    tables.summary(last.metrics)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -92,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, run_json(scenario, references, result))
     if film is not None:
-        with progress_bar("film", film.length, " pictures") as bar:
+        with Progress("film", film.length, " pictures") as bar:
             film.save(bar.update)
         for what, file in (("film", arguments.video), ("picture", arguments.png)):
             if file is not None:
@@ -100,7 +84,31 @@ def run(arguments: argparse.Namespace) -> int:
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
-    return 0 if frame.outcome is Outcome.GOAL else 1
+    return 0 if last.outcome is Outcome.GOAL else 1
+
+
+class Bar(Progress):
+    """Shows how far a run is, and its news."""
+
+    def show(self, frame: Frame) -> None:
+        """Show a control step."""
+        if frame.news and frame.outcome is None:  # how it ended is in the summary
+            self.write(frame.news)
+        self.to(round(frame.end_time, 6))
+        favourite = title(frame.metrics.favourite or OTHER)
+        self.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
+
+
+def _driven(frames: Generator[Frame], observers: Sequence[Observer], ends: Callable[[], bool] = bool) -> Frame | None:
+    """Show frames to observers until the run or somebody `ends` it; return the last frame, None if there is none."""
+    frame = None
+    with closing(frames):
+        for frame in frames:
+            for observe in observers:
+                observe(frame)
+            if ends():
+                break
+    return frame
 
 
 def _sinks(arguments: argparse.Namespace) -> Any:
@@ -113,19 +121,22 @@ def _sinks(arguments: argparse.Namespace) -> Any:
     return sinks
 
 
+def _recorder(scenario: Any, driver: Any, sinks: Any, **more: Any) -> Any:
+    from sim.recording.recorder import Recorder
+
+    shown = (scenario.loaded, driver.tree, driver.path_integral, sinks)
+    return Recorder(*shown, settings=settings_json(scenario), **more)
+
+
 def play(arguments: argparse.Namespace) -> int:
     """Run until the window is closed or, without one, the run has ended; exit status 0 goal, 1 another end."""
     from sim.play import events, window
     from sim.play.drive import Play, first
     from sim.recording import viewer
 
-    check_outputs(arguments, "json")
     script = events.read(arguments.script) if arguments.script is not None else ()
     if not arguments.headless:
-        try:
-            viewer.check_display()
-        except OptionError:
-            raise OptionError(NO_DISPLAY) from None
+        viewer.check_display("play opens a window, which", HEADLESS)
     _sinks(arguments)
     scenario = scenario_of(arguments, loose=True)
     settings = scenario.settings
@@ -138,8 +149,8 @@ def play(arguments: argparse.Namespace) -> int:
             raise OptionError(f"{message}; leave it out")
     if not arguments.headless:
         scenario = scenario.with_settings(real_time=True)
-    with progress("plan", settings.vertices, " vertices") as grown:
-        built = first(scenario, grown)
+    with Progress("plan", settings.vertices, " vertices") as bar:
+        built = first(scenario, bar.to)
     rehearse(scenario, driving=True)
     notice().finish()
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
@@ -149,56 +160,41 @@ def play(arguments: argparse.Namespace) -> int:
         if screen is not None:
             stack.callback(screen.close)
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
-        live = Live(arguments, game)
-        stack.callback(live.close)
-        last = _played(game, None, screen, live)
-        while screen is not None and screen.open:
-            start = _next_start(game, screen, None if last is None else last.outcome)
-            if start is not None:
-                last = _played(game, start, screen, live)
+        live = stack.enter_context(closing(Live(arguments, game)))
+        start = None
+        while True:
+            last = _driven(game.drive(start), [live.log], bool if screen is None else lambda: not screen.open)
+            start = None if screen is None else _next_start(game, screen, last)
+            if start is None:
+                break
     if last is None:
         return 1
-    result = last.metrics.result()
-    tables.summary(result)
+    tables.summary(last.metrics)
     if arguments.json:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
-        write_json(arguments.json, {**run_json(scenario, [], result.json()), "events": done})
+        write_json(arguments.json, {**run_json(scenario, [], last.metrics.json()), "events": done})
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _played(game: Any, start: Any, screen: Any, live: Live) -> Frame | None:
-    """Run once, and return the last frame; None if there is none."""
-    frame = None
-    with closing(game.drive(start)) as frames:
-        for frame in frames:
-            if frame.news:
-                tqdm.write(frame.news)
-            live.log(frame)
-            if screen is not None and not screen.open:
-                break
-    return frame
-
-
-def _next_start(game: Any, screen: Any, outcome: Outcome | None) -> Any:
-    """Wait for the start (n,) of the next run; None once the window is closed.
+def _next_start(game: Any, screen: Any, last: Frame | None) -> Any:
+    """Wait for the start (n,) of the run after the last; None once the window is closed.
 
     A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
     robot starts over.
     """
     from sim.play import events
 
-    tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
     screen.home = False
+    if screen.open:
+        tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
     while screen.open:
         time.sleep(POLL)
-        moved = any(isinstance(one, events.Move) and one.what == events.GOAL for one in tuple(game.plant.asked))
-        if not (moved or screen.home):
-            continue
-        try:
-            return game.again(home=screen.home or outcome is Outcome.COLLISION)
-        except PirrhtError as error:
-            tqdm.write(str(error))
-            screen.home = False
+        if screen.home or any(isinstance(e, events.Move) and e.what == events.GOAL for e in tuple(game.plant.asked)):
+            try:
+                return game.again(home=screen.home or (last is not None and last.outcome is Outcome.COLLISION))
+            except PirrhtError as error:
+                tqdm.write(str(error))
+                screen.home = False
     return None
 
 
@@ -208,12 +204,9 @@ class Live:
     def __init__(self, arguments: argparse.Namespace, game: Any) -> None:
         from sim.recording import viewer
 
-        self._game = game
+        self._game, self._recorders = game, list[Any]()
         self._space: Any = None
-        self._recorders: list[Any] = []
-        self._urls = [] if arguments.connect is None else [arguments.connect]
-        if arguments.view:
-            self._urls.append(viewer.spawn())
+        self._urls = [arguments.connect, viewer.spawn() if arguments.view else None]
         if arguments.serve:
             self._server = viewer.Server.start()
             self._urls.append(self._server.url)
@@ -225,15 +218,16 @@ class Live:
             recorder.close()
 
     def log(self, frame: Frame) -> None:
-        """Show a control step."""
-        if self._urls and frame.plan.space is not None and frame.plan.space is not self._space:
+        """Show a control step, and its news on the terminal."""
+        if frame.news:
+            tqdm.write(frame.news)
+        space, world = frame.plan.space, self._game.live.built
+        if any(self._urls) and space is not None and space is not self._space:
             from sim.recording.options import Sinks
-            from sim.recording.recorder import Recorder
 
             self.close()
-            built, self._space = self._game.live.built, frame.plan.space
-            scenario = built.world.scenario
-            shown, about = (scenario.loaded, built.tree, built.driver.path_integral), settings_json(scenario)
-            self._recorders = [Recorder(*shown, Sinks(connect=url), settings=about) for url in self._urls]
+            self._space = space
+            sinks = [Sinks(connect=url) for url in self._urls if url]
+            self._recorders = [_recorder(world.scenario, world.driver, one) for one in sinks]
         for recorder in self._recorders:
             recorder.log(frame, frame.news)

@@ -41,17 +41,13 @@ class ClassColors:
         self.meet((name,))
         return nth_color(self._place[name])
 
-    def meet(self, names: Iterable[str]) -> bool:
-        """Take note of class ids; whether one of them is new."""
-        known, taken = len(self._place), set(self._place.values())
-        for name in names:
-            if name != OTHER and name not in self._place:
-                hues, wanted = len(PALETTE), place_of(name)
-                early = (hues * tint + (wanted + k) % hues for tint in range(3) for k in range(hues))
-                place = next(k for k in chain(early, count(EARLY)) if k not in taken)
-                self._place[name] = place
-                taken.add(place)
-        return len(self._place) > known
+    def meet(self, names: Iterable[str]) -> None:
+        """Take note of class ids."""
+        hues = len(PALETTE)
+        for name in (name for name in names if name != OTHER and name not in self._place):
+            wanted, taken = place_of(name), set(self._place.values())
+            early = (hues * tint + (wanted + k) % hues for tint in range(3) for k in range(hues))
+            self._place[name] = next(k for k in chain(early, count(EARLY)) if k not in taken)
 
     @property
     def names(self) -> list[str]:
@@ -65,13 +61,12 @@ def place_of(name: str) -> int:
     The straight class comes first, then for each obstacle the first neighbour on one side or the other in turn.
     """
     turns = [int(k) for k in name.split(",") if k.lstrip("-").isdigit()]
-    away = [(i, k) for i, k in enumerate(turns) if k]
+    away = [i for i, k in enumerate(turns) if k]
     if not away:
         return 0
-    if len(away) == 1 and abs(away[0][1]) == 1:
-        i, k = away[0]
-        first = -1 if i % 2 == 0 else 1
-        return (1 + i if k == first else 1 + len(turns) + i) % len(PALETTE)
+    if len(away) == 1 and abs(turns[away[0]]) == 1:
+        first = turns[away[0]] == (-1) ** (away[0] + 1)
+        return (1 + away[0] + (0 if first else len(turns))) % len(PALETTE)
     return crc32(name.encode()) % len(PALETTE)
 
 
@@ -111,6 +106,5 @@ def rgb(color: Color) -> tuple[float, ...]:
 
 def fade(color: Color, ground: Color, opacity: NDArray[np.float64]) -> NDArray[np.uint8]:
     """The colour seen over the ground with opacities (k,), (k, 3)."""
-    share = np.asarray(opacity)[:, None]
-    blend: NDArray[np.uint8] = np.rint(share * np.array(color) + (1 - share) * np.array(ground)).astype(np.uint8)
-    return blend
+    blend = np.outer(opacity, color) + np.outer(1 - np.asarray(opacity), ground)
+    return np.asarray(np.rint(blend).astype(np.uint8))

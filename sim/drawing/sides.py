@@ -14,6 +14,7 @@ from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
+from sim.drawing.strokes import interpolated, knots_of
 
 MOMENTS = 60  # of a path that are evaluated
 BACK = 0.1  # over which an obstacle's direction is taken [s]
@@ -24,22 +25,22 @@ NAMED = 8  # moving obstacles that all bear their names in a picture; those of m
 
 def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
     """Return how a path passes each of J markers when nearest to it; "" for a path without times."""
-    knots = getattr(reference.trajectory.path, "knots", None)
-    if knots is None or knots.shape[1] != 3:
+    knots = knots_of(reference)
+    if knots is None:
         return ("",) * homology.J
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
-    way = np.column_stack([np.interp(times, knots[:, 2], knots[:, k]) for k in (0, 1)])
-    places, late, early = (places_of(homology, times + shift) for shift in (0.0, BACK, -BACK))
-    nearest = np.argmin(np.linalg.norm(places - way, axis=2), axis=1)
-    found = []
-    for j, k in enumerate(nearest.tolist()):
-        ahead, aside = (late[j, k] - early[j, k]) / (2.0 * BACK), way[k] - places[j, k]
-        if float(np.hypot(*ahead)) >= STILL:
-            found.append("before" if float(aside @ ahead) > 0.0 else "behind")
+    way, places = interpolated(knots[:, :2], knots[:, 2], times), np.empty((3, homology.J, MOMENTS, 2))
+    for shift, found in zip((0.0, BACK, -BACK), places, strict=True):
+        places_at(homology.tracks, times + shift, found)
+    words = []
+    for at, late, early in zip(*places, strict=True):
+        k = int(np.argmin(np.linalg.norm(at - way, axis=1)))
+        ahead, aside, along = late[k] - early[k], way[k] - at[k], way[min(k + 1, MOMENTS - 1)] - way[max(k - 1, 0)]
+        if np.hypot(*ahead) >= 2.0 * BACK * STILL:
+            words.append("before" if aside @ ahead > 0.0 else "behind")
         else:
-            along = way[min(k + 1, MOMENTS - 1)] - way[max(k - 1, 0)]
-            found.append("left of" if float(along[0] * aside[1] - along[1] * aside[0]) > 0.0 else "right of")
-    return tuple(found)
+            words.append("left of" if along[0] * aside[1] > along[1] * aside[0] else "right of")
+    return tuple(words)
 
 
 def passing(reference: Reference, homology: Homology) -> list[str]:
@@ -53,13 +54,6 @@ def passing(reference: Reference, homology: Homology) -> list[str]:
     if len(rows) > FEW:
         rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
     return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in rows if side]
-
-
-def places_of(homology: Homology, times: Array) -> Array:
-    """Return the places of all markers at times (T,) [s], (J, T, 2) [m]."""
-    places = np.empty((homology.J, len(times), 2))
-    places_at(homology.tracks, times, places)
-    return places
 
 
 def worded(
@@ -79,7 +73,12 @@ def worded(
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
     found = {}
     for name, mine in windings.items():
-        told, by = _telling(mine, rivals), (passed or {}).get(name, ())
+        told, by = list[int](), (passed or {}).get(name, ())
+        differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
+        while len(differ):  # the fewest obstacles that tell it from all others, one by one
+            told.append(int(np.argmax(differ.sum(axis=0))))
+            differ = differ[~differ[:, told[-1]]]
+        told.sort()
         turns = {names[k]: float(straight[k]) + mine[k] for k in told if k < len(names)}
         parts = [f"once round {name}" for name, turn in turns.items() if abs(turn) >= 1.0]
         left = [name for name, turn in turns.items() if -1.0 < turn < 0.0]
@@ -92,14 +91,3 @@ def worded(
         parts += [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]]
         found[name] = ", ".join(parts) or "straight ahead"
     return found
-
-
-def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
-    """The fewest obstacles that tell a class from all others, found one by one, in their order."""
-    told: list[int] = []
-    others = [other for other in rivals if tuple(other) != tuple(mine)]
-    while others:
-        apart = np.array([[a != b for a, b in zip(mine, other, strict=True)] for other in others]).sum(axis=0)
-        told.append(int(np.argmax(apart)))
-        others = [other for other in others if other[told[-1]] == mine[told[-1]]]
-    return sorted(told)

@@ -20,34 +20,44 @@ from pirrht.topology.homology import Homology
 from sim.drawing.colors import Color
 
 Floats = NDArray[np.float32]
-Indices = NDArray[np.int64]
 DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 
 
 def at_most(points: Array, count: int) -> Array:
     """A polyline (k, d) thinned out to at most `count` points, ends included."""
-    if len(points) <= count:
-        return points
-    return points[np.rint(np.linspace(0, len(points) - 1, count)).astype(np.int64)]
+    return points[np.rint(np.linspace(0, len(points) - 1, min(count, len(points)))).astype(np.int64)]
 
 
-def timed(reference: Reference, now: float) -> Array:
-    """The path of a reference of a plan made at a time [s], (k, 3) [m, m, s]; without times of its own at even pace."""
-    knots = getattr(reference.trajectory.path, "knots", None)
-    if knots is not None and knots.shape[1] == 3:
-        return np.column_stack([knots[:, :2], knots[:, 2] - knots[0, 2] + now])
-    line = reference.trajectory.points
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    whole = float(reference.trajectory.durations.sum())
-    return np.column_stack([line, now + whole * along / max(float(along[-1]), 1e-9)])
+def interpolated(line: Array, at: Array, places: Array) -> Array:
+    """Points (p, d) at places (p,) on a polyline (k, d) whose points are at places (k,)."""
+    return np.column_stack([np.interp(places, at, column) for column in line.T])
+
+
+def lengths(line: Array) -> Array:
+    """The length of a polyline (k, 2) up to each of its points, (k,) [m]."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(line, axis=0).T)))
 
 
 def even(points: Array, count: int) -> Array:
     """A polyline (k, 2) cut anew into `count` points at equal distances, (count, 2)."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-    at = np.linspace(0.0, along[-1], count)
-    return np.column_stack([np.interp(at, along, points[:, i]) for i in (0, 1)])
+    along = lengths(points)
+    return interpolated(points, along, np.linspace(0.0, along[-1], count))
+
+
+def knots_of(reference: Reference) -> Array | None:
+    """The path of a reference with times of its own, (k, 3) [m, m, s]; None of one without."""
+    knots = getattr(reference.trajectory.path, "knots", None)
+    return None if knots is None or knots.shape[1] != 3 else np.asarray(knots)
+
+
+def timed(reference: Reference, now: float) -> Array:
+    """The path of a reference of a plan made at a time [s], (k, 3) [m, m, s]; without times of its own at even pace."""
+    if (knots := knots_of(reference)) is not None:
+        return np.column_stack([knots[:, :2], knots[:, 2] - knots[0, 2] + now])
+    line, along = reference.trajectory.points, lengths(reference.trajectory.points)
+    whole = float(reference.trajectory.durations.sum())
+    return np.column_stack([line, now + whole * along / max(float(along[-1]), 1e-9)])
 
 
 def apart(lines: Sequence[NDArray[Any]]) -> list[int]:
@@ -94,56 +104,33 @@ def fans(
     alive = paths.outcome == Outcome.GOAL
     groups = {name: alive & (paths.key == k) for k, name in names.items()}
     groups |= {OTHER: alive & ~np.isin(paths.key, list(names)), DEAD: ~alive}
-    members = {name: np.flatnonzero(mask) for name, mask in groups.items() if mask.any()}
+    heaviest = np.argsort(-estimate.weight, kind="stable")
+    chosen = {name: heaviest[mask[heaviest]] for name, mask in groups.items() if mask.any()}
     length = 2 + int(paths.steps.max(initial=0)) // 2
-    share = max(4, points // (length * max(1, len(members))))
-    chosen = {name: m if everything else _pick(m, estimate.weight, min(share, 50)) for name, m in members.items()}
-    length = length if everything else max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
+    if not everything:  # of each class, the more the heavier
+        count = min(50, max(4, points // (length * max(1, len(chosen)))))
+        rank = np.linspace(0.0, 1.0, count) ** 2
+        chosen = {name: m[np.unique((rank * (len(m) - 1)).astype(np.int64))] for name, m in chosen.items()}
+        length = max(2, min(length, points // max(1, sum(map(len, chosen.values())))))
     top = max(float(estimate.weight.max()), np.finfo(float).tiny)  # earlier samples may have all the weight
-    drawn = {}
+    drawn, times = {}, estimate.rollouts.tables.times
     for name, group in chosen.items():
-        opacity = np.sqrt(estimate.weight[group] / top)
-        order = np.argsort(opacity, kind="stable")  # the heavy ones are drawn last, on top
-        strips, moments = _strips(path_integral, estimate, group[order], length)
-        strips[..., 2] += 0.02 * opacity[order, None].astype(np.float32)
-        drawn[name] = Fan(strips=strips, moments=moments, opacity=opacity[order])
+        states, steps = path_integral.replay.trace(estimate.rollouts, group[::-1])  # the heavy ones last, on top
+        opacity = np.sqrt(estimate.weight[group[::-1]] / top)
+        # Steps may be unequal; points are even in time.
+        at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
+        strips = lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02 * (1.0 + opacity[:, None]))
+        drawn[name] = Fan(strips=strips, moments=times[at], opacity=opacity)
     return drawn
 
 
-def _pick(group: Indices, weight: Array, count: int) -> Indices:
-    """The heaviest third of `count`, and an even choice among the others."""
-    if len(group) <= count:
-        return group
-    by_weight = group[np.argsort(-weight[group], kind="stable")]
-    heavy, rest = by_weight[: count // 3], np.sort(by_weight[count // 3 :])
-    even = rest[np.linspace(0, len(rest) - 1, count - len(heavy)).astype(np.int64)]
-    return np.sort(np.concatenate([heavy, even]))
-
-
-def _strips(path_integral: PathIntegral, estimate: Estimate, chosen: Indices, length: int) -> tuple[Floats, Array]:
-    """Paths of chosen samples with `length` points each, (k, length, 3), and when they are there [s], (k, length)."""
-    states, steps = path_integral.replay.trace(estimate.rollouts, chosen)
-    times = estimate.rollouts.tables.times  # steps may be unequal; points are even in time
-    at = np.searchsorted(times, np.linspace(0.0, 1.0, length) * times[steps, None] - 1e-9)
-    return lift(np.take_along_axis(states[:, :, :2], at[:, :, None], axis=1), 0.02), times[at]
-
-
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
-    """Edges from nodes to their parents with the paper's H of one obstacle as third coordinate.
-
-    Args:
-        most: so many at most.
-
-    Returns:
-        ends (k, 2, 3) [m, m, turns] with k at most `most`.
-    """
+    """Edges from nodes to their parents, (k, 2, 3) [m, m, turns] with the paper's H of one obstacle; at most `most`."""
     graph, size = tree.graph, tree.size
     width = graph.parent.shape[1]
     live = np.arange(width) < graph.nodes[:size, None]
     vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
-    if len(vertex) > most:
-        keep = np.linspace(0, len(vertex) - 1, most).astype(np.int64)
-        vertex, slot = vertex[keep], slot[keep]
+    vertex, slot = at_most(np.column_stack([vertex, slot]), most).T
     edge = graph.parent[vertex, slot]
     head = graph.head[edge]
     ends = np.empty((len(vertex), 2, 3))
@@ -189,10 +176,8 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
         if len(group):
             states, steps = path_integral.replay.trace(estimate.rollouts, group)
             times = estimate.rollouts.tables.times
-            lines = np.array([
-                [np.interp(share * times[k], times[: k + 1], line[: k + 1, i]) for i in (0, 1)]
-                for line, k in zip(states, steps, strict=True)
-            ]).transpose(0, 2, 1)  # fmt: skip
+            whole = zip(states[..., :2], steps, strict=True)
+            lines = np.array([interpolated(line[: k + 1], times[: k + 1], share * times[k]) for line, k in whole])
             mean = np.average(lines, axis=0, weights=estimate.weight[group])
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()
             found[name] = mean if free else lines[int(np.argmin(np.abs(lines - mean).max(axis=(1, 2))))]

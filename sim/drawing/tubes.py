@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.obstacle import Mover
-from sim.drawing.strokes import at_most
+from sim.drawing.strokes import at_most, interpolated
 from sim.plotting.ground import fading, outline
 
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
@@ -35,10 +36,7 @@ class Tube:
 
     def at(self, time: float) -> Array:
         """Corners of the outline at a time [s], (c, 2) [m]."""
-        i = int(np.clip(np.searchsorted(self.times, time, side="right") - 1, 0, len(self.times) - 2))
-        share = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
-        found: Array = (1.0 - share) * self.rings[i] + share * self.rings[i + 1]
-        return found
+        return interpolated(self.rings.reshape(len(self.times), -1), self.times, np.array([time])).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,8 +52,6 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     """Outline moving obstacles as they are now [s] and as predicted soon, the weaker the later; many coarsely."""
     told = [(mover, [(0.0, 1.0), *fading(mover, now)]) for mover in movers]
     count = sum(len(mover.solids) * len(moments) for mover, moments in told)
-    if count * FEWEST > MOST:
-        told = [(mover, moments[::2]) for mover, moments in told]
     corners = int(np.clip(MOST // max(1, count), FEWEST, ROUGH))
     found = []
     for mover, moments in told:
@@ -68,11 +64,10 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
 def outlines(mover: Mover, times: Array, corners: int = CORNERS) -> list[Array]:
     """Outlines of each of an obstacle's solids seen from above at times (k,) [s], (k, c, 2) [m]."""
     poses = mover.motion.pose(times)
-    c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-    turns = np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=1)
+    turns = Rotation.from_euler("z", poses[:, 2:]).as_matrix()[:, :2, :2]
     rings = [outline(solid) for solid in mover.solids]
     flat = [at_most(np.vstack([ring, ring[:1]]), corners + 1)[:-1] for ring in rings]
-    return [np.einsum("kij,cj->kci", turns, ring) + poses[:, None, :2] for ring in flat]
+    return [ring @ turns.transpose(0, 2, 1) + poses[:, None, :2] for ring in flat]
 
 
 def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> list[Tube]:
@@ -83,10 +78,9 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
     """
     rows, shift = mover.motion.rows, mover.motion.offset
     period = float(rows[-1, 0]) if mover.motion.repeat else np.inf
-    cuts = [begin, end]
-    if mover.motion.repeat:
-        laps = np.arange(np.floor((begin + shift) / period) + 1, np.ceil((end + shift) / period)) * period - shift
-        cuts = [begin, *laps[(laps > begin) & (laps < end)], end]
+    first, last = np.floor((begin + shift) / period), np.ceil((end + shift) / period)
+    laps = np.arange(first + 1, last) * period - shift if mover.motion.repeat else np.empty(0)
+    cuts = [begin, *laps[(laps > begin) & (laps < end)], end]
     found = []
     for low, high in zip(cuts[:-1], cuts[1:], strict=True):
         lap = np.floor((0.5 * (low + high) + shift) / period) * period if mover.motion.repeat else 0.0
@@ -94,7 +88,7 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
         times = np.concatenate([[low], knots[(knots > low) & (knots < high)], [high]])
         yaw = np.interp(times - lap + shift, rows[:, 0], rows[:, 3])
         parts = np.maximum(1, np.ceil(np.abs(np.diff(yaw)) / TURN)).astype(int)
-        at = np.concatenate([[0.0], *(k + np.arange(1, n + 1) / n for k, n in enumerate(parts))])
+        at = np.interp(np.arange(parts.sum() + 1), np.append(0, np.cumsum(parts)), np.arange(len(times)))
         times = np.interp(at, np.arange(len(times)), times)
         seen = np.minimum(times, max(low, high - JUMP))  # at the end of a lap it is where the next one begins
         found += [Tube(times=times, rings=rings) for rings in outlines(mover, seen, corners)]

@@ -1,4 +1,4 @@
-"""The robot in MuJoCo, driven for one control period at a time.
+"""Plants: a robot that is driven for one control period at a time, in MuJoCo or by its stochastic equation alone.
 
 Noise enters with the control. Every physics step of length h draws one increment dw ~ N(0, h I), whatever the method
 and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or where noise enters through the inputs
@@ -13,28 +13,187 @@ Moving obstacles are where their motions say at the end of each step, by the pla
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import hypot
+from dataclasses import dataclass
+from math import hypot, inf, sqrt
 
 import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.scene import ROUNDING
+from pirrht.geometry.collision import Collision, touches
+from pirrht.geometry.scene import ROUNDING, Scene
+from pirrht.moving.collision import MovingObstacles
+from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
-from sim.drive.plant import ClearanceChecker, Plant
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import stance_of
-from sim.mjcf.forces import check_motion
-from sim.mjcf.mocap import Mocap, Sweep
+from sim.mjcf.coordinates import Stance
+from sim.mjcf.motions import Mocap
+from sim.mjcf.robot import check_motion
 from sim.systems import named
 
 FOOTPRINT = "robot/footprint"  # geom of every robot
 
+Control = Callable[[Array, float], Array]  # state (n,), time since the start of the period [s] -> control (m,)
+Clearance = Callable[[Array], Array]  # centres (k, 2) -> free distance (k,) [m], 0 or less in a collision
+
+
+class ClearanceChecker:
+    """Clearance of a robot among static and moving obstacles.
+
+    Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
+    last disc does not bound it well enough.
+
+    Args:
+        clearance: of static obstacles; None: by FCL objects of its own, since these move when they are queried.
+    """
+
+    def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
+        self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
+        self.crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
+        self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
+
+    def at(self, x: Array, now: float, enough: float = inf) -> float:
+        """Return the clearance at x (n,) and a time [s], 0 or less in a collision; a bound from `enough` on [m]."""
+        free = self._static(x, enough)
+        if self.crowd is None:
+            return free
+        moving = self.crowd.surely(x, now)
+        return min(free, moving if moving >= enough else self.crowd.clearance(x[:2], now))
+
+    def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
+        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
+        way = x - before
+        length = hypot(way[0], way[1])
+        if not self._static(x, length) > length and touches(
+            lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
+        ):
+            return True
+        return self.crowd is not None and self.crowd.meets(before[:2], begin, x[:2], now)
+
+    def _static(self, x: Array, enough: float = inf) -> float:
+        free, at_x, at_y = self._disc
+        free -= hypot(x[0] - at_x, x[1] - at_y)
+        if free < enough:
+            free = float(self._clearance(x[None, :2])[0])
+            self._disc = free, float(x[0]), float(x[1])
+        return free
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Advance:
+    """Result of one control period: k physics steps, fewer than a period holds if the run ended.
+
+    Step i goes from the state before it under `controls[i]` and `noise[i]` to `states[i]`.
+    """
+
+    outcome: Outcome | None  # GOAL or COLLISION; None while the run goes on
+    time: float  # until the exit or the end of the period [s]
+    cost: float  # integral of q + u'Ru/2
+    length: float  # of the path [m]
+    clearance: float  # the least after any step [m]; 0 after a collision
+    states: Array  # (k, n) after each step
+    controls: Array  # (k, m)
+    noise: Array  # (k, m) Brownian increments [sqrt(s)]
+
+    def __repr__(self) -> str:
+        end = "" if self.outcome is None else f", {self.outcome.name.lower()}"
+        return f"Advance({len(self.states)} steps in {self.time:.4g} s, cost {self.cost:.4g}{end})"
+
+
+class Plant:
+    """A robot by its stochastic equation alone, which is driven on in physics steps, judged and paid for.
+
+    Args:
+        clearance: of static obstacles; None: by FCL objects of its own.
+        period: control period [s], a whole number of physics steps.
+        physics_step: its length [s].
+    """
+
+    def __init__(
+        self, problem: Problem, clearance: Clearance | None = None, *, period: float, physics_step: float = 0.002
+    ) -> None:  # fmt: skip
+        count = round(period / physics_step) if np.isfinite(period) and physics_step > 0 else 0
+        if count < 1 or abs(period - count * physics_step) > 1e-6 * physics_step:
+            raise OptionError(
+                f"the period {period:g} s must be a whole multiple of the physics step {physics_step:g} s"
+            )
+        self.period, self.physics_step, self._count = period, physics_step, count
+        self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
+        self.enter(problem, clearance)
+        self.reset(problem.dynamics.state_of(problem.scene.start))
+
+    def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
+        """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise."""
+        self._problem, self._checker = problem, ClearanceChecker(problem.scene, clearance)
+
+    @property
+    def state(self) -> Array:
+        """State (n,): x, y [m], the unwrapped heading [rad] if the dynamics have one, and velocities [m/s]."""
+        return self._state.copy()
+
+    @property
+    def time(self) -> float:
+        """Time of the run, also while a control is queried: moving obstacles go by it [s]."""
+        return self._begun + self._steps * self.physics_step
+
+    def reset(self, state: Array, time: float = 0.0) -> None:
+        """Start from the first n entries of `state`, at a time [s] of the run.
+
+        Raises:
+            OptionError: that is no time of a run.
+        """
+        if not 0.0 <= time < inf:
+            raise OptionError(f"the time is {time!r}; a run's clock begins at 0, or at a later number of seconds")
+        self._begun, self._steps = time, 0
+        self._state = np.array(state, dtype=float)[: self._problem.dynamics.n]
+
+    def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
+        """Drive for one period, or to the goal or a collision if that comes first.
+
+        Args:
+            control_at: queried at every physics step, so that it may react to the state between plans.
+            rng: gives the period's increments, in the order of the steps.
+        """
+        h, problem, checker, x = self.physics_step, self._problem, self._checker, self.state
+        noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
+        controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
+        outcome, cost, length, clearance, k = None, 0.0, 0.0, inf, 0
+        while k < self._count and outcome is None:
+            u = controls[k]
+            u[:] = control_at(x, k * h)
+            cost += (problem.rate(x) + 0.5 * float(u.dot(problem.control_cost(x)).dot(u))) * h
+            before = x
+            self._steps += 1
+            x = self._state = states[k] = self._move(x, u, noise[k], h)
+            length += hypot(x[0] - before[0], x[1] - before[1])
+            clearance = min(clearance, checker.at(x, self.time, clearance))
+            outcome = self._judge(before, x)
+            k += 1
+        if not np.isfinite(cost):
+            raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
+        return Advance(
+            outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
+            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else clearance,
+        )  # fmt: skip
+
+    def _judge(self, before: Array, x: Array) -> Outcome | None:
+        scene, px, py = self._problem.scene, x[0], x[1]
+        (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
+        if not (left < px < right and low < py < high) or self._touching(before, x):
+            return Outcome.COLLISION
+        return Outcome.GOAL if hypot(px - gx, py - gy) <= scene.goal.radius else None
+
+    def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
+        return self._problem.dynamics.step(x, u, dw, step)
+
+    def _touching(self, before: Array, x: Array) -> bool:
+        return self._checker.blocked(before, x, self.time - self.physics_step, self.time)
+
 
 class Executor(Plant):
-    """The robot in MuJoCo.
+    """The robot in MuJoCo, whose contacts are collisions.
 
     Attributes:
         data: MuJoCo's state, for pictures; positions and contacts belong to `state`.
@@ -49,26 +208,16 @@ class Executor(Plant):
                 f"{type(problem.dynamics).__name__} has {n}"
             )
         check_motion(model, called, problem.dynamics, loaded.command)
-        super().__init__(problem, None, period, float(model.opt.timestep))
-        self._rate = commanded_rate(problem.dynamics, self.physics_step)
-        self.data, self._stance = mujoco.MjData(model), stance_of(model, loaded.states)
+        self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
         # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
         self._sweeps = bool(model.geom(FOOTPRINT).contype[0] | model.geom(FOOTPRINT).conaffinity[0])
-        self._sweep: Sweep | None = None
-        self._joints = np.empty(model.nq)  # before the step
-        if self._mocap is not None and not self._sweeps:
-            bodies = loaded.moving_geoms & loaded.obstacle_geoms
-            self._sweep = Sweep(model, loaded.robot_geoms, bodies, self._mocap)
-        self.reset(problem.dynamics.state_of(problem.scene.start))
+        super().__init__(problem, period=period, physics_step=float(model.opt.timestep))
 
-    def enter(self, problem: Problem) -> None:
-        """Continue in this problem, of the same robot: among its obstacles, to its goal, under its noise.
-
-        Bodies in MuJoCo stay where they are.
-        """
-        self._problem, self._checker = problem, ClearanceChecker(problem.scene)
+    def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
+        """Continue in this problem, of the same robot; bodies in MuJoCo stay where they are."""
+        super().enter(problem, clearance)
         self._rate = commanded_rate(problem.dynamics, self.physics_step)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
@@ -85,8 +234,6 @@ class Executor(Plant):
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         """Make one step, cut after its position stage, so that the contacts are those of the new state."""
         self.data.ctrl[:] = self._command.dot(self._problem.dynamics.twist(x, self._rate(x, u, dw)))
-        if self._sweep is not None:
-            self._joints[:] = self.data.qpos
         mujoco.mj_step2(self._model, self.data)
         if self._mocap is not None:
             self._mocap.place(self.data, self.time)
@@ -96,17 +243,9 @@ class Executor(Plant):
     def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
         contact, now = self.data.contact, self.time
-        begin = now - self.physics_step
         if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
-        crowd = self._checker.crowd
-        if self._sweep is None or crowd is None:
-            return self._sweeps and self._checker.blocked(before, x, begin, now)
-        if not self._checker.met(before, x, begin, now):
-            return False
-        turned = self._problem.scene.robot_radius * float(np.abs(x[2:3] - before[2:3]).sum())
-        own = hypot(x[0] - before[0], x[1] - before[1]) + turned
-        return self._sweep.meets(self._joints, self.data.qpos, (begin, now), own, crowd.travel)
+        return self._sweeps and self._checker.blocked(before, x, now - self.physics_step, now)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:

@@ -1,4 +1,4 @@
-"""The one bookkeeper of a run: its frames, period by period, and its figures.
+"""Book of a run: its frames, period by period, and its figures.
 
 The path of dx = u dt + b dw is infinitely long: the finer its steps, the longer it gets. It is therefore measured by
 chords over a time tau of driving, and from the square of each chord (over t seconds) goes what noise alone adds to it
@@ -10,25 +10,26 @@ Noise along the path alone (a rover's) adds nothing to a chord on average: only 
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import dist, sqrt
+from math import dist, inf, sqrt
 from typing import Any
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.control.policy import RunState
-from pirrht.estimation.estimate import OTHER
-from pirrht.freespace import FreeSpace
+from pirrht.control.policy import Policy, RunState
+from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.topology.homology import Driven
 from pirrht.topology.signature import class_id
 from sim.drawing.colors import title
-from sim.drive.clock import Timing, figures
-from sim.drive.plant import Advance, ClearanceChecker
-from sim.drive.result import DriveResult
+from sim.drive.executor import Advance, ClearanceChecker
+from sim.drive.result import FIGURES
 
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]
@@ -38,23 +39,24 @@ STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 class Length:
     """The length of a path that goes on, from its start at x (n,)."""
 
-    def __init__(self, problem: Problem, x: Array) -> None:
-        self._spread, self._smooth = spread(problem, x), not problem.dynamics.noisy_position
-        self._time = CHORD * problem.temperature / problem.least_rate
+    def __init__(self, x: Array) -> None:
         self._first = self._last = self._begun = (float(x[0]), float(x[1]))  # of the path, so far, of the chord
+        self._problem: Problem | None = None  # whose noise the last states had
         self._steps, self._step = 0, 0.0  # of the chord, and their length [s]
         self._chords = 0.0  # complete ones [m]
         self.noisy = 0.0  # length of the path with all its noise [m]
 
-    def add(self, states: Array, step: float, noisy: float) -> None:
-        """Go on through states (k, n), `step` seconds apart, over a path of `noisy` metres."""
+    def add(self, problem: Problem, states: Array, step: float, noisy: float) -> None:
+        """Go on through states (k, n) of a problem, `step` seconds apart, over a path of `noisy` metres."""
         self.noisy += noisy
         if not len(states):
             return
+        if problem is not self._problem:
+            self._problem, self._spread = problem, spread(problem, states[0])
         places = [(float(x), float(y)) for x, y in states[:, :2]]
         self._last, self._step = places[-1], step
-        each, first = max(1, round(self._time / step)), self._steps
-        for end in range(each - first, len(places) + 1, each):
+        each, first = max(1, round(CHORD * problem.temperature / problem.least_rate / step)), self._steps
+        for end in range(max(1, each - first), len(places) + 1, each):
             self._chords += self._chord(places[end - 1], each)
             self._begun = places[end - 1]
         self._steps = (first + len(places)) % each
@@ -62,7 +64,7 @@ class Length:
     @property
     def total(self) -> float:
         """Length of the path without its noise [m]; at least the distance of its ends, at most the noisy length."""
-        if self._smooth:
+        if self._problem is None or not self._problem.dynamics.noisy_position:
             return self.noisy
         total = self._chords + self._chord(self._last, self._steps)
         return min(self.noisy, max(total, dist(self._first, self._last)))
@@ -83,22 +85,52 @@ def spread(problem: Problem, x: Array) -> float:
     return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """Exact solution at one state."""
+
+    value: float  # v
+    control: Array  # u*, (m,)
+
+    @classmethod
+    def at(cls, grid: Desirability, x: Array, time: float = 0.0) -> Truth:
+        """Return value and control at state x (n,), and a time [s] that counts among moving obstacles."""
+        return cls(value=float(grid.value(x, time)), control=grid.control(x, time))
+
+    def errors(self, e: Estimate) -> tuple[float, float]:
+        """Subtract the exact value, and compute |u - u*|, for an estimate."""
+        return e.value - self.value, self.distance(e.control)
+
+    def distance(self, control: Array) -> float:
+        """|u - u*| of a control u (m,)."""
+        return float(np.linalg.norm(control - self.control))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Period:
-    """One control period as plant and planner know it."""
+class TimedPlan:
+    """A plan, and when it was made."""
 
     plan: Plan
-    advance: Advance
     plan_seconds: float  # wall time the plan took [s]
-    vertices: int = 0  # of the tree that the plan was made with
+    vertices: int = 0  # of the tree that it was made with
     run: RunState | None = None  # of the policy: another one names classes anew
-    timing: Timing | None = None  # of real-time runs only
+    begin: float = 0.0  # time of the run for which it was made [s]; runs by a clock alone
+    slack: float = 0.0  # from the end of planning to `begin` [s], negative if it is late; by a clock alone
+
+    @classmethod
+    def of(cls, policy: Policy, x: Array, left: Callable[[], float] | None = None) -> TimedPlan:
+        """Let a policy plan at x (n,), in the time that is `left` [s]."""
+        began = time.perf_counter()
+        plan = policy.plan(x, left)
+        seconds, tree = time.perf_counter() - began, policy.tree
+        return cls(plan=plan, plan_seconds=seconds, vertices=0 if tree is None else tree.size, run=policy.run)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Frame(Period):
+class Frame(TimedPlan):
     """One control period: where the robot was, what was planned there and what came of it."""
 
+    advance: Advance
     step: int  # number of the period, from 0
     time: float  # simulated time at its start [s]
     outcome: Outcome | None  # how the run ended in this period, TIMEOUT included; None while it goes on
@@ -107,6 +139,7 @@ class Frame(Period):
     noisy_length: float  # with it: grows with the number of physics steps [m]
     clearance: float  # at the start of the period, from static and moving obstacles [m]
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
+    truth: Truth | None  # exact solution where the plan was made, if a grid was solved
     news: str | None  # a line for a person, if something happened
     metrics: EpisodeMetrics  # of the whole run so far, which goes on
 
@@ -126,136 +159,158 @@ class Frame(Period):
 
 
 class EpisodeMetrics:
-    """Metrics of a run from x (n,), period by period.
+    """Figures of a run from x (n,) so far, in SI units: those of the JSON of `run`; `FIGURES` describes them.
 
     Args:
         task: a policy or scenario, with `problem`, `space` and `homology`.
         period: control period [s].
         max_time: of the run [s].
+        grid: the exact solution, next to every plan; None: it is not known.
     """
 
-    def __init__(self, task: Any, x: Array, *, period: float, max_time: float) -> None:
-        self._task, self._period, self._max_time = task, period, max_time
-        self._step, self._time, self._cost = 0, 0.0, 0.0
-        self._passed = np.zeros(2)  # lengths [m] before the present world, without noise and with it
-        self._enter(task.space, x)
-        self._first: Plan | None = None
+    def __init__(
+        self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None
+    ) -> None:  # fmt: skip
+        self._task, self._period, self._max_time, self._grid = task, period, max_time, grid
+        self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
+        self.path_length = self.noisy_path_length = self.blocked_time = 0.0
+        self.min_clearance, self._doubted = inf, -inf  # time of the last weak plan [s]
+        self.value_estimate = self.least_ess = self.least_ess_time = None  # type: float | None
+        self.executed_class = self.favourite = self._decided = None  # type: str | None
+        self.class_switches = self.class_reversals = self.fallbacks = self.doubtful_plans = 0
+        self.deadline_misses = 0  # plans that took longer than the period, by a clock those that were late
+        self.blocked: list[tuple[float, float]] = []  # from when to when the robot was [s]
         self.last: Frame | None = None
-        self.favourite: str | None = None  # class of greatest weight of the last plan that was not blocked
-        self._decided: str | None = None
-        self._doubted = -np.inf  # time of the last weak plan [s]
-        self.min_clearance, self._weakest = np.inf, (None, None)  # type: float, tuple[Any, Any]
-        self._switches = self._reversals = self._fallbacks = self._doubtful = self._misses = 0
-        self._blocked: list[tuple[float, float]] = []
-        self._seconds: list[float] = []
-        self._timings: list[Timing] = []
+        self.plan_seconds: list[float] = []  # wall time of each [s]
+        self._late: list[Array] = []  # how late physics steps began [s]
+        self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
+        self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
+        self._length, self._driven = Length(x), Driven(task.homology, x)
+        self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
 
-    def _enter(self, space: FreeSpace, x: Array) -> None:
-        """Start classes and lengths anew in a world."""
-        self._space, self._checker = space, ClearanceChecker(space.scene)
-        self._length = Length(self._task.problem, x)
-        self._driven = Driven(self._task.homology, x, self._time)
+    def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
+        """Take the next period into account.
 
-    def frame(self, period: Period) -> Frame:
-        """Take the next period into account."""
-        plan, advance, begin, last = period.plan, period.advance, self._time, self.last
+        Args:
+            late: how late each physics step began, (k,) [s]; None without a clock.
+        """
+        plan, begin, last, task = made.plan, self.time, self.last, self._task
         if plan.space is not None and plan.space is not self._space:
-            if last is not None and period.run is last.run:  # among other obstacles, to the same goal
+            if last is not None and made.run is last.run:  # among other obstacles, to the same goal
                 self._driven.enter(plan.space.homology)
-                self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
             else:
-                self._passed += self._length.total, self._length.noisy
-                self._enter(plan.space, plan.state)
+                self._driven = Driven(task.homology, plan.state, begin)
+            self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
         clearance = self._checker.at(plan.state, begin)
-        self._time, self._cost = begin + advance.time, self._cost + advance.cost
-        self._length.add(advance.states, advance.time / max(1, len(advance.states)), advance.length)
+        self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
+        self._length.add(task.problem, advance.states, advance.time / max(1, len(advance.states)), advance.length)
         if len(advance.states):
-            self._driven.observe(advance.states, self._time)
-        outcome = ending(advance, begin, self._max_time)
-        ended = [] if outcome is None else [f"{outcome.name.lower()} at {self._time:.2f} s"]
-        news = [*self._news(plan, begin), *ended]
-        self._count(period, begin)
+            self._driven.observe(advance.states, self.time)
+        self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
-        length, noisy = np.add(self._passed, (self._length.total, self._length.noisy)).tolist()
+        outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
+        news = self._count(plan, begin)
+        self._time(made, begin, late)
+        if outcome is not None:
+            self.outcome = outcome.name.lower()
+            news.append(f"{self.outcome} at {self.time:.2f} s")
+        if outcome is Outcome.GOAL:
+            self.executed_class = class_id(driven, None if plan.space is None else plan.space.homology.named)
+        truth = None if self._grid is None else Truth.at(self._grid, plan.state, plan.time)
+        if truth is not None:
+            self._truths.append((truth.value, truth.distance(plan.control)))
         self.last = Frame(
-            **vars(period), step=self._step, time=begin, outcome=outcome, cost=self._cost, length=length,
-            noisy_length=noisy, clearance=clearance, driven_class=self._driven.winding(),
-            news="; ".join(news) or None, metrics=self,
+            **vars(made), advance=advance, step=self.steps, time=begin, outcome=outcome, cost=self.cost,
+            length=self.path_length, noisy_length=self.noisy_path_length, clearance=clearance, driven_class=driven,
+            truth=truth, news="; ".join(news) or None, metrics=self,
         )  # fmt: skip
-        self._step += 1
+        self.steps += 1
         return self.last
 
-    def _news(self, plan: Plan, now: float) -> list[str]:
-        """Return lines on a plan, before it is counted."""
-        news, blocked = [], self.last is not None and self.last.plan.fallback is not None
-        if plan.fallback is not None and not blocked:
-            does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
-            news.append(f"blocked at {now:.2f} s: {plan.fallback}; {does}")
-        elif plan.fallback is None and blocked:
-            news.append(f"a way at {now:.2f} s, after {now - self._blocked[-1][0]:.2f} s: going on")
-        if plan.estimate is not None and plan.estimate.doubtful and now - self._doubted >= STRETCH:
-            news.append(f"{plan.estimate.ess:.1f} effective samples at {now:.2f} s: the control is a guess")
-        if plan.fallback is None and self.favourite not in (None, plan.favourite):
-            to = title(plan.favourite or OTHER)
-            news.append(f"class {title(self.favourite or OTHER)} -> {to} at {now:.2f} s")
-        return news
-
-    def _count(self, period: Period, begin: float) -> None:
-        """Count a period that began at a time [s]."""
-        plan, estimate, late = period.plan, period.plan.estimate, period.plan_seconds > self._period
-        self._first = self._first or plan
+    def _count(self, plan: Plan, begin: float) -> list[str]:
+        """Count a plan of a time [s]; return lines for a person on what is new."""
+        estimate, news = plan.estimate, list[str]()
+        if self.last is None:
+            self.value_estimate = plan.exact if estimate is None else estimate.value
+        was_blocked = self.last is not None and self.last.plan.fallback is not None
         if plan.fallback is not None:
-            self._fallbacks += 1
-            goes_on = bool(self._blocked) and self._blocked[-1][1] == begin
-            self._blocked.append((self._blocked.pop()[0] if goes_on else begin, self._time))
-        else:
-            self._switches += self.favourite not in (None, plan.favourite)
+            if not was_blocked:
+                does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
+                news.append(f"blocked at {begin:.2f} s: {plan.fallback}; {does}")
+                self.blocked.append((begin, begin))
+            self.blocked[-1] = self.blocked[-1][0], self.time
+            self.fallbacks += 1
+            self.blocked_time = sum(end - start for start, end in self.blocked)
+        elif was_blocked:
+            news.append(f"a way at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s: going on")
+        if estimate is not None:
+            if self.least_ess is None or estimate.ess < self.least_ess:
+                self.least_ess, self.least_ess_time = estimate.ess, begin
+            if estimate.doubtful:
+                if begin - self._doubted >= STRETCH:
+                    news.append(f"{estimate.ess:.1f} effective samples at {begin:.2f} s: the control is a guess")
+                self.doubtful_plans, self._doubted = self.doubtful_plans + 1, begin
+        if plan.fallback is None:
+            if self.favourite not in (None, plan.favourite):
+                to = title(plan.favourite or OTHER)
+                news.append(f"class {title(self.favourite or OTHER)} -> {to} at {begin:.2f} s")
+                self.class_switches += 1
             self.favourite = plan.favourite
             if plan.decided is not None:
-                self._reversals += self._decided not in (None, plan.decided)
+                self.class_reversals += self._decided not in (None, plan.decided)
                 self._decided = plan.decided
-        if estimate is not None:
-            if self._weakest[0] is None or estimate.ess < self._weakest[0]:
-                self._weakest = estimate.ess, begin
-            if estimate.doubtful:
-                self._doubtful, self._doubted = self._doubtful + 1, begin
-        self._seconds.append(period.plan_seconds)
-        if period.timing is not None:
-            late = period.timing.missed
-            self._timings.append(period.timing)
-        self._misses += late
+        return news
 
-    def result(self) -> DriveResult:
-        """Return the figures of the run so far, which has at least one frame."""
-        last, first, milliseconds = self.last, self._first, 1e3 * np.array(self._seconds)
-        assert last is not None
-        assert first is not None
-        named = None if last.plan.space is None else last.plan.space.homology.named
-        return DriveResult(
-            outcome=(last.outcome or Outcome.TIMEOUT).name.lower(),
-            time=last.end_time,
-            cost=last.cost,
-            path_length=last.length,
-            noisy_path_length=last.noisy_length,
-            steps=last.step + 1,
-            vertices=last.vertices,
-            min_clearance=self.min_clearance,
-            value_estimate=first.exact if first.estimate is None else first.estimate.value,
-            executed_class=class_id(last.driven_class, named) if last.outcome is Outcome.GOAL else None,
-            class_switches=self._switches,
-            class_reversals=self._reversals,
-            fallbacks=self._fallbacks,
-            blocked_time=sum(end - begin for begin, end in self._blocked),
-            blocked=self._blocked,
-            doubtful_plans=self._doubtful,
-            least_ess=self._weakest[0],
-            least_ess_time=self._weakest[1],
-            step_ms=dict(
-                zip(("median", "p95", "max"), np.percentile(milliseconds, (50, 95, 100)).tolist(), strict=True)
-            ),
-            deadline_misses=self._misses,
-            real_time=figures(self._timings, self._period) if self._timings else None,
-        )
+    def _time(self, made: TimedPlan, begin: float, late: Array | None) -> None:
+        """Take the wall times of a period that began at a time [s] into account."""
+        self.plan_seconds.append(made.plan_seconds)
+        missed = made.plan_seconds > self._period
+        if late is not None:
+            self._late.append(late)
+            missed = made.begin < begin - GRACE
+            if not missed and self.last is not None:
+                parts = () if made.plan.estimate is None else made.plan.estimate.parts
+                self._ready.append((sum(part.size for part in parts), made.slack))
+        self.deadline_misses += missed
+
+    @property
+    def step_ms(self) -> dict[str, Any]:
+        """Wall time of a plan [ms]."""
+        return _percentiles(1e3 * np.array(self.plan_seconds), median=50, p95=95, max=100)
+
+    @property
+    def real_time(self) -> dict[str, Any] | None:
+        """How a run by a clock kept its times; None without one."""
+        if not self._late:
+            return None
+        return {
+            "period": self._period,
+            "periods": self.steps,
+            "deadline_misses": self.deadline_misses,
+            "samples_per_period": _percentiles([samples for samples, _ in self._ready], median=50, min=0),
+            "slack_ms": _percentiles([1e3 * slack for _, slack in self._ready], median=50, min=0),
+            "late_ms": _percentiles(1e3 * np.concatenate(self._late), median=50, p99=99, max=100),
+        }
+
+    @property
+    def truth(self) -> dict[str, float] | None:
+        """The exact value at the start, and |u - u*| over the control steps; None without a grid."""
+        if not self._truths:
+            return None
+        errors = [error for _, error in self._truths]
+        mean, most = float(np.mean(errors)), float(np.max(errors))
+        return {"value": self._truths[0][0], "mean_control_error": mean, "max_control_error": most}
+
+    def json(self) -> dict[str, Any]:
+        """Return the figures of a run of at least one frame under the names of the public JSON."""
+        names = (*(f.name for f in FIGURES), "step_ms", "deadline_misses", "blocked")
+        more = {"real_time": self.real_time, "truth": self.truth}
+        return {name: getattr(self, name) for name in names} | {k: v for k, v in more.items() if v is not None}
+
+
+def _percentiles(values: Sequence[float] | Array, **shares: float) -> dict[str, float | None]:
+    found = np.percentile(values, [*shares.values()]).tolist() if len(values) else [None] * len(shares)
+    return dict(zip(shares, found, strict=True))
 
 
 def ending(advance: Advance, begun: float, max_time: float) -> Outcome | None:

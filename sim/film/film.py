@@ -13,7 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, title
+from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, rgb, title
 from sim.drawing.sides import NAMED
 from sim.drawing.strokes import DEAD, Fan, at_most, fans
 from sim.drawing.tubes import foreseen
@@ -21,8 +21,8 @@ from sim.drive.episode import Frame
 from sim.files import replaced
 from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import stance_of
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.coordinates import Stance
+from sim.mjcf.motions import Mocap
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second
@@ -55,10 +55,9 @@ class Film:
     ) -> None:  # fmt: skip
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
-        if video is not None:
-            _check(video, "--video", ".mp4", "av")
-        if still is not None:
-            _check(still, "--png", ".png", "PIL")
+        for file, option, ending, library in ((video, "--video", ".mp4", "av"), (still, "--png", ".png", "PIL")):
+            if file is not None:
+                _check(file, option, ending, library)
         self._eye = Offscreen(loaded.model, width=wide, height=high, option="--png" if video is None else "--video")
         self._scene = scene = loaded.scene
         extent = scene.upper - scene.lower
@@ -67,12 +66,12 @@ class Film:
         self._thick = max(1.0, across / 6.0)  # of lines
         self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance, self._colors = stance_of(loaded.model, loaded.states), ClassColors()
+        self._stance, self._colors = Stance(loaded.model, loaded.states), ClassColors()
         self._mocap = Mocap(loaded.model, scene.movers) if scene.movers else None
-        self._states: list[Array] = []
-        self._times: list[Array] = []
-        self._plans: list[tuple[float, Plan]] = []
-        self._fans: list[tuple[float, dict[str, Fan]]] = []
+        self._path: list[Array] = []  # rows of a time [s] and a state
+        self._times: list[float] = []  # of plans
+        self._plans: list[tuple[Plan, dict[str, Fan]]] = []
+        self._drawn = -np.inf  # time of the samples drawn last [s]
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
         """Take a control step in.
@@ -82,22 +81,22 @@ class Film:
         """
         plan, states = frame.plan, frame.advance.states
         if not self._plans:
-            self._states.append(plan.state[None])
-            self._times.append(np.zeros(1))
-        self._states.append(states)
-        self._times.append(frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states)))
-        self._plans.append((frame.time, plan))
-        if not self._fans or frame.time >= self._fans[-1][0] + FRESH - 1e-9:
-            found = {}
+            self._path.append(np.append(0.0, plan.state)[None])
+        times = frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states))
+        self._path.append(np.column_stack([times, states]))
+        found = self._plans[-1][1] if self._plans else {}
+        if frame.time >= self._drawn + FRESH - 1e-9:
+            self._drawn, found = frame.time, {}
             if path_integral is not None and plan.estimate is not None:
                 found = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
-            self._fans.append((frame.time, found))
+        self._times.append(frame.time)
+        self._plans.append((plan, found))
         self._colors.meet(plan.ids)
 
     @property
     def length(self) -> int:
         """Pictures in the film."""
-        return 1 + int(self._times[-1][-1] * RATE) + round(HOLD * RATE)
+        return 1 + int(self._path[-1][-1, 0] * RATE) + round(HOLD * RATE)
 
     def shots(self, times: Sequence[float]) -> list[Picture]:
         """Pictures (height, width, 3) at times of the run [s], the last one for any later time."""
@@ -125,55 +124,44 @@ class Film:
 
     def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:
         moving = self.length - round(HOLD * RATE)
-        for k in range(moving):
-            yield self._picture(k / RATE)
-            progress(1)
-        last = self._picture(np.inf)
-        for _ in range(self.length - moving):
-            yield last
+        for k in range(self.length):
+            if k <= moving:
+                picture = self._picture(k / RATE if k < moving else np.inf)
+            yield picture
             progress(1)
 
     def _picture(self, time: float) -> Picture:
-        states, times = np.concatenate(self._states), np.concatenate(self._times)
-        row = int(np.searchsorted(times, time + 1e-9, side="right")) - 1
-        now, eye, scene = float(times[row]), self._eye, self._scene
-        self._stance.place(self._data, states[row], np.zeros(2), np.zeros(self._model.nu))
+        path = np.concatenate(self._path)
+        path = path[: np.searchsorted(path[:, 0], time + 1e-9, side="right")]
+        now, state, eye, over = float(path[-1, 0]), path[-1, 1:], self._eye, time >= self._path[-1][-1, 0]
+        self._stance.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
         if self._mocap is not None:
             self._mocap.place(self._data, now)
         mujoco.mj_forward(self._model, self._data)
         eye.pose(self._data)
-        eye.ground(scene.lower, scene.upper)
-        plan = _latest(self._plans, time)
+        plan, samples = self._plans[int(np.searchsorted(self._times, time + 1e-9, side="right")) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
-            points = at_most(reference.trajectory.points, REFERENCE_POINTS)
-            eye.line(_raised(points, 0.02), self._colors[name], radius * self._thick)
-        for name, fan in _latest(self._fans, time).items():  # the heavier the stronger; grey ones do not arrive
+            self._line(at_most(reference.trajectory.points, REFERENCE_POINTS), 0.02, self._colors[name], radius)
+        for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
-            rgba = np.column_stack([np.tile(np.array(color) / 255.0, (len(opacity), 1)), opacity])
-            eye.thin(fan.strips, rgba.astype(np.float32))
-        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
-        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
-        eye.note([(f"{now:.1f} s", INK), *rows])
-        for mover in scene.movers if len(scene.movers) <= NAMED else ():
+            eye.thin(fan.strips, np.column_stack([np.tile(rgb(color), (len(opacity), 1)), opacity]))
+        for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
             eye.label(np.array([*mover.motion.pose(now)[:2], top]), mover.name.replace("_", " "))
-        for one in foreseen(plan.movers, plan.time) if now < self._times[-1][-1] else ():
+        for one in () if over else foreseen(plan.movers, plan.time):
             if one.after > 0.0:
-                eye.line(_raised(one.ring, 0.01), mix(GROUND, FORESEEN, one.strength), 0.008 * self._thick)
-        eye.line(_raised(at_most(states[: row + 1, :2], PATH_POINTS), 0.03), DRIVEN, 0.015 * self._thick)
-        return eye.draw()
+                self._line(one.ring, 0.01, mix(GROUND, FORESEEN, one.strength), 0.008)
+        self._line(at_most(path[:, 1:3], PATH_POINTS), 0.03, DRIVEN, 0.015)
+        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
+        rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
+        return eye.draw([(f"{now:.1f} s", INK), *rows])
 
-
-def _latest(rows: Sequence[tuple[float, Any]], time: float) -> Any:
-    """Return what belongs to the last row that has begun at a time [s]."""
-    return rows[int(np.searchsorted([begun for begun, _ in rows], time + 1e-9, side="right")) - 1][1]
-
-
-def _raised(points: Array, z: float) -> Array:
-    return np.column_stack([points, np.full(len(points), z)])
+    def _line(self, points: Array, height: float, color: Color, radius: float) -> None:
+        """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
+        self._eye.line(np.column_stack([points, np.full(len(points), height)]), color, radius * self._thick)
 
 
 def _check(file: Path, option: str, ending: str, library: str) -> None:

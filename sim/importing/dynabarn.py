@@ -23,9 +23,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.solids import Solid, World, distinct, text
-from sim.mjcf.limits import FARTHEST, FINEST, content_of
-from sim.mjcf.refusals import listed
+from sim.importing.solids import Solid, World, distinct, text, transform
+from sim.mjcf.limits import FARTHEST, FINEST, content_of, listed
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
@@ -35,17 +34,16 @@ OPTIONS = {  # the benchmark's robot drives at most 2 m/s; its circumscribed rad
     **{"robot": "puck", "radius": "0.33", "noise": "0.05", "speed": "2", "margin": "0.1", "period": "0.1", "dt": "0.1"},
     **{"samples": "300", "limit": "0.8", "vertices": "2000", "classes": "8", "max_time": "100"},
 }
-WALLS = {"west": (-10, 0, 0.25, 10.25), "south": (0, -10, 10, 0.25), "north": (0, 10, 10, 0.25)}  # places, half sizes
+WALLS = {"west": (-10, 0, (0.25, 10.25)), "south": (0, -10, (10, 0.25)), "north": (0, 10, (10, 0.25))}  # and half sizes
 DEVIATION = 0.005  # of straight lines between rows from the spline, at the same time, at most [m]
 FINE = 256  # moments evaluated between two keys
 SPARE = 2e-4  # of the deviation is kept for what happens between those moments and for rounding [m]
 
 
 def read(source: Path, number: str | None = None) -> World:
-    """The cylinders of one world of a file, of its only one if none is named, and the arena."""
+    """Read the cylinders of one world of a file, of its only one if none is named, and the arena."""
     worlds = _worlds(source)
-    if number is None and len(worlds) == 1:
-        number = next(iter(worlds))
+    number = next(iter(worlds)) if number is None and len(worlds) == 1 else number
     if number is None or number not in worlds:
         why = "holds several worlds" if number is None else f"has no world {number}"
         raise SceneError(f"{source}: it {why}; give --world with one of {listed([*worlds], 20)}")
@@ -54,78 +52,63 @@ def read(source: Path, number: str | None = None) -> World:
     if not isinstance(obstacles, list) or not obstacles:
         raise SceneError(f'{where} has no list "obstacles" with something in it; write {FORM}')
     found = [_cylinder(f"{where}, obstacle {i}", one) for i, one in enumerate(obstacles, start=1)]
-    names = list(distinct((name for name, _, _ in found), {"floor", "world", *(f"{side} wall" for side in WALLS)}))
-    motions, bodies = zip(*(_elements(name, *one[1:]) for name, one in zip(names, found, strict=True)), strict=True)
-    walls = []
-    for side, (x, y, *size) in WALLS.items():
-        pose = np.eye(4)
-        pose[:3, 3] = x, y, HALF_HEIGHT
-        walls.append(Solid(name=f"{side} wall", shape="box", size=np.array([*size, HALF_HEIGHT]), pose=pose))
-    return World(
-        solids=tuple(walls),
-        ground=np.array(ARENA),
-        options=OPTIONS,
-        custom=motions,
-        bodies=bodies,
-        start=START,
-        goal=GOAL,
+    names = distinct((name for name, _, _ in found), {"floor", "world", *(f"{side} wall" for side in WALLS)})
+    motions, bodies = [], []
+    for name, (_, radius, keys) in zip(names, found, strict=True):
+        path, label, motion = rows(keys), quoteattr(name), quoteattr(f"pirrht_motion_{name}")
+        numbers = "  ".join(text(*row, 0) for row in path)
+        motions.append(f'<numeric name={motion} data="{numbers}"/>\n    <text name={motion} data="repeat"/>')
+        bodies.append(
+            f'<body name={label} mocap="true" pos="{text(*path[0, 1:], HALF_HEIGHT)}">\n      <geom name={label} '
+            f'type="cylinder" size="{text(radius, HALF_HEIGHT)}" material="drum"/>\n    </body>'
+        )
+    walls = tuple(
+        Solid(f"{side} wall", "box", np.array([*half, HALF_HEIGHT]), transform(np.array([*at, HALF_HEIGHT, 0, 0, 0])))
+        for side, (*at, half) in WALLS.items()
     )
+    return World(
+        solids=walls, ground=np.array(ARENA), options=OPTIONS, start=START, goal=GOAL, custom=tuple(motions),
+        bodies=tuple(bodies),
+    )  # fmt: skip
 
 
 def _worlds(source: Path) -> dict[str, Any]:
-    data = content_of(source, "the JSON file of a set of motions")
     try:
-        worlds = json.loads(data)
+        worlds = json.loads(content_of(source, "the JSON file of a set of motions"))
     except (ValueError, RecursionError) as error:  # ValueError: no JSON, or no UTF-8
-        if data.lstrip()[:1] == b"<" or source.suffix.lower() in (".world", ".sdf", ".yaml", ".yml"):
-            raise SceneError(
-                f"{source}: this is no file of motions, which is JSON; if it is a world or a map, leave out --motion"
-            ) from None
         reason = " ".join(str(error).split())
-        raise SceneError(f"{source}: this is no JSON ({reason}); give a file like {FORM}") from None
+        must = f"give a file like {FORM}; if it is a world or a map, leave out --motion"
+        raise SceneError(f"{source}: this is no JSON ({reason}); {must}") from None
     if not isinstance(worlds, dict) or not worlds:
         raise SceneError(f"{source}: it holds no worlds by number; write {FORM}")
     return worlds
 
 
 def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:
-    """Name, radius [m] and keys (k, 3) t [s], x, y [m]."""
+    """Read name, radius [m] and keys (k, 3) t [s], x, y [m]."""
     if not isinstance(obstacle, dict):
         raise SceneError(f"{where} is no object; write {FORM}")
     name, radius = " ".join(str(obstacle.get("name", "")).split()), _number(obstacle.get("radius"))
     where, keys = f'{where} ("{name[:40]}")', obstacle.get("keys")
-    if not name or not FINEST <= radius <= FARTHEST or not isinstance(keys, list) or len(keys) < 2:
-        raise SceneError(
-            f'{where} needs a "name", a "radius" of {FINEST:g} to {FARTHEST:g} m and two or more "keys"; write {FORM}'
-        )
-    rows = np.full((len(keys), 3), np.nan)
-    for k, key in enumerate(keys):
-        if isinstance(key, list) and len(key) == 3:
-            rows[k] = [_number(value) for value in key]
-        if not np.all(np.abs(rows[k]) <= FARTHEST):
-            raise SceneError(f"{where}: key {k + 1} is not three finite numbers up to {FARTHEST:g}; write [t, x, y]")
-        if rows[k, 0] <= rows[k - 1, 0] if k else rows[k, 0] != 0.0:
-            after = f" after one at {rows[k - 1, 0]:g} s" if k else ""
-            raise SceneError(f"{where}: key {k + 1} is at {rows[k, 0]:g} s{after}; times begin at 0 and increase")
-    return name, radius, rows
+    if not name or not radius >= FINEST or not isinstance(keys, list) or len(keys) < 2:
+        must = f'a "name", a "radius" of {FINEST:g} to {FARTHEST:g} m and two or more "keys"; write {FORM}'
+        raise SceneError(f"{where} needs {must}")
+    last = -1.0
+    for k, key in enumerate(keys, start=1):
+        numbers = [_number(value) for value in key] if isinstance(key, list) else []
+        if len(numbers) != 3 or np.isnan(numbers).any():
+            raise SceneError(f"{where}: key {k} is not three finite numbers up to {FARTHEST:g}; write [t, x, y]")
+        if numbers[0] <= last or (k == 1 and numbers[0] != 0.0):
+            after = f" after one at {last:g} s" if k > 1 else ""
+            raise SceneError(f"{where}: key {k} is at {numbers[0]:g} s{after}; times begin at 0 and increase")
+        last = numbers[0]
+    return name, radius, np.array(keys, dtype=float)
 
 
 def _number(value: Any) -> float:
-    """A number of JSON; NaN for anything else, or beyond `FARTHEST`."""
+    """Read a number of JSON; NaN for anything else, or beyond `FARTHEST`."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= FARTHEST
     return float(value) if number else float("nan")
-
-
-def _elements(name: str, radius: float, keys: Array) -> tuple[str, str]:
-    """A cylinder's motion for <custom>, and its body."""
-    path = rows(keys)
-    label, motion = quoteattr(name), quoteattr(f"pirrht_motion_{name}")
-    lines = "  ".join(text(*row, 0) for row in path)
-    return (
-        f'<numeric name={motion} data="{lines}"/>\n    <text name={motion} data="repeat"/>',
-        f'<body name={label} mocap="true" pos="{text(*path[0, 1:], HALF_HEIGHT)}">\n'
-        f'      <geom name={label} type="cylinder" size="{text(radius, HALF_HEIGHT)}" material="drum"/>\n    </body>',
-    )
 
 
 def place(keys: Array, times: Array) -> Array:
@@ -144,19 +127,18 @@ def rows(keys: Array) -> Array:
     times = np.append((keys[:-1, :1] + shares * np.diff(keys[:, :1], axis=0)).ravel(), keys[-1, 0])
     path = np.column_stack([times, place(keys, times)])
     path[::FINE] = keys
-    kept, last = [0], len(path) - 1
+    kept = [0]
 
     def close(end: int) -> bool:
-        piece = path[kept[-1] : end + 1]
-        shares = (piece[:, :1] - piece[0, 0]) / (piece[-1, 0] - piece[0, 0])
-        off = piece[:, 1:] - (piece[0, 1:] + shares * (piece[-1, 1:] - piece[0, 1:]))
-        return bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
+        piece = path[kept[-1] : end + 1] - path[kept[-1]]
+        off = piece[:, 1:] - piece[:, :1] / piece[-1, 0] * piece[-1, 1:]
+        return end < len(path) and bool(np.hypot(*off.T).max() <= DEVIATION - SPARE)
 
-    while kept[-1] < last:
-        good, step, growing = kept[-1] + 1, 1, True
-        while step:
-            fits = good + step <= last and close(good + step)
-            good, growing = good + step * fits, growing and fits
-            step = 2 * step if growing else step // 2
+    while kept[-1] < len(path) - 1:
+        good, step = kept[-1] + 1, 1
+        while close(good + step):
+            good, step = good + step, 2 * step
+        while step := step // 2:
+            good += step * close(good + step)
         kept.append(good)
     return path[kept]

@@ -1,103 +1,98 @@
 """Collision meshes as convex parts, since MuJoCo collides with the convex hull of a mesh: a room would be a block.
 
 A mesh that is not convex is cut along planes of its own faces, the deepest inside its hull first, until every part
-lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly.
+lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out exactly. COLLADA files (.dae) are placed
+as Gazebo places them, by their unit and nodes but not by `<up_axis>`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+from trimesh.graph import connected_component_labels
+from trimesh.intersections import slice_faces_plane
 from trimesh.triangles import area, cross
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError, SceneError
-from sim.importing.collada import Faces, read_collada
+from sim.importing.sdf_files import parse
 from sim.importing.solids import FLAT, World, part_solid
-from sim.mjcf.limits import FARTHEST, content_of
+from sim.mjcf.limits import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of
 
 SUFFIXES = (".dae", ".obj", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]
-CONCAVITY = 0.05  # that CoACD leaves in a part, as a share of the size of the mesh: its own default
 MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one mesh
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
-
-
-@dataclass(frozen=True, slots=True)
-class MeshKey:
-    """Which mesh of which file."""
-
-    path: Path
-    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
-    name: str = ""  # of a submesh; empty for all
-    centred: bool = False  # the middle of its bounds becomes the origin
-    hull: bool = False  # its hull is asked for
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """Convex parts of one mesh."""
-
-    vertices: tuple[Array, ...]  # (v, 3) each, corners of the hull [m]
-    rough: float = 0.0  # how far a hull sticks out at most [m]; 0 if all are within `CONCAVE`
+_INSIDE = ("node", "skin", "instance_node", "instance_geometry", "instance_controller")  # of a COLLADA scene
 
 
 def read_mesh(source: Path) -> World:
     """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
-    parts = split(MeshKey(source))
-    corners = _by_coacd(source) if parts.rough else parts.vertices
-    flat = np.vstack(corners)[:, :2]
-    ground = np.stack([flat.min(axis=0), flat.max(axis=0)], axis=1).ravel()
-    solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(corners, 1))
-    return World(kind="mesh", solids=solids, ground=ground)
+    parts, rough = split(source)
+    parts = _by_coacd(source) if rough else parts
+    x, y, _ = np.vstack(parts).T
+    solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(parts, 1))
+    return World(kind="mesh", solids=solids, ground=np.array([x.min(), x.max(), y.min(), y.max()]))
 
 
-def _by_coacd(source: Path) -> tuple[Array, ...]:
+def _by_coacd(source: Path) -> list[Array]:
     try:
         import coacd
     except ImportError:
         raise OptionError(
             f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
         ) from None
-    triangles = _read(source, "")
-    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source, "")))
     coacd.set_log_level("error")
-    closed = "off" if mesh.is_watertight else "auto"  # what is open is closed first, on a coarse grid
     try:
-        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces), threshold=CONCAVITY, preprocess_mode=closed)
+        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
     except Exception as error:  # of a library in C++
         raise SceneError(f"{source}: CoACD finds no convex parts ({' '.join(str(error).split())})") from None
-    return tuple(np.asarray(corners, dtype=float) for corners, _ in found)
+    return [np.asarray(corners, dtype=float) for corners, _ in found]
 
 
-def split(key: MeshKey) -> Parts:
-    """Split a mesh into convex parts; SceneError if it is unreadable, of another format, or without triangles."""
-    triangles = _read(key.path, key.name)
+def split(
+    path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), name: str = "", *, centred: bool = False, hull: bool = False
+) -> tuple[list[Array], float]:
+    """Split a mesh, or its submesh of a name, into convex parts.
+
+    Args:
+        centred: whether the middle of its bounds becomes the origin.
+        hull: whether its hull is asked for.
+
+    Returns:
+        corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
+
+    Raises:
+        SceneError: it is unreadable, of another format, or without triangles.
+    """
+    triangles = _read(path, name)
     if not len(triangles):
-        which = f" under the name {key.name!r}" if key.name else ""
-        raise SceneError(f"{key.path}: it has no triangles{which}; export it again")
-    if key.centred:
+        which = f" under the name {name!r}" if name else ""
+        raise SceneError(f"{path}: it has no triangles{which}; export it again")
+    if centred:
         corners = triangles.reshape(-1, 3)
         triangles = triangles - (corners.min(axis=0) + corners.max(axis=0)) / 2
-    triangles = triangles * key.scale
+    triangles = triangles * scale
     if not np.all(np.abs(triangles) <= FARTHEST):
-        raise SceneError(f"{key.path}: corners are farther out than {FARTHEST:g} m; scale it down")
-    pieces = [] if key.hull else _pieces(triangles)
+        raise SceneError(f"{path}: corners are farther out than {FARTHEST:g} m; scale it down")
+    pieces = [] if hull else _pieces(triangles)
     parts = [part for piece in pieces for part in _convex(piece)] if len(pieces) <= MOST_PARTS else []
     if 0 < len(parts) <= MOST_PARTS:
-        return Parts(tuple(hull for hull, _ in parts), max(rough if rough > CONCAVE else 0.0 for _, rough in parts))
-    hull = _hull(triangles)
-    return Parts((_corners(hull),), 0.0 if key.hull else float(_depths(triangles, hull).max()))
+        return [corners for corners, _ in parts], max(rough if rough > CONCAVE else 0.0 for _, rough in parts)
+    whole = _hull(triangles)
+    return [whole.points[whole.vertices]], 0.0 if hull else float(_depths(triangles, whole).max())
 
 
 def _read(path: Path, name: str) -> Array:
@@ -120,9 +115,12 @@ def _read(path: Path, name: str) -> Array:
 
 def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
     """Cut one connected surface (t, 3, 3) into convex parts: corners of each hull, and how far it sticks out."""
-    if np.einsum("ti,ti->", piece[:, 0], np.cross(piece[:, 1], piece[:, 2])) < 0:
+    if np.linalg.det(piece).sum() < 0:
         piece = piece[:, ::-1]  # normals outward
-    closed, count, todo = _is_closed(piece), 0, [piece]
+    faces = _indexed(piece)
+    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
+    closed = not np.any(np.unique(edges, axis=0, return_counts=True)[1] % 2)
+    count, todo = 0, [piece]
     while todo:
         part = todo.pop()
         hull = _hull(part)
@@ -130,11 +128,10 @@ def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
         if depths.max() > CONCAVE and count + len(todo) < MOST_CUTS:
             across = cross(part)
             face = int(np.argmax(np.where(depths > CONCAVE, depths, 0) * np.linalg.norm(across, axis=1) ** 0.5))
-            normal = across[face] / np.linalg.norm(across[face])
-            todo += [p for side in _cut(part, normal, part[face, 0] @ normal) for p in _pieces(side)]
+            todo += _cut(part, part[face, 0], across[face] / np.linalg.norm(across[face]))
             continue
         plates = [] if closed or hull.area <= _OPEN * area(part).sum() else list(_plates(part))
-        for points in plates or [_corners(hull)]:
+        for points in plates or [hull.points[hull.vertices]]:
             count += 1
             yield points, 0.0 if plates else float(depths.max())
 
@@ -149,11 +146,6 @@ def _hull(triangles: Array) -> ConvexHull:
     return ConvexHull(points)
 
 
-def _corners(hull: ConvexHull) -> Array:
-    found: Array = hull.points[hull.vertices]
-    return found
-
-
 def _depths(triangles: Array, hull: ConvexHull) -> Array:
     """Measure how deep triangles lie inside a hull, at a corner or the middle, (t,) [m]."""
     corners, index = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
@@ -161,33 +153,19 @@ def _depths(triangles: Array, hull: ConvexHull) -> Array:
     depths = np.full(points.shape[1], np.inf)
     for *normal, offset in np.unique(hull.equations, axis=0):
         np.minimum(depths, -offset - np.array(normal) @ points, out=depths)
-    found: Array = np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :])
-    return found
+    return np.asarray(np.maximum(depths[index.reshape(-1, 3)].max(axis=1), depths[len(corners) :]))
 
 
-def _cut(triangles: Array, normal: Array, offset: float) -> tuple[Array, Array]:
-    """Cut a surface with a plane: what lies behind it, and what lies before it, (t, 3, 3) each."""
-    heights = triangles @ normal - offset
+def _cut(triangles: Array, point: Array, normal: Array) -> list[Array]:
+    """Cut a surface with a plane through a point; what hangs together behind it, and what does before it."""
+    corners = triangles.reshape(-1, 3)
+    heights = (corners - point) @ normal
     heights[np.abs(heights) < _SAME] = 0.0
-    upper, lower = np.any(heights > 0, axis=1), np.any(heights < 0, axis=1)
-    flat = ~upper & ~lower
-    faces = cross(triangles) @ normal
-    behind, before = (lower & ~upper) | (flat & (faces > 0)), (upper & ~lower) | (flat & (faces <= 0))
-    crossing, h = triangles[upper & lower], heights[upper & lower]
-    above = h > 0
-    alone = np.where(above.sum(axis=1) == 1, np.argmax(above, axis=1), np.argmin(above, axis=1))
-    order = (alone[:, None] + np.arange(3)) % 3
-    (a, b, c), h = np.moveaxis(np.take_along_axis(crossing, order[..., None], 1), 1, 0), np.take_along_axis(h, order, 1)
-    p = a + (b - a) * (h[:, :1] / (h[:, :1] - h[:, 1:2]))
-    q = a + (c - a) * (h[:, :1] / (h[:, :1] - h[:, 2:]))
-    tip = np.stack([a, p, q], axis=1)
-    rest = np.concatenate([np.stack([p, b, c], axis=1), np.stack([p, c, q], axis=1)])
-    up = h[:, 0] > 0
-    both = np.concatenate([up, up])
-    return (
-        np.concatenate([triangles[behind], tip[~up], rest[both]]),
-        np.concatenate([triangles[before], tip[up], rest[~both]]),
-    )
+    faces, found = np.arange(len(corners)).reshape(-1, 3), []
+    for side in (-1, 1):
+        vertices, kept, _ = slice_faces_plane(corners, faces, side * normal, point, cached_dots=side * heights)
+        found += _pieces(vertices[kept])
+    return found
 
 
 def _plates(part: Array) -> Iterator[Array]:
@@ -199,7 +177,8 @@ def _plates(part: Array) -> Iterator[Array]:
         for plate in _pieces(part[group.ravel() == plane]):
             hull = _hull(plate)
             whole = hull.area <= 2 * area(plate).sum() * 1.01 + FLAT * 4 * np.ptp(plate.reshape(-1, 3), axis=0).sum()
-            yield from [_corners(hull)] if whole else (_corners(_hull(one[None])) for one in plate)
+            for one in [hull] if whole else (_hull(triangle[None]) for triangle in plate):
+                yield one.points[one.vertices]
 
 
 def _pieces(triangles: Array) -> list[Array]:
@@ -208,21 +187,95 @@ def _pieces(triangles: Array) -> list[Array]:
     if not len(triangles):
         return []
     faces = _indexed(triangles)
-    pairs = np.concatenate([faces[:, :2], faces[:, 1:]])
-    size = int(faces.max()) + 1
-    group = connected_components(coo_array((np.ones(len(pairs)), pairs.T), shape=(size, size)), directed=False)[1]
-    of_face = group[faces[:, 0]]
+    of_face = connected_component_labels(np.concatenate([faces[:, :2], faces[:, 1:]]))[faces[:, 0]]
     order = np.argsort(of_face, kind="stable")
     return np.split(triangles[order], np.flatnonzero(np.diff(of_face[order])) + 1)
 
 
-def _indexed(triangles: Array) -> Faces:
+def _indexed(triangles: Array) -> IntArray:
     corners = np.round(triangles.reshape(-1, 3) / _SAME)
     return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
 
 
-def _is_closed(triangles: Array) -> bool:
-    """Whether every edge belongs to an even number of triangles."""
-    faces = _indexed(triangles)
-    edges = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
-    return bool(np.all(np.unique(edges, axis=0, return_counts=True)[1] % 2 == 0))
+def read_collada(path: Path, name: str = "") -> Array:
+    """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
+    try:
+        root = parse(path, "a COLLADA file")
+        for count, element in enumerate(root.iter()):
+            if count > MOST_ELEMENTS:
+                raise ValueError(f"more than {MOST_ELEMENTS} elements")
+            element.tag = element.tag.rpartition("}")[2]
+        unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
+        return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
+    except (ValueError, LookupError, OverflowError, AttributeError) as error:
+        reason = " ".join(str(error).split())[:100]
+        raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
+
+
+def _placed(root: ET.Element, name: str) -> Iterator[Array]:
+    """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
+    ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
+    shapes: dict[ET.Element, Array] = {}
+    points = cache(_points)
+    elements = triangles = 0
+    scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
+    todo = [(element, np.eye(4), not name) for element in scene]
+    while todo:
+        element, pose, wanted = todo.pop()
+        if element.tag == "skin" or element.tag.startswith("instance_"):
+            element = ids[element.get("url", element.get("source", ""))]
+        wanted = wanted or name in (element.get("name"), element.get("id"))
+        if element.tag == "geometry" and wanted:
+            if element not in shapes:
+                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids, points)])
+            yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
+        elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
+        if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
+            raise ValueError(f"its instances have more than {MOST_ELEMENTS} elements or {MOST_TRIANGLES} triangles")
+        for part in element:
+            pose = pose @ _matrix(part)
+        todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
+
+
+def _points(block: ET.Element) -> Array:
+    width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
+    return _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
+
+
+def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.Element], Array]) -> Iterator[Array]:
+    """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
+    for part in geometry.iterfind("mesh/*"):
+        inputs = {one.get("semantic"): one for one in part.findall("input")}
+        if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
+            block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
+            stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
+            for indices in part.iter("p"):
+                corners = points(block)[
+                    _numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]
+                ]
+                counts = np.array([len(corners)])
+                if part.tag in ("triangles", "polylist"):
+                    counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+                place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+                inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
+                before = inner - 1 if part.tag == "tristrips" else first[inner]
+                yield corners[np.stack([before, inner, inner + 1], axis=1)]
+
+
+def _matrix(part: ET.Element) -> Array:
+    """Read a transform of a node, (4, 4); that of any other element is the identity."""
+    matrix = np.eye(4)
+    if part.tag == "matrix":
+        return _numbers(part.text).reshape(4, 4)
+    if part.tag == "translate":
+        matrix[:3, 3] = _numbers(part.text)
+    elif part.tag == "scale":
+        matrix[:3, :3] = np.diag(_numbers(part.text))
+    elif part.tag == "rotate":
+        *axis, angle = _numbers(part.text)
+        matrix[:3, :3] = Rotation.from_rotvec(np.array(axis) * angle / np.linalg.norm(axis), True).as_matrix()
+    return matrix
+
+
+def _numbers(text: str | None, kind: type = float) -> Array:
+    return np.array((text or "").split(), dtype=kind)

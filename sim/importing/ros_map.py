@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
 from sim.files import why_unreadable
-from sim.importing.solids import Solid, World
+from sim.importing.solids import Solid, World, transform
 from sim.mjcf.limits import FARTHEST, MOST_PIXELS, content_of
 
 UNKNOWN = ("occupied", "free")
@@ -39,11 +39,10 @@ PICTURES = (".pgm", ".png", ".ppm", ".bmp", ".gif", ".jpg", ".jpeg", ".tif", ".t
 
 _SHORT = reprlib.Repr()  # of values that refer to each other, the whole would fill the memory
 _SHORT.maxlevel = 2
-_FLAGS = {0: False, 1: True}
 _EXTRA = "maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Map:
     """An occupancy grid; the first row is the lowest."""
 
@@ -59,125 +58,111 @@ class Map:
             raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
         blocked = ~self.free if unknown == "occupied" else self.occupied
         x, y, yaw = self.origin
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        solids = []
+        frame, solids = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw])), []
         for number, piece in enumerate(cover(blocked), start=1):
             r0, r1, c0, c1 = self.resolution * piece
-            u, v, pose = (c0 + c1) / 2, (r0 + r1) / 2, np.eye(4)
-            pose[:2, :2] = [[cos, -sin], [sin, cos]]
-            pose[:3, 3] = x + cos * u - sin * v, y + sin * u + cos * v, HEIGHT / 2
-            size = np.array([c1 - c0, r1 - r0, HEIGHT]) / 2
-            solids.append(Solid(name=f"wall {number}", shape="box", size=size, pose=pose))
-        rows, columns = blocked.shape
-        border = np.array([x, x + columns * self.resolution, y, y + rows * self.resolution])
-        return World(kind="map", solids=tuple(solids), ground=border if yaw == 0.0 else None, notes=self.notes)
+            pose = frame.copy()
+            pose[:, 3] = frame @ ((c0 + c1) / 2, (r0 + r1) / 2, 0.0, 1.0)
+            solids.append(Solid(f"wall {number}", "box", np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose))
+        high, wide = self.resolution * np.array(blocked.shape)
+        border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
+        return World(kind="map", solids=tuple(solids), ground=border, notes=self.notes)
 
 
 def read_map(path: Path) -> Map:
-    """The map that a YAML file of map_server describes."""
-    known, notes = _Keys(path), list[str]()
-    resolution = known.of("resolution", _number, "a number")
-    occupied_above, free_below = (known.of(key, _number, "a number") for key in ("occupied_thresh", "free_thresh"))
-    if not FINEST <= resolution <= COARSEST:
-        known.refuse("resolution", f"the side of a cell in metres, {FINEST:g} to {COARSEST:g}", f"{resolution:g}")
+    """Read the map that a YAML file of map_server describes."""
+    known, notes = _values(path), list[str]()
+    occupied_above, free_below, mode = known["occupied_thresh"], known["free_thresh"], known["mode"]
     if not 0 <= free_below <= occupied_above <= 1:
-        raise SceneError(
-            f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; "
-            "they must lie between 0 and 1, the first below the second"
-        )
-    negate = known.of("negate", _FLAGS.__getitem__, "0 or 1")
-    trinary = "mode" in known.values or known.of("trinary", _FLAGS.__getitem__, "0 or 1")
-    if not trinary:
-        notes.append("trinary: false is the old key for mode: scale, and is read so")
-    known.values.setdefault("mode", "trinary" if trinary else "scale")
-    mode = known.of("mode", {mode: mode for mode in MODES}.__getitem__, f"one of {', '.join(MODES)}")
-    origin = known.of("origin", _origin, f"[x, y, yaw] of the lower left corner, none beyond {FARTHEST:g}")
-    if np.isnan(origin[2]):  # older map_savers write it
+        must = "they must lie between 0 and 1, the first below the second"
+        raise SceneError(f"{path}: free_thresh is {free_below:g} and occupied_thresh {occupied_above:g}; {must}")
+    if not mode:
+        mode = "trinary" if known["trinary"] else "scale"
+        notes += [] if known["trinary"] else ["trinary: false is the old key for mode: scale, and is read so"]
+    if np.isnan(known["origin"][2]):  # older map_savers write it
         notes.append("the yaw of origin is nan and is read as 0")
-        origin[2] = 0.0
-    levels, white, transparent = _read_image(path, _image_file(known, notes))
-    shades = np.arange(white + 1) / white
-    if mode == "raw":
-        chances = np.rint(255 * shades) / 100
-        sure: Cells = (chances <= 1)[levels]
-    else:
-        chances = shades if negate else 1 - shades
-        sure = ~transparent
-    occupied = sure & (chances >= occupied_above)[levels]
-    free = sure & (chances <= free_below)[levels] & ~occupied
+    levels, white, transparent = _read_image(path, _image_file(path, known["image"], notes))
+    chance = np.arange(white + 1) / white
+    chance = np.rint(255 * chance) / 100 if mode == "raw" else abs((not known["negate"]) - chance)
+    cells = np.where(chance <= 1, chance, np.nan)[levels]
+    if mode != "raw":
+        cells[transparent] = np.nan
+    occupied = cells >= occupied_above
+    free = (cells <= free_below) & ~occupied
     unseen = np.count_nonzero(free & (levels == UNSEEN * white // 255)) if mode == "trinary" else 0
     if unseen:
         notes.append(
             f"{unseen} cells are {UNSEEN}, which map_saver writes for unknown, and count as free by free_thresh "
             f"{free_below:g}; write free_thresh: {DEFAULTS['free_thresh']} unless they were seen to be free"
         )
-    between = np.count_nonzero(sure & ~occupied & ~free) if mode == "scale" else 0
+    between = np.count_nonzero((cells < occupied_above) & ~free) if mode == "scale" else 0
     if between:
         notes.append(f"{between} cells of a chance between free_thresh and occupied_thresh count as unknown")
-    return Map(
-        occupied=np.flipud(occupied),
-        free=np.flipud(free),
-        resolution=resolution,
-        origin=origin,
-        notes=tuple(f"{path}: {note}" for note in notes),
-    )
+    said = tuple(f"{path}: {note}" for note in notes)
+    return Map(np.flipud(occupied), np.flipud(free), known["resolution"], np.nan_to_num(known["origin"]), said)
 
 
-class _Keys:
-    """The keys of a map's YAML file, with the values of map_server where they are missing."""
-
-    def __init__(self, path: Path) -> None:
+def _values(path: Path) -> dict[str, Any]:
+    """Read the values of all keys of a map, those of map_server where they are missing."""
+    try:
+        import yaml
+    except ImportError:
+        raise OptionError(_EXTRA) from None
+    try:
+        content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
+    except RecursionError:
+        raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
+    except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
+        raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
+    if not isinstance(content, dict):
+        raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
+    values = {}
+    for key, (read, must) in _KEYS.items():
+        value = content.get(key)
+        value = {"mode": "", **DEFAULTS}.get(key) if value is None else value
+        if value is None:
+            raise SceneError(f"{path}: the key {key} is missing; a map has image, resolution and origin")
         try:
-            import yaml
-        except ImportError:
-            raise OptionError(_EXTRA) from None
-        self.path = path
-        try:
-            content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
-        except RecursionError:
-            raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
-        except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
-            raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
-        if not isinstance(content, dict):
-            raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
-        for key in ("image", "resolution", "origin"):
-            if content.get(key) is None:
-                raise SceneError(f"{path}: the key {key} is missing; a map has image, resolution and origin")
-        self.values: dict[str, Any] = DEFAULTS | {key: value for key, value in content.items() if value is not None}
-
-    def of(self, key: str, read: Callable[[Any], Any], must: str) -> Any:
-        """What is read of a key's value; refused where that fails."""
-        try:
-            return read(self.values[key])
+            values[key] = read(value)
         except (TypeError, ValueError, OverflowError, KeyError):
-            self.refuse(key, must, _SHORT.repr(self.values[key]))
-
-    def refuse(self, key: str, must: str, shown: str) -> NoReturn:
-        """Raise the SceneError of a key."""
-        raise SceneError(f"{self.path}: {key} is {shown}; it must be {must}")
+            raise SceneError(f"{path}: {key} is {_SHORT.repr(value)}; it must be {must}") from None
+    return values
 
 
-def _number(value: Any) -> float:
-    if not np.isfinite(float(value)) or isinstance(value, bool):
+def _name(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _number(value: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
+    if isinstance(value, bool) or not low <= float(value) <= high:
         raise ValueError
     return float(value)
 
 
 def _origin(value: Any) -> Array:
-    """x, y, yaw (3,); the yaw may be nan."""
-    origin = np.append(np.array([float(v) for v in value]), 0.0)[:3]
-    if not isinstance(value, list) or len(value) not in (2, 3):
-        raise ValueError
-    if not np.all(np.abs(origin[:2]) <= FARTHEST) or abs(origin[2]) > FARTHEST:
-        raise ValueError
-    return origin
+    """Read x, y, yaw (3,); the yaw may be nan."""
+    if not isinstance(value, list):
+        raise TypeError
+    x, y, yaw = value if len(value) == 3 else (*value, 0.0)
+    return np.array([_number(x), _number(y), np.nan if np.isnan(float(yaw)) else _number(yaw)])
 
 
-def _image_file(known: _Keys, notes: list[str]) -> Path:
-    """The picture: relative to the YAML file, or next to it if that came from another machine."""
-    name, path = known.values["image"], known.path
-    if not isinstance(name, str):
-        known.refuse("image", "the name of a file", _SHORT.repr(name))
+_KEYS: dict[str, tuple[Callable[[Any], Any], str]] = {  # how a value is read, and what it must be
+    "image": (_name, "the name of a file"),
+    "resolution": (lambda v: _number(v, FINEST, COARSEST), f"the side of a cell in metres, {FINEST:g} to {COARSEST:g}"),
+    "origin": (_origin, f"[x, y, yaw] of the lower left corner, none beyond {FARTHEST:g}"),
+    "occupied_thresh": (_number, "a number"),
+    "free_thresh": (_number, "a number"),
+    "negate": ({0: False, 1: True}.__getitem__, "0 or 1"),
+    "trinary": ({0: False, 1: True}.__getitem__, "0 or 1"),
+    "mode": ({mode: mode for mode in ("", *MODES)}.__getitem__, f"one of {', '.join(MODES)}"),
+}
+
+
+def _image_file(path: Path, name: str, notes: list[str]) -> Path:
+    """Find the picture: relative to the YAML file, or next to it if that came from another machine."""
     file, moved = path.parent / name, path.parent / PureWindowsPath(name).name
     if os.path.exists(file):  # os.path takes names that no system allows
         return file
@@ -206,10 +191,8 @@ def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]
                 return whole, 65535, np.zeros(whole.shape, np.bool_)
             pixels = np.asarray(image.convert("RGBA"))
     except Image.DecompressionBombError as error:
-        raise SceneError(
-            f"{path}: image {file} is too large ({error}); a map has {MOST_PIXELS} pixels at most: crop it or make its "
-            "resolution coarser"
-        ) from None
+        most = f"a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
+        raise SceneError(f"{path}: image {file} is too large ({error}); {most}") from None
     except (OSError, ValueError, SyntaxError) as error:
         raise SceneError(f"{path}: image {file} cannot be read ({' '.join(str(error).split())})") from None
     return pixels[..., :3].sum(axis=2, dtype=np.uint16), 3 * 255, pixels[..., 3] < 255

@@ -7,9 +7,8 @@ so that a file that is there already is never replaced by a broken one.
 
 from __future__ import annotations
 
-import os
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -23,7 +22,7 @@ from pirrht.errors import OptionError, SceneError
 from sim.files import why_unreadable
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
-from sim.importing.solids import Solid, World, distinct, text
+from sim.importing.solids import World, distinct, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.limits import FARTHEST, FINEST, content_of
 
@@ -32,6 +31,10 @@ WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a wor
 ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
 _OPTIONS = {"period": "0.1", "dt": "0.1", "samples": "300", "limit": "0.8", "vertices": "2000"}
 _IMPORTED = {**_OPTIONS, "classes": "16", "phi": "1000", "max_time": "60"}
+# Kinds of files; what ends otherwise is a world.
+_SUFFIXES = {
+    **{"motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "picture": ros_map.PICTURES, "mesh": meshes.SUFFIXES}
+}
 _MATERIALS = {
     **{"box": "crate", "mesh": "crate", "cylinder": "drum"},
     **{"capsule": "log", "sphere": "boulder", "ellipsoid": "boulder"},
@@ -50,19 +53,10 @@ class Imported:
 
 
 def import_world(
-    source: Path,
-    target: Path,
-    *,
-    start: Sequence[float] | None = None,
-    goal: Sequence[float] | None = None,
-    workspace: Sequence[float] | None = None,
-    unknown: str | None = None,
-    motion: bool = False,
-    number: str | None = None,
-    decompose: bool = False,
-    models: Sequence[Path] = (),
-    without: Sequence[str] = (),
-) -> Imported:
+    source: Path, target: Path, *, start: Sequence[float] | None = None, goal: Sequence[float] | None = None,
+    workspace: Sequence[float] | None = None, unknown: str | None = None, motion: bool = False,
+    number: str | None = None, decompose: bool = False, models: Sequence[Path] = (), without: Sequence[str] = (),
+) -> Imported:  # fmt: skip
     """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
@@ -85,8 +79,9 @@ def import_world(
     """
     source, target = Path(source), Path(target)
     suffix = source.suffix.lower()
-    moves = motion or suffix in dynabarn.SUFFIXES
-    what = "the JSON file of a set of motions" if moves else "an SDF world file or the YAML file of a map"
+    kind = next((kind for kind, suffixes in _SUFFIXES.items() if suffix in suffixes), "world")
+    kind = "motions" if motion else kind
+    what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     why = why_unreadable(source)
     if why is not None:
         raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
@@ -94,51 +89,47 @@ def import_world(
         raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
     if target.exists() and target.samefile(source):
         raise SceneError(f"{target}: this is the world itself; choose another name")
-    mapped, meshed = not moves and suffix in ros_map.SUFFIXES, suffix in meshes.SUFFIXES
-    for wrong, words in (
-        (decompose and not meshed, f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
-        (meshed and not decompose, f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts"),
-        (without and (moves or mapped or meshed), f"{source}: only models of a Gazebo world can be left out by name"),
-        (unknown and not mapped, f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
-        (number and not moves, "--world is for files of motions, of which --motion tells; leave it out"),
+    for given, of, words in (
+        (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
+        (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
+        (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
+        (number, "motions", "--world is for files of motions, of which --motion tells; leave it out"),
     ):
-        if wrong:
+        if given and kind != of:
             raise OptionError(words)
-    if suffix in ros_map.PICTURES:
+    if kind == "mesh" and not decompose:
+        raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
+    if kind == "picture":
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    if moves:
-        world = dynabarn.read(source, number)
-    elif mapped:
-        world = ros_map.read_map(source).world(unknown or "occupied")
-    elif decompose:
-        world = meshes.read_mesh(source)
-    elif content_of(source, what).lstrip()[:1] == b"{":
+    if kind == "world" and content_of(source, what).lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
-    else:
-        world = read_sdf(source, folders=models, without=without)
+    readers: dict[str, Callable[[], World]] = {
+        "motions": lambda: dynabarn.read(source, number),
+        "map": lambda: ros_map.read_map(source).world(unknown or "occupied"),
+        "mesh": lambda: meshes.read_mesh(source),
+        "world": lambda: read_sdf(source, folders=models, without=without),
+    }
+    world = readers[kind]()
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     obstacles, movers = _write(scene, source, target, world.notes)
-    geoms, turns = len(world.solids) + len(world.bodies), "which turns almost on the spot; a command may name another"
-    notes = (*world.notes, *([f"{target}: its robot is the {ROVER}, {turns}"] if mapped or decompose else []))
+    turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
+    notes = (*world.notes, *([turns] if kind in ("map", "mesh") else []))
+    geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
 def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:
     """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers."""
     try:
-        handle, name = tempfile.mkstemp(dir=target.parent, prefix=".import-", suffix=".xml")
-        new = Path(name)
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                stream.write(scene)
-            new.chmod(0o644)  # mkstemp's files are for their owner alone
-            found = load(new).scene
+        with tempfile.TemporaryDirectory(prefix=".import-", dir=target.parent) as folder:
+            new = Path(folder) / f"{source.stem}.xml"
+            new.write_text(scene, encoding="utf-8")
+            try:
+                found = load(new).scene
+            except SceneError as error:
+                reason = str(error).removeprefix(f"{new}: ").replace(str(new), "as a scene")
+                raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
             new.replace(target)
-        except SceneError as error:
-            reason = str(error).replace(name, "as a scene").replace(new.stem, source.stem)
-            raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
-        finally:
-            new.unlink(missing_ok=True)
     except OSError as error:
         raise SceneError(f"{target}: cannot be written ({error.strerror}); choose another folder") from None
     return len(found.obstacles), len(found.movers)
@@ -157,25 +148,29 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     half = (bounds[1::2] - bounds[::2]) / 2
     robot = "unicycle" if world.kind == "world" else ROVER
     options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_IMPORTED}
-    numerics = [
+    custom = [
         f'<{"text" if key == "robot" else "numeric"} name="pirrht_{key}" data="{value}"/>'
         for key, value in options.items()
     ]
-    assets, geoms = zip(*_elements(world.solids), strict=True) if world.solids else ((), ())
-    lines = {"custom": [*numerics, *world.custom], "assets": filter(None, assets), "parts": [*geoms, *world.bodies]}
-    return Template(
-        (models_folder() / "templates" / "imported.xml").read_text()
-    ).substitute(
+    assets, geoms = [], []
+    for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
+        quaternion, called, shape = np.zeros(4), quoteattr(label), f'size="{text(*solid.size)}"'
+        mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
+        if solid.vertices is not None:
+            assets.append(f'<mesh name={called} vertex="{text(*solid.vertices.ravel())}"/>')
+            shape = f"mesh={called}"
+        geoms.append(
+            f'<geom name={called} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
+        )
+    lines = {"custom": [*custom, *world.custom], "assets": assets, "parts": [*geoms, *world.bodies]}
+    template = Template((models_folder() / "templates" / "imported.xml").read_text())
+    return template.substitute(
         {key: "\n".join(f"    {element}" for element in elements) for key, elements in lines.items()},
-        name=quoteattr(name),
-        centre=text(*(bounds[1::2] + bounds[::2]) / 2),
-        half=text(*half),
+        name=quoteattr(name), centre=text(*(bounds[1::2] + bounds[::2]) / 2), half=text(*half),
         height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
-        start=text(*place[:2]),
-        heading=text(*place[2:]) or "0",
-        goal=text(*disc[:2]),
-        radius=text(disc[2]),
-    )
+        start=text(*place[:2]), heading=text(*place[2:]) or "0", goal=text(*disc[:2]), radius=text(disc[2]),
+    )  # fmt: skip
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:
@@ -198,18 +193,3 @@ def _workspace(source: Path, world: World, given: Sequence[float] | None, points
     if not (bounds[0] < bounds[1] and bounds[2] < bounds[3]):
         raise SceneError(f"{source}: the workspace {bounds.tolist()} is empty; write {BORDER}, least first")
     return bounds
-
-
-def _elements(solids: Sequence[Solid]) -> Iterator[tuple[str, str]]:
-    """Write each solid as MJCF: its mesh, if it is one, and its geom."""
-    for solid, name in zip(solids, distinct((solid.name for solid in solids), {"floor"}), strict=True):
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
-        label, mesh, shape = quoteattr(name), "", f'size="{text(*solid.size)}"'
-        if solid.vertices is not None:
-            mesh, shape = f'<mesh name={label} vertex="{text(*solid.vertices.ravel())}"/>', f"mesh={label}"
-        yield (
-            mesh,
-            f'<geom name={label} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
-            f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>',
-        )

@@ -1,8 +1,8 @@
 """The obstacles of a Gazebo world: collision shapes of its models, where the file has them.
 
-Poses follow SDFormat 1.4 to 1.11: nested and included models, links, collisions, frames, `relative_to` and
-`placement_frame`. Poses of a state block take precedence, as in Gazebo: those of models and links are in world
-coordinates. Models that move in Gazebo are static obstacles where they start.
+Models that move in Gazebo are static obstacles where they start. Poses follow SDFormat 1.4 to 1.11: nested and included
+models, links, collisions, frames, `relative_to` and `placement_frame`. Poses of a state block take precedence, as in
+Gazebo: those of models and links are in world coordinates.
 """
 
 from __future__ import annotations
@@ -12,25 +12,27 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.meshes import MeshKey, split
-from sim.importing.sdf_files import ModelPaths, read_world
-from sim.importing.sdf_poses import Scope, is_true, label_of, numbers
-from sim.importing.solids import Solid, World, part_solid
-from sim.mjcf.limits import FARTHEST, FINEST
-from sim.mjcf.refusals import listed
+from sim.importing.meshes import split
+from sim.importing.sdf_files import read_world
+from sim.importing.solids import Solid, World, part_solid, transform
+from sim.mjcf.limits import FARTHEST, FINEST, MOST_NESTED, listed
 
-_SHAPES = {
+_SHAPES = {  # measures of a geometry, and how many numbers each has
     "box": (("size", 3),),
     "cylinder": (("radius", 1), ("length", 1)),
     "capsule": (("radius", 1), ("length", 1)),
     "sphere": (("radius", 1),),
     "ellipsoid": (("radii", 3),),
-}  # geometry -> its measures and how many numbers each has
+}
+_HALVES = {"box": 0.5, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}  # MuJoCo's sizes in units of these
+_LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
+_SHORTEST = 1e-9  # quaternion that still has a direction
 _LEVEL = 1e-6  # how far a ground plane may be off [m] and [1]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets [m]
 _NOTES = {
@@ -50,133 +52,240 @@ def read_sdf(path: Path, *, folders: Sequence[Path] = (), without: Sequence[str]
         without: names of models to leave out.
     """
     try:
-        world = read_world(ModelPaths(path, tuple(folders)))
-        return _Reader(Scope.of_world(world, path), frozenset(without)).world()
+        return _Reader(Frames(read_world(path, folders), path), frozenset(without)).world()
     except RecursionError:
         raise SceneError(f"{path}: poses refer to each other in too long a chain; shorten it") from None
 
 
 class _Reader:
-    def __init__(self, scope: Scope, without: frozenset[str]) -> None:
-        self.scope, self.without, self.split = scope, without, cache(split)
-        self.noted: dict[str, dict[str, float]] = defaultdict(dict)  # names by note
+    def __init__(self, frames: Frames, without: frozenset[str]) -> None:
+        self._frames, self._without, self._split = frames, without, cache(split)
+        self._noted: dict[str, dict[str, float]] = defaultdict(dict)  # names by note
 
     def world(self) -> World:
         """Take over all models."""
         solids: list[Solid] = []
         grounds: list[Array] = []
-        for model in self._models(self.scope):
-            links = [(model.link(part), part) for part in model.element.findall("link")]
-            found = [(link, one, _geometry(link, one)) for link, part in links for one in part.findall("collision")]
-            shapes = [geometry for _, _, geometry in found if geometry.tag not in ("plane", "empty")]
-            if shapes and not model.static:
-                self.noted["moving"][model.label.partition("::")[0]] = 0.0
-            for link, collision, geometry in found:
+        label, root = self._frames.label, self._frames.root
+        for model in self._models(root):
+            found = [(one, self._geometry(one)) for one in model.iterfind("link/collision")]
+            several = sum(geometry.tag not in ("plane", "empty") for _, geometry in found)
+            if several and not self._frames.static(model):
+                self._noted["moving"][label(model).partition("::")[0]] = 0.0
+            for collision, geometry in found:
                 if geometry.tag == "plane":
-                    grounds += _ground(link, collision, geometry)
+                    grounds += self._ground(collision, geometry)
                 elif geometry.tag != "empty":
-                    name = model.label if len(shapes) == 1 else f"{link.label}::{collision.get('name')}"
-                    solids += self._solids(" ".join(name.split()), link, collision, geometry)
-        unknown = self.without.difference(self.noted["left"])
+                    name = " ".join(label(model if several == 1 else collision).split())
+                    solids += self._solids(name, collision, geometry)
+        unknown = self._without.difference(self._noted["left"])
         if unknown:
-            names = listed([part.get("name", "") for part in self.scope.element.findall("model")])
-            self.scope.refuse(f"there is no model {listed(sorted(unknown))} to leave out; models are {names}")
+            names = listed([part.get("name", "") for part in root.findall("model")])
+            self._frames.refuse(root, f"there is no model {listed(sorted(unknown))} to leave out; models are {names}")
         notes = tuple(
-            words.format(max(self.noted[note].values())) + listed([*self.noted[note]])
+            words.format(max(self._noted[note].values())) + listed([*self._noted[note]])
             for note, words in _NOTES.items()
-            if self.noted[note]
+            if self._noted[note]
         )
         return World(solids=tuple(solids), ground=grounds[0] if grounds else None, notes=notes)
 
-    def _models(self, scope: Scope) -> Iterator[Scope]:
+    def _models(self, scope: ET.Element, depth: int = 0) -> Iterator[ET.Element]:
         """Yield the models of a world or model, nested ones after the one they are in."""
-        for part in scope.element:
+        if depth > MOST_NESTED:
+            self._frames.refuse(scope, f"models are nested deeper than {MOST_NESTED}; flatten them")
+        for part in self._frames.named(scope).values():
+            if part.tag != "frame":
+                self._frames.pose(part)
+        for part in scope:
             tag, name = part.tag.rpartition("}")[2], part.get("name", "")
             if tag in ("include", "population"):
-                scope.refuse(f'<{tag}> "{name}" cannot be taken over; write its models out, or remove it')
+                self._frames.refuse(part, f"<{tag}> cannot be taken over; write its models out, or remove it")
             if tag == "actor":
-                self.noted["actors"][name] = 0.0
+                self._noted["actors"][name] = 0.0
             if tag not in ("model", "link", "actor", "plugin") and part.find(".//collision") is not None:
-                scope.refuse(f"<{tag}> holds models, which is not SDFormat; expand the file, or remove it")
+                self._frames.refuse(part, f"<{tag}> holds models, which is not SDFormat; expand the file, or remove it")
             if tag == "model":
-                model = scope.child(part)
-                left = self.without.intersection((model.label, name))
-                self.noted["left"].update(dict.fromkeys(left, 0.0))
+                left = self._without.intersection((self._frames.label(part), name))
+                self._noted["left"].update(dict.fromkeys(left, 0.0))
                 if not left:
-                    yield model
-                    yield from self._models(model)
+                    yield part
+                    yield from self._models(part, depth + 1)
 
-    def _solids(self, name: str, link: Scope, collision: ET.Element, geometry: ET.Element) -> Iterator[Solid]:
-        if geometry.tag == "mesh":
-            parts = self.split(_mesh_key(link, collision, geometry))
-            if parts.rough:
-                self.noted["rough"][name] = parts.rough
-            pose = link.pose(collision)
-            solids = [part_solid(name, pose, vertices) for vertices in parts.vertices]
+    def _geometry(self, collision: ET.Element) -> ET.Element:
+        known = ", ".join((*_SHAPES, "mesh"))
+        shapes = collision.findall("geometry/*")
+        if len(shapes) != 1:
+            self._frames.refuse(collision, f"its <geometry> has {len(shapes)} shapes; write one of {known}")
+        if shapes[0].tag not in (*_SHAPES, "mesh", "plane", "empty"):
+            uri = (shapes[0].findtext("uri") or "").strip()
+            which = f"<{shapes[0].tag}>" + (f" {uri!r}" if uri else "")
+            self._frames.refuse(collision, f"it is a {which}; replace it by one of {known}, or remove it")
+        return shapes[0]
+
+    def _solids(self, name: str, collision: ET.Element, shape: ET.Element) -> Iterator[Solid]:
+        """Yield the solids of a shape that stand in the way of a robot."""
+        pose = self._frames.pose(collision)
+        if shape.tag == "mesh":
+            scale = self._measure(collision, shape, "scale", 3) if shape.findtext("scale") else np.ones(3)
+            submesh, centred = shape.findtext("submesh/name") or "", is_true(shape.findtext("submesh/center"))
+            path, hull = Path(shape.findtext("uri") or ""), shape.get("optimization") == "convex_hull"
+            parts, rough = self._split(path, tuple(scale.tolist()), submesh.strip(), centred=centred, hull=hull)
+            if rough:
+                self._noted["rough"][name] = rough
+            solids = [part_solid(name, pose, corners) for corners in parts]
         else:
-            solids = [_solid(name, link, collision, geometry)]
+            size = np.concatenate([self._measure(collision, shape, *one) for one in _SHAPES[shape.tag]])
+            solids = [Solid(name, shape.tag, size * _HALVES.get(shape.tag, 1.0), pose)]
         for solid in solids:
             if np.any(np.abs(solid.pose) > FARTHEST):
-                self.noted["lost"][name] = 0.0
+                self._noted["lost"][name] = 0.0
             elif 0 < solid.top <= LOWEST:
-                self.noted["low"][name] = 0.0
+                self._noted["low"][name] = 0.0
             else:
                 yield solid
 
+    def _measure(self, collision: ET.Element, shape: ET.Element, measure: str, count: int) -> Array:
+        """Read a measure of a shape, which is positive; but for a scale, which may mirror."""
+        values = numbers(shape.findtext(measure), count)
+        if values is None or not np.all((np.abs(values) if measure == "scale" else values) >= FINEST):
+            text = (shape.findtext(measure) or "").strip()[:60]
+            must = f"{count} {'positive ' * (measure != 'scale')}number(s) from {FINEST:g} to {FARTHEST:g}"
+            self._frames.refuse(collision, f"its <{shape.tag}> has <{measure}> {text!r}; write {must}")
+        return values
 
-def _geometry(link: Scope, collision: ET.Element) -> ET.Element:
-    known = ", ".join((*_SHAPES, "mesh"))
-    shapes = collision.findall("geometry/*")
-    if len(shapes) != 1:
-        link.refuse(f"{label_of(collision)} has {len(shapes)} shapes in its <geometry>; write one of {known}")
-    if shapes[0].tag not in (*_SHAPES, "mesh", "plane", "empty"):
-        uri = (shapes[0].findtext("uri") or "").strip()
-        which = f"<{shapes[0].tag}>" + (f" {uri!r}" if uri else "")
-        link.refuse(f"{label_of(collision)} is a {which}; replace it by one of {known}, or remove it")
-    return shapes[0]
-
-
-def _solid(name: str, link: Scope, collision: ET.Element, geometry: ET.Element) -> Solid:
-    measures: list[float] = []
-    for measure, count in _SHAPES[geometry.tag]:
-        values = numbers(geometry.findtext(measure), count)
-        if values is None or not np.all(values >= FINEST):
-            text = (geometry.findtext(measure) or "").strip()[:60]
-            link.refuse(
-                f"<{geometry.tag}> of {label_of(collision)} has <{measure}> {text!r}; write {count} positive number(s) "
-                f"from {FINEST:g} to {FARTHEST:g}"
-            )
-        measures.extend(values)
-    halves = {"box": 0.5, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}
-    size = np.array(measures) * halves.get(geometry.tag, 1.0)
-    return Solid(name=name, shape=geometry.tag, size=size, pose=link.pose(collision))
+    def _ground(self, collision: ET.Element, plane: ET.Element) -> list[Array]:
+        """Return the rectangle of a ground plane, if it has one; other planes are refused."""
+        normal, pose = numbers(plane.findtext("normal") or "0 0 1", 3), self._frames.pose(collision)
+        if normal is None or np.linalg.norm(normal) < _LEVEL:
+            self._frames.refuse(collision, "its <plane> has no <normal>; write 0 0 1")
+        up = pose[:3, :3] @ normal / np.linalg.norm(normal)
+        if up[2] < 1 - _LEVEL or abs(pose[2, 3]) > _LEVEL:
+            self._frames.refuse(collision, "it is a plane other than the ground z = 0; write a box, or remove it")
+        size = numbers(plane.findtext("size"), 2)
+        if size is None or not np.all(size > 0):
+            return []
+        (x, y), (a, b) = pose[:2, 3], size / 2
+        return [np.array([x - a, x + a, y - b, y + b])]
 
 
-def _mesh_key(link: Scope, collision: ET.Element, mesh: ET.Element) -> MeshKey:
-    scale = numbers(mesh.findtext("scale") or "1 1 1", 3)
-    if scale is None or not np.all(np.abs(scale) >= FINEST):
-        text = (mesh.findtext("scale") or "").strip()[:60]
-        link.refuse(f"<mesh> of {label_of(collision)} has <scale> {text!r}; write 3 numbers other than 0")
-    return MeshKey(
-        path=Path(mesh.findtext("uri") or ""),
-        scale=tuple(scale.tolist()),
-        name=(mesh.findtext("submesh/name") or "").strip(),
-        centred=is_true(mesh.findtext("submesh/center")),
-        hull=mesh.get("optimization") == "convex_hull",
-    )
+def is_true(text: str | None) -> bool:
+    """SDF's booleans."""
+    return (text or "").strip().lower() in ("1", "true")
 
 
-def _ground(link: Scope, collision: ET.Element, plane: ET.Element) -> list[Array]:
-    """The rectangle of a ground plane, if it has one; other planes are refused."""
-    normal = numbers(plane.findtext("normal") or "0 0 1", 3)
-    pose = link.pose(collision)
-    if normal is None or np.linalg.norm(normal) < _LEVEL:
-        link.refuse(f"<plane> of {label_of(collision)} has no <normal>; write 0 0 1")
-    up = pose[:3, :3] @ normal / np.linalg.norm(normal)
-    if up[2] < 1 - _LEVEL or abs(pose[2, 3]) > _LEVEL:
-        link.refuse(f"{label_of(collision)} is a plane other than the ground z = 0; write a box, or remove it")
-    size = numbers(plane.findtext("size"), 2)
-    if size is None or not np.all(size > 0):
-        return []
-    (x, y), (a, b) = pose[:2, 3], size / 2
-    return [np.array([x - a, x + a, y - b, y + b])]
+def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | None:
+    """Read so many numbers, none of a greater size than the most, or None."""
+    words = (text or "").split()
+    try:
+        values = np.array(words, dtype=float)
+    except ValueError:
+        return None
+    if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
+        return None
+    return values if np.all(np.abs(values) <= most) else None
+
+
+class Frames:
+    """Where the elements below a world, or a model that is the origin, are.
+
+    Args:
+        path: of the file, for messages.
+    """
+
+    def __init__(self, root: ET.Element, path: Path) -> None:
+        self.root, self._path = root, path
+        self._parents = {part: parent for parent in root.iter() for part in parent}
+        self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
+        self._named: dict[ET.Element, dict[str, ET.Element]] = {}
+        state = root.find("state")
+        for change in ("insertions", "deletions"):
+            if state is not None and len(state.findall(f"{change}/*")):
+                self.refuse(root, f"<state> has <{change}>; save the world anew or remove them")
+
+    def refuse(self, element: ET.Element, reason: str) -> NoReturn:
+        """Raise the SceneError of an element."""
+        what = "" if element is self.root else f'{element.tag} "{self.label(element)}": '
+        raise SceneError(f"{self._path}: " + " ".join(f"{what}{reason}".split()))
+
+    def label(self, element: ET.Element) -> str:
+        """Join the names from the root down to an element by ::."""
+        if element is self.root:
+            return ""
+        return "::".join(filter(None, (self.label(self._parents[element]), element.get("name", ""))))
+
+    def static(self, model: ET.Element) -> bool:
+        """Whether a model, or one that it is in, is said to stay."""
+        return model is not self.root and (is_true(model.findtext("static")) or self.static(self._parents[model]))
+
+    def named(self, scope: ET.Element) -> dict[str, ET.Element]:
+        """Return the models, links and frames declared in a world or model, whose names must differ."""
+        if scope not in self._named:
+            found = self._named[scope] = {}
+            for part in (part for part in scope if part.tag in ("model", "link", "frame")):
+                name = part.get("name")
+                if not name or name in found:
+                    self.refuse(part, 'it needs a name of its own; write name="..."')
+                found[name] = part
+        return self._named[scope]
+
+    def pose(self, element: ET.Element) -> Array:
+        """Return where an element is in the world, (4, 4)."""
+        if element not in self._poses:
+            self._poses[element] = None
+            self._poses[element] = self._placed(element)
+        known = self._poses[element]
+        if known is None:
+            self.refuse(element, "its pose is relative to itself; fix its relative_to")
+        return known
+
+    def resolve(self, name: str, scope: ET.Element) -> Array:
+        """Return the frame of a name used in a world, model or link, (4, 4)."""
+        scope = self._parents[scope] if scope.tag == "link" else scope
+        if name in ("__model__", "world"):
+            return self.pose(scope) if name == "__model__" else np.eye(4)
+        first, _, rest = name.partition("::")
+        part = self.named(scope).get(first)
+        if part is None or (rest and part.tag != "model"):
+            known = ", ".join(self.named(scope)) or "none"
+            self.refuse(scope, f'a pose in it is relative to "{name}", which is not declared there ({known}); fix it')
+        return self.resolve(rest, part) if rest else self.pose(part)
+
+    def _placed(self, element: ET.Element) -> Array:
+        """Work out a pose, in which the state block has the last word."""
+        parent, state = self._parents[element], self._state(element)
+        known = None if state is None else state.find("pose")
+        if known is not None:
+            return self._matrix(known, element)
+        pose = element.find("pose")
+        pose = ET.Element("pose") if pose is None else pose
+        if pose.get("frame"):
+            self.refuse(element, f'its pose is in frame="{pose.get("frame")}"; write relative_to')
+        base = pose.get("relative_to") or element.get("attached_to")
+        placed = (self.resolve(base, parent) if base else self.pose(parent)) @ self._matrix(pose, element)
+        frame = element.get("placement_frame") if element.tag == "model" else None
+        return placed @ np.linalg.inv(Frames(element, self._path).resolve(frame, element)) if frame else placed
+
+    def _state(self, element: ET.Element) -> ET.Element | None:
+        """Find what a state block says of a model or link."""
+        if element is self.root:
+            return element.find("state")
+        around = self._state(self._parents[element]) if element.tag in ("model", "link") else None
+        if around is None:
+            return None
+        names = (element.get("name", ""), self.label(element))
+        state = next((one for one in around.findall(element.tag) if one.get("name") in names), None)
+        scale = None if state is None else state.findtext("scale")
+        if scale is not None and (numbers(scale, 3) is None or np.any(numbers(scale, 3) != 1.0)):
+            self.refuse(element, f"<state> scales it by {scale.strip()!r}; scale its sizes and write 1 1 1")
+        return state
+
+    def _matrix(self, pose: ET.Element, element: ET.Element) -> Array:
+        """Read the pose element of another element, (4, 4)."""
+        quaternion = pose.get("rotation_format") == "quat_xyzw"
+        text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
+        values = numbers(text, 7 if quaternion else 6, _LOST)
+        far = values is None or np.any(np.abs(values[3:]) > FARTHEST)
+        if values is None or far or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+            must = f"write x y z and roll pitch yaw, none beyond {FARTHEST:g}"
+            self.refuse(element, f"its <pose> is {text[:60]!r}; {must}")
+        return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))

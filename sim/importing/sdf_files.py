@@ -8,10 +8,10 @@ on this machine. An address that leads out of the searched folders is refused.
 from __future__ import annotations
 
 import os
+import re
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 from urllib.parse import unquote
@@ -23,6 +23,7 @@ from pirrht.errors import SceneError
 from sim.mjcf.limits import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
+_FUEL = re.compile(r".*?/models/([^/]+)(?:/(?:[0-9]+|tip))?(?:/files)?(/.*)?", re.DOTALL)  # version, folders
 _ABOVE = 3  # folders from that of a file upward
 _INSIDE = ("", "models", "fuel_models")  # folders in each of them
 BUILT_IN = ("ground_plane", "sun")  # Gazebo's own models, which need no file: a scene has its floor anyway
@@ -31,63 +32,6 @@ BUILT_IN = ("ground_plane", "sun")  # Gazebo's own models, which need no file: a
 def folders_of(environment: Mapping[str, str]) -> list[Path]:
     """List the model folders that Gazebo's environment variables name."""
     return [Path(part) for name in VARIABLES for part in environment.get(name, "").split(os.pathsep) if part]
-
-
-@dataclass(frozen=True, slots=True)
-class ModelPaths:
-    """Where models and meshes are searched for."""
-
-    source: Path  # of the world
-    folders: tuple[Path, ...] = ()  # searched before those around the file and the world
-
-    def find(self, uri: str, file: Path) -> Iterator[Path]:
-        """Yield what exists at an address written in a file, the likeliest first."""
-        roots = self._roots(file)
-        paths = [(root, _normal(root / name)) for name in self._names(uri, file) for root in roots]
-        inside = [path for root, path in paths if path.is_relative_to(root)]
-        if not inside:
-            self._refuse(uri, file, "leads out of the folders of models; write model://NAME")
-        yield from (path for path in inside if os.path.exists(path))  # False for names too long
-
-    def missing(self, uri: str, file: Path) -> NoReturn:
-        """Raise the SceneError of an address without a file, with the folders that were searched."""
-        searched = ", ".join(str(root) for root in self._roots(file) if root.is_dir())
-        remedy = f"name the folder that holds it among the models or in {VARIABLES[0]}; nothing is downloaded"
-        self._refuse(uri, file, f"is in none of {searched}; {remedy}")
-
-    def _refuse(self, uri: str, file: Path, reason: str) -> NoReturn:
-        where = "" if file == self.source else f" of {file}"
-        raise SceneError(" ".join(f"{self.source}: {uri[:200]!r}{where} {reason}".split()))
-
-    def _roots(self, file: Path) -> list[Path]:
-        around = [
-            folder / name for one in (file, self.source) for folder in _normal(one).parents[:_ABOVE] for name in _INSIDE
-        ]
-        roots = dict.fromkeys(_normal(folder) for folder in (*self.folders, *around))
-        return [root for root in roots if root != Path(root.anchor)]
-
-    def _names(self, uri: str, file: Path) -> list[str]:
-        """Names relative to a searched folder, or absolute ones."""
-        scheme, found, rest = uri.partition("://")
-        rest = unquote(rest)
-        if not found:
-            return [str(_normal(file.parent / uri))]
-        if scheme == "file":
-            return [rest, str(_normal(file.parent / rest))]
-        if scheme in ("model", "package"):
-            return [rest.lstrip("/")]
-        name, *inner = rest.partition("/models/")[2].split("/")
-        if scheme not in ("http", "https") or not name:
-            self._refuse(uri, file, "names no model on this machine; write model://NAME")
-        if inner and (inner[0].isdigit() or inner[0] == "tip"):  # the version
-            inner = inner[1:]
-        inner = inner[1:] if inner[:1] == ["files"] else inner
-        return ["/".join((form, *inner)) for form in (name, name.lower(), name.lower().replace(" ", "_"))]
-
-
-def _normal(path: Path) -> Path:
-    """Make a path absolute, without the parts . and .., links left as they are."""
-    return Path(os.path.abspath(path))  # resolve() would follow links
 
 
 def parse(path: Path, what: str) -> ET.Element:
@@ -107,9 +51,12 @@ def parse(path: Path, what: str) -> ET.Element:
     return root
 
 
-def read_world(paths: ModelPaths) -> ET.Element:
-    """Read the world element of a file, or its models as a world, with everything that it includes."""
-    path = paths.source
+def read_world(path: Path, folders: Sequence[Path]) -> ET.Element:
+    """Read the world element of a file, or its models as a world, with everything that it includes.
+
+    Args:
+        folders: searched for models and meshes before those around the file.
+    """
     root = parse(path, "an SDF world file")
     known = root.tag in ("sdf", "gazebo")
     worlds, models = (root.findall(tag) if known else [] for tag in ("world", "model"))
@@ -119,97 +66,129 @@ def read_world(paths: ModelPaths) -> ET.Element:
     if not worlds:
         worlds = [ET.Element("world", name=path.stem)]
         worlds[0].extend(models)
-    _Includes(paths).expand(worlds[0], path)
+    _Includes(path, folders).expand(worlds[0], path)
     return worlds[0]
 
 
-@dataclass(slots=True)
 class _Includes:
-    """Models by file, read once."""
+    """Puts models, each read once, in the place of what includes them."""
 
-    paths: ModelPaths
-    elements: int = 0
-    models: dict[Path, ET.Element | None] = field(default_factory=dict)  # None: being read
+    def __init__(self, source: Path, folders: Sequence[Path]) -> None:
+        self._source, self._folders, self._elements = source, folders, 0
+        self._models: dict[Path, ET.Element | None] = {}  # by file; None: being read
 
     def expand(self, element: ET.Element, file: Path) -> None:
         """Replace the includes of a world or model, nested ones as well, and find its collision meshes."""
         self._count(element)
         for uri in element.iterfind(".//collision/geometry/mesh/uri"):
             text = (uri.text or "").strip()
-            found = next((p for p in self.paths.find(text, file) if p.is_file()), None)
-            uri.text = str(found or self.paths.missing(text, file))
+            found = next((path for path in self._find(text, file) if path.is_file()), None)
+            uri.text = str(found or self._missing(text, file))
         for parent in list(element.iter()):
             includes = {index: part for index, part in enumerate(parent) if part.tag == "include"}
+            taken = {part.get("name") for part in parent if part.tag != "include"}
             for index, include in includes.items():
-                parent[index] = self._included(include, file)
-            taken = {part.get("name") for index, part in enumerate(parent) if index not in includes}
-            for index in includes:  # names that are taken get a number, as Gazebo gives them
-                part, count = parent[index], 0
-                name = part.get("name", "")
-                while part.get("name") in taken:
+                parent[index] = part = self._included(include, file)
+                name, count = part.get("name", ""), 0
+                while part.get("name") in taken:  # names that are taken get a number, as Gazebo gives them
                     part.set("name", f"{name}_{count}")
                     count += 1
                 taken.add(part.get("name"))
 
     def _included(self, include: ET.Element, file: Path) -> ET.Element:
-        uri, source = (include.findtext("uri") or "").strip(), self.paths.source
+        """Return a copy of the model that an include names, with the properties that the include gives it."""
+        uri = (include.findtext("uri") or "").strip()
         if not uri:
             raise SceneError(f"{file}: an <include> has no <uri>; write <uri>model://NAME</uri>, or remove it")
-        path = next((p for found in self.paths.find(uri, file) for p in self._files_of(found)), None)
+        path = next((inner for found in self._find(uri, file) for inner in self._files_of(found)), None)
         short = uri.replace("%20", " ").rstrip("/").rpartition("/")[2].lower().replace(" ", "_")
         if path is None and short in BUILT_IN:
             return ET.Element("light")
-        path = path or self.paths.missing(uri, file)
-        if path not in self.models:
-            self.models[path] = None
-            if list(self.models.values()).count(None) > MOST_NESTED:
-                raise SceneError(f"{source}: includes are nested deeper than {MOST_NESTED}; flatten them")
+        model = deepcopy(self._model(path or self._missing(uri, file), uri))
+        for tag in ("name", "placement_frame"):
+            if text := (include.findtext(tag) or "").strip():
+                model.set(tag, text)
+        for value in (part for part in include if part.tag in ("pose", "static")):
+            model[:] = [part for part in model if part.tag != value.tag] + [value]
+        return model
+
+    def _model(self, path: Path, uri: str) -> ET.Element:
+        if path not in self._models:
+            self._models[path] = None
+            if list(self._models.values()).count(None) > MOST_NESTED:
+                raise SceneError(f"{self._source}: includes are nested deeper than {MOST_NESTED}; flatten them")
             root = parse(path, "an SDF model file")
             parts = [part for part in root if part.tag in ("model", "actor", "light")]
             if len(parts) != 1 or root.tag not in ("sdf", "gazebo"):
                 raise SceneError(f"{path}: {len(parts)} elements <model> in <{root.tag}>; write one <sdf><model>")
             self.expand(parts[0], path)
-            self.models[path] = parts[0]
-        known = self.models[path]
-        if known is None:
-            raise SceneError(f"{source}: {path} includes itself by {uri!r}; remove one of these includes")
-        self._count(known)
-        return _overridden(deepcopy(known), include)
+            self._models[path] = parts[0]
+        model = self._models[path]
+        if model is None:
+            raise SceneError(f"{self._source}: {path} includes itself by {uri!r}; remove one of these includes")
+        self._count(model)
+        return model
+
+    def _count(self, element: ET.Element) -> None:
+        self._elements += sum(1 for _ in element.iter())
+        if self._elements > MOST_ELEMENTS:
+            raise SceneError(f"{self._source}: with its includes it has more than {MOST_ELEMENTS} elements")
 
     def _files_of(self, path: Path) -> Iterator[Path]:
-        """The SDF file of a model's folder: that of the highest version in its model.config."""
+        """Yield the SDF files of a model's folder, first that of the highest version in its model.config."""
         if path.is_file():
             yield path
             return
-        for name in ("model.config", "manifest.xml"):
-            if (path / name).is_file():
-                files = parse(path / name, "a model.config").findall("sdf")
-                if not files:
-                    raise SceneError(f"{path / name}: it names no <sdf>; write <sdf>model.sdf</sdf>")
-                newest = max(
-                    files, key=lambda sdf: [float(n) for n in sdf.get("version", "").split(".") if n.isdecimal()]
-                )
-                yield from self.paths.find((newest.text or "").strip(), path / name)
+        for config in (path / name for name in ("model.config", "manifest.xml") if (path / name).is_file()):
+            files = parse(config, "a model.config").findall("sdf")
+            if not files:
+                raise SceneError(f"{config}: it names no <sdf>; write <sdf>model.sdf</sdf>")
+            newest = max(files, key=lambda sdf: [float(n) for n in sdf.get("version", "").split(".") if n.isdecimal()])
+            yield from self._find((newest.text or "").strip(), config)
         if (path / "model.sdf").is_file():
             yield path / "model.sdf"
         for version in sorted((p for p in path.glob("*") if p.name.isdecimal()), key=lambda p: -int(p.name)):
             yield from self._files_of(version)  # of the cache of Gazebo Fuel
 
-    def _count(self, element: ET.Element) -> None:
-        self.elements += sum(1 for _ in element.iter())
-        if self.elements > MOST_ELEMENTS:
-            raise SceneError(f"{self.paths.source}: with its includes it has more than {MOST_ELEMENTS} elements")
+    def _find(self, uri: str, file: Path) -> Iterator[Path]:
+        """Yield what exists at an address written in a file, the likeliest first."""
+        pairs = [(root, _normal(root / name)) for name in self._names(uri, file) for root in self._roots(file)]
+        inside = [path for root, path in pairs if path.is_relative_to(root)]
+        if not inside:
+            self._refuse(uri, file, "leads out of the folders of models; write model://NAME")
+        yield from (path for path in inside if os.path.exists(path))  # False for names too long
+
+    def _names(self, uri: str, file: Path) -> list[str]:
+        """List names relative to a searched folder, or absolute ones."""
+        scheme, found, rest = uri.partition("://")
+        rest = unquote(rest)
+        if not found or scheme == "file":
+            here = str(_normal(file.parent / (rest if found else uri)))
+            return [rest, here] if found else [here]
+        if scheme in ("model", "package"):
+            return [rest.lstrip("/")]
+        fuel = _FUEL.fullmatch(rest)
+        if scheme not in ("http", "https") or fuel is None:
+            self._refuse(uri, file, "names no model on this machine; write model://NAME")
+        name, inner = fuel[1], fuel[2] or ""
+        return [form + inner for form in (name, name.lower(), name.lower().replace(" ", "_"))]
+
+    def _roots(self, file: Path) -> list[Path]:
+        parents = (folder for one in (file, self._source) for folder in _normal(one).parents[:_ABOVE])
+        around = [folder / name for folder in parents for name in _INSIDE]
+        roots = dict.fromkeys(_normal(folder) for folder in (*self._folders, *around))
+        return [root for root in roots if root != Path(root.anchor)]
+
+    def _missing(self, uri: str, file: Path) -> NoReturn:
+        searched = ", ".join(str(root) for root in self._roots(file) if root.is_dir())
+        remedy = f"name the folder that holds it among the models or in {VARIABLES[0]}; nothing is downloaded"
+        self._refuse(uri, file, f"is in none of {searched}; {remedy}")
+
+    def _refuse(self, uri: str, file: Path, reason: str) -> NoReturn:
+        where = "" if file == self._source else f" of {file}"
+        raise SceneError(" ".join(f"{self._source}: {uri[:200]!r}{where} {reason}".split()))
 
 
-def _overridden(model: ET.Element, include: ET.Element) -> ET.Element:
-    """Give a model the name, pose and other properties that its include names."""
-    for tag in ("name", "placement_frame"):
-        if text := (include.findtext(tag) or "").strip():
-            model.set(tag, text)
-    for tag in ("pose", "static"):
-        value = include.find(tag)
-        if value is not None:
-            for old in model.findall(tag):
-                model.remove(old)
-            model.append(value)
-    return model
+def _normal(path: Path) -> Path:
+    """Make a path absolute, without the parts . and .., links left as they are."""
+    return Path(os.path.abspath(path))  # resolve() would follow links

@@ -7,13 +7,14 @@ from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 
 FLAT = 1e-3  # least thickness of a part of a mesh [m]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Solid:
     """One collision shape, fixed in the world."""
 
@@ -49,32 +50,36 @@ class World:
 def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
     """Make a solid of a convex part of a mesh, which is a box if it can be."""
     box = as_box(vertices)
-    if box is None:
-        return Solid(name=name, shape="mesh", size=np.zeros(3), pose=pose, vertices=vertices)
-    return Solid(name=name, shape="box", size=box[1], pose=pose @ box[0])
+    return (
+        Solid(name, "mesh", np.zeros(3), pose, vertices) if box is None else Solid(name, "box", box[1], pose @ box[0])
+    )
 
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:
     """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
     edges = (corners - corners[0])[np.argsort(np.linalg.norm(corners - corners[0], axis=1))][1:]
-    if len(edges) != 7:
-        return None
     square = [edge for edge in edges[1:-1] if abs(edge @ edges[0]) < FLAT * np.linalg.norm(edges[0])]
-    if not square:
+    if len(edges) != 7 or not square:
         return None
     frame = np.array([edges[0], square[0], edges[-1] - edges[0] - square[0]])
     sizes = np.linalg.norm(frame, axis=1)
     axes = frame / sizes[:, None]
-    expected = corners[0] + np.array(list(product((0.0, 1.0), repeat=3))) @ frame
-    gaps = np.linalg.norm(corners[:, None] - expected, axis=2)
+    gaps = np.linalg.norm(corners[:, None] - corners[0] - np.array([*product((0.0, 1.0), repeat=3)]) @ frame, axis=2)
     if np.abs(axes @ axes.T - np.eye(3)).max() > FLAT or max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) > FLAT:
         return None
-    pose = np.eye(4)
-    second = axes[1] - axes[0] * (axes[0] @ axes[1])
+    pose, second = np.eye(4), axes[1] - axes[0] * (axes[0] @ axes[1])
     second /= np.linalg.norm(second)
-    pose[:3, :3] = np.column_stack([axes[0], second, np.cross(axes[0], second)])
-    pose[:3, 3] = corners.mean(axis=0)
+    pose[:3] = np.column_stack([axes[0], second, np.cross(axes[0], second), corners.mean(axis=0)])
     return pose, sizes / 2
+
+
+def transform(values: Array, *, degrees: bool = False) -> Array:
+    """The matrix (4, 4) of x, y, z [m] and roll, pitch, yaw (6,) about fixed axes, or a quaternion x, y, z, w (7,)."""
+    by_angles = len(values) == 6
+    turn = Rotation.from_euler("xyz", values[3:], degrees=degrees) if by_angles else Rotation.from_quat(values[3:])
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = values[:3], turn.as_matrix()
+    return matrix
 
 
 def distinct(names: Iterable[str], taken: Collection[str]) -> Iterator[str]:

@@ -19,26 +19,39 @@ from sim.systems import POSE, VELOCITIES
 GROUND = "ground"  # the plane a rolling robot brings along, in its worldbody
 
 
-class Sliding:
-    """Joint positions are the state, and joint speeds where it has velocities."""
+class Stance:
+    """How states (n,) of these names translate for the robot of a joined model, whose keyframe 0 holds it at rest."""
 
-    def __init__(self, states: Sequence[str]) -> None:
-        index = {name: i for i, name in enumerate(states)}
-        self._places = [i for name, i in index.items() if name in POSE]
-        self._speeds = [i for name, i in index.items() if name in VELOCITIES]
-        self._dofs = [VELOCITIES.index(states[i]) for i in self._speeds]
-        self._ahead = index.get("speed")
+    def __init__(self, model: mujoco.MjModel, states: Sequence[str] = POSE) -> None:
+        self._rest, self._rolls = model.key_qpos[0].copy(), rolls(model)
+        self._wheels = model.jnt_dofadr[model.actuator_trnid[:, 0]] if self._rolls else []
+        self._places = [states.index(name) for name in POSE if name in states]
+        self._dofs = [i for i, name in enumerate(VELOCITIES) if name in states]
+        self._speeds = [states.index(VELOCITIES[i]) for i in self._dofs]
+        self._ahead = states.index("speed") if "speed" in states else None
 
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
-        """Place the robot at `state` (n,), with its velocities if it has some."""
-        data.qpos[:] = state[self._places[: data.qpos.size]]
+        """Place the robot at `state` (n,); wheels roll with `twist` (2,) under the commands `ctrl` (nu,)."""
         data.qvel[:] = 0
+        if self._rolls:
+            x, y, heading = state[:3]
+            data.qpos[:] = self._rest
+            turn_to(data.qpos, heading)
+            data.qpos[:2] = x, y
+            data.qvel[:2] = twist[0] * cos(heading), twist[0] * sin(heading)
+            data.qvel[5] = twist[1]
+            data.qvel[self._wheels] = ctrl
+            return
+        data.qpos[:] = state[self._places[: data.qpos.size]]
         data.qvel[self._dofs] = state[self._speeds]
         if self._ahead is not None:
             data.qvel[:2] = state[self._ahead] * cos(data.qpos[2]), state[self._ahead] * sin(data.qpos[2])
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
-        """The state now, (n,), given the one of the step before."""
+        """The state now, (n,), given the one of the step before, from which the heading of a body on wheels goes on."""
+        if self._rolls:
+            x, y, _, *quaternion = data.qpos[:7].tolist()
+            return np.array([x, y, before[2] + remainder(heading_of(quaternion) - before[2], tau)])
         if not self._speeds and self._ahead is None:
             return data.qpos.copy()  # type: ignore[no-any-return]
         state = before.copy()
@@ -47,35 +60,6 @@ class Sliding:
         if self._ahead is not None:
             state[self._ahead] = data.qvel[0] * cos(data.qpos[2]) + data.qvel[1] * sin(data.qpos[2])
         return state
-
-
-class Rolling:
-    """The pose of a free joint is the state, and wheels carry it."""
-
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._rest = model.key_qpos[0].copy()
-        self._wheels = model.jnt_dofadr[model.actuator_trnid[:, 0]]
-
-    def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
-        """Place the robot at `state` (3,) at rest; wheels roll with `twist` (2,) under the commands `ctrl` (nu,)."""
-        x, y, heading = state[:3]
-        data.qpos[:] = self._rest
-        turn_to(data.qpos, heading)
-        data.qpos[:2] = x, y
-        data.qvel[:] = 0
-        data.qvel[:2] = twist[0] * cos(heading), twist[0] * sin(heading)
-        data.qvel[5] = twist[1]
-        data.qvel[self._wheels] = ctrl
-
-    def read(self, data: mujoco.MjData, before: Array) -> Array:
-        """Position and heading of the body; the heading goes on from the one before, (3,)."""
-        x, y, _, *quaternion = data.qpos[:7].tolist()
-        return np.array([x, y, before[2] + remainder(heading_of(quaternion) - before[2], tau)])
-
-
-def stance_of(model: mujoco.MjModel, states: Sequence[str] = POSE) -> Sliding | Rolling:
-    """How states of these names (n,) translate for the robot of a joined model, whose keyframe 0 holds it at rest."""
-    return Rolling(model) if rolls(model) else Sliding(states)
 
 
 def rolls(model: mujoco.MjModel) -> bool:

@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from sim.mjcf.obstacles import MOTION, site_of
+from sim.mjcf.obstacles import MOTION
 
 SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
 FLOOR, WALL, MOVING = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0), (0.50, 0.36, 0.62, 1.0)
@@ -20,19 +20,15 @@ LIGHT = (0.42, 0.42, 0.0)
 
 def dress(model: mujoco.MjModel) -> None:
     """Give a model looks where it has none."""
-    for name, color in SITES.items():
-        site = site_of(model, name)
-        if site >= 0 and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
-            model.site_rgba[site] = color
-    if (workspace := site_of(model, "workspace")) >= 0:
-        model.site_rgba[workspace, 3] = 0.0
-        model.site_matid[workspace] = -1
-    bare = (model.geom_matid < 0) & _plain(model.geom_rgba)
-    flat = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    names = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
-    moving = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name.removeprefix(MOTION)) for name in names]
-    model.geom_rgba[bare & flat], model.geom_rgba[bare & ~flat] = FLOOR, WALL
-    model.geom_rgba[bare & ~flat & np.isin(model.body_rootid[model.geom_bodyid], moving)] = MOVING
+    for site, name in ((i, model.site(i).name) for i in range(model.nsite)):
+        if name == "workspace":
+            model.site_rgba[site, 3], model.site_matid[site] = 0.0, -1
+        elif name in SITES and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
+            model.site_rgba[site] = SITES[name]
+    bare, flat = (model.geom_matid < 0) & _plain(model.geom_rgba), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
+    moving = np.isin(model.body_rootid[model.geom_bodyid], [model.body(one.removeprefix(MOTION)).id for one in motions])
+    model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
         head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT

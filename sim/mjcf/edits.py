@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec
-from sim.mjcf.refusals import listed
+from sim.mjcf.limits import listed
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
 GOAL = PREFIX + "goal"  # the body that shows the goal's disc, and touches nothing
-_QUAT = mujoco.mjtOrientation.mjORIENTATION_QUAT
 _KEPT = (
     *("type", "size", "pos", "quat", "fromto", "contype", "conaffinity", "condim", "priority", "friction"),
     *("solmix", "solref", "solimp", "margin", "gap", "rgba", "material", "meshname", "group", "fitscale"),
@@ -27,8 +26,8 @@ _TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
 def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
     """Remove bodies with all that is in them or refers to them; a line on what is gone."""
     gone: set[str] = set()
-    before = len(spec.actuators)
-    for name in dict.fromkeys(names):
+    names, before = list(dict.fromkeys(names)), len(spec.actuators)
+    for name in names:
         body = spec.body(name) if name != "world" else None
         if body is None and name not in gone:
             known = listed([f'"{one.name}"' for one in spec.worldbody.bodies if one.name]) or "none with a name"
@@ -41,9 +40,7 @@ def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
             eye.targetbody, eye.mode = "", mujoco.mjtCamLight.mjCAMLIGHT_FIXED
     _delete(spec, spec.skins, spec.tuples)  # what they refer to may be in files of their own
     dropped = before - len(spec.actuators)
-    return f"left out: {listed(list(dict.fromkeys(names)))}" + (
-        f" and {counted(dropped, 'actuator')}" if dropped else ""
-    )
+    return f"left out: {listed(names)}" + (f" and {counted(dropped, 'actuator')}" if dropped else "")
 
 
 def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
@@ -57,44 +54,26 @@ def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
         mujoco.mj_resetDataKeyframe(model, data, 0)
         where = f'keyframe "{model.key(0).name}"' if model.key(0).name else "the first keyframe"
     mujoco.mj_kinematics(model, data)
-    jointed = [body for body in spec.bodies if list(body.joints)]
-    frames = _frames(spec, path) if list(spec.frames) else None
-    for body in [*jointed, *(b for b in spec.bodies if b.mocap and b.name not in moving)]:
-        parent = int(model.body_parentid[body.id])
-        pose = _relative((data.xpos[parent], data.xquat[parent]), (data.xpos[body.id], data.xquat[body.id]))
-        body.pos, body.quat = _relative(frames[body.id], pose) if frames else pose
-        body.alt.type = _QUAT
-    roots = sorted({int(model.body_rootid[body.id]) for body in jointed})
+    jointed = {body.id: body for body in spec.bodies if list(body.joints)}
+    roots = sorted({int(model.body_rootid[number]) for number in jointed})
     called = [spec.bodies[root].name or f"unnamed body {root}" for root in roots]
+    for number, body in (jointed | {b.id: b for b in spec.bodies if b.mocap and b.name not in moving}).items():
+        holder, place, turn, back = int(model.body_parentid[number]), np.zeros(3), np.zeros(4), np.zeros(4)
+        mujoco.mju_negQuat(back, data.xquat[holder])
+        mujoco.mju_rotVecQuat(place, data.xpos[number] - data.xpos[holder], back)
+        mujoco.mju_mulQuat(turn, back, data.xquat[number])
+        body.set_frame(body.parent.add_frame())  # its pose is relative to the body that holds it
+        body.pos, body.quat, body.alt.type = place, turn, mujoco.mjtOrientation.mjORIENTATION_QUAT
     dropped = len(spec.actuators)
     _delete(spec, spec.actuators, spec.sensors, spec.equalities, spec.tendons, spec.tuples, spec.keys)
-    _delete(spec, *(body.joints for body in jointed))
+    _delete(spec, *(body.joints for body in jointed.values()))
     spec.compiler.fusestatic = 0
     also = f"; {counted(dropped, 'actuator')} dropped" if dropped else ""
     return f"frozen as {where} has them: {listed(called)}{also}" if roots or dropped else ""
 
 
-def _frames(spec: mujoco.MjSpec, path: Path) -> list[tuple[Array, Array]]:
-    """Position and quaternion of what each body's own pose is relative to, in the body that holds it."""
-    bare = spec.copy()
-    _delete(bare, bare.keys)
-    for body in bare.bodies[1:]:
-        body.pos, body.quat, body.alt.type = [0, 0, 0], [1, 0, 0, 0], _QUAT
-    model = compile_spec(bare, path)
-    return list(zip(model.body_pos.copy(), model.body_quat.copy(), strict=True))
-
-
-def _relative(base: tuple[Array, Array], pose: tuple[Array, Array]) -> tuple[Array, Array]:
-    """A pose in the frame of another one."""
-    place, turn, back = np.zeros(3), np.zeros(4), np.zeros(4)
-    mujoco.mju_negQuat(back, base[1])
-    mujoco.mju_rotVecQuat(place, np.asarray(pose[0]) - base[0], back)
-    mujoco.mju_mulQuat(turn, back, pose[1])
-    return place, turn
-
-
-def _delete(spec: mujoco.MjSpec, *groups: Sequence[object]) -> None:
-    for element in [element for group in groups for element in group]:
+def _delete(spec: mujoco.MjSpec, *groups: Iterable[object]) -> None:
+    for element in list(chain(*groups)):
         spec.delete(element)
 
 
@@ -112,15 +91,11 @@ def loosen(spec: mujoco.MjSpec) -> None:
 def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
     """Give a geom of the worldbody a mocap body where it is."""
     body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
-    own = body.add_geom()
-    for attribute in _KEPT:
-        setattr(own, attribute, getattr(geom, attribute))
+    own = body.add_geom(**{attribute: getattr(geom, attribute) for attribute in _KEPT})
     for turn in _TURNS:
         setattr(own.alt, turn, getattr(geom.alt, turn))
     spec.delete(geom)
-    own.name = name
+    own.name, body.pos, own.pos = name, own.pos, [0.0, 0.0, 0.0]
     if own.fromto[0] == own.fromto[0]:  # not a number where it has no ends
-        body.pos = [(a + b) / 2 for a, b in zip(own.fromto[:3], own.fromto[3:], strict=True)]
-        own.fromto = [v - c for v, c in zip(own.fromto, [*body.pos, *body.pos], strict=True)]
-    else:
-        body.pos, own.pos = own.pos, [0.0, 0.0, 0.0]
+        body.pos = np.reshape(own.fromto, (2, 3)).mean(axis=0)
+        own.fromto = own.fromto - np.tile(body.pos, 2)

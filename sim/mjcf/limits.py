@@ -1,4 +1,4 @@
-"""Limits of files of other people, and a trial of what MuJoCo makes of an MJCF file.
+"""Limits of files of other people, a trial of what MuJoCo makes of an MJCF file, and how files are refused.
 
 MuJoCo opens whatever a file names and allocates whatever it asks for. Here every named file is regular and of bounded
 size; then a child process of bounded memory and time reads and compiles the scene before this one does.
@@ -10,14 +10,19 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from html import unescape
 from itertools import product
 from math import prod
 from pathlib import Path
+from typing import TypeVar
 
+import numpy as np
+
+from pirrht.arrays import Array
 from pirrht.errors import SceneError, printable
-from sim.files import MISSING, read_bounded, why_unreadable
+from sim.files import MISSING, why_unreadable
 
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
 FINEST = 1e-6  # of any measure of an imported file [m]
@@ -26,8 +31,9 @@ MOST_PARTS = 60_000  # bodies, geoms and sites of an MJCF file with all that it 
 MOST_OF = {b"count": 10_000, b"dim": 10**6, b"nrow": 2**24, b"ncol": 2**24, b"width": 2**26, b"height": 2**26}
 MOST_PLACES = 100_000  # where named files are searched
 MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED = 300_000, 256, 32  # of an SDF world with all that it includes
-MOST_NODES, MOST_TRIANGLES = 10_000, 1_000_000  # of a COLLADA file
+MOST_TRIANGLES = 1_000_000  # of a COLLADA file, in all its instances
 MOST_PIXELS = 25_000_000  # of a map: 250 m square at 0.05 m; a pixel takes 64 bytes on the way
+SHOWN = 6  # names or faults in a line
 MEMORY, CPU, WALL = 2 * 2**30, 20, 120  # of the trial: bytes beyond what this process has, and seconds
 
 _NAMED = re.compile(
@@ -35,14 +41,18 @@ _NAMED = re.compile(
 )
 _PART = re.compile(rb"<!--.*?(?:-->|\Z)|<(body|geom|site)\b", re.DOTALL)  # and comments, which hold none
 _READ = "read"
+T = TypeVar("T")
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:
     """Read a regular file of bearable size; the SceneError of any other names the path and what to give."""
-    why = why_unreadable(path)
-    if why is not None:
+    if (why := why_unreadable(path)) is not None:
         raise SceneError(f"{path}: cannot be read (it {why}); give {what}")
-    return read_bounded(path, LARGEST_TEXT, what, remedy)
+    with path.open("rb") as stream:
+        content = stream.read(LARGEST_TEXT + 1)
+    if len(content) > LARGEST_TEXT:
+        raise SceneError(f"{path}: larger than {LARGEST_TEXT >> 20} MiB; {remedy}")
+    return content
 
 
 def check(path: Path) -> None:
@@ -101,15 +111,22 @@ def trial(path: Path, read: Callable[[], object]) -> None:
     source, sink = os.pipe()
     child = os.fork()
     if child == 0:
-        _try(read, sink)
+        words = ""
+        try:
+            _bound()
+            read()
+            words = _READ
+        except Exception as error:
+            words = "" if isinstance(error, MemoryError) else str(error)
+        finally:
+            os.write(sink, words[:4000].encode(errors="replace"))
+            os._exit(0)
     os.close(sink)
     try:
         with os.fdopen(source, "rb") as stream:
             words = stream.read().decode(errors="replace")
-    except BaseException:
-        os.kill(child, signal.SIGKILL)
-        raise
     finally:
+        os.kill(child, signal.SIGKILL)  # it has ended, unless this process is interrupted
         os.waitpid(child, 0)
     if not words or "allocate memory" in words or "unknown exception" in words:
         raise SceneError(
@@ -120,28 +137,57 @@ def trial(path: Path, read: Callable[[], object]) -> None:
         raise SceneError(words)
 
 
-def _try(read: Callable[[], object], sink: int) -> None:
-    """Be the child: read under limits, write how it went, and end."""
+def _bound() -> None:
+    """Bound memory and time of this process, which says nothing from now on."""
     import resource
 
-    words = ""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
+        signal.signal(number, signal.SIG_DFL)
+    signal.alarm(WALL)
+    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+    for limit, most in ((resource.RLIMIT_AS, used + MEMORY), (resource.RLIMIT_CPU, CPU), (resource.RLIMIT_CORE, 0)):
+        hard = resource.getrlimit(limit)[1]
+        resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
+    for stream in (1, 2):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), stream)
+
+
+@contextmanager
+def prefixed(words: str) -> Iterator[None]:
+    """Put words in front of the message of a SceneError."""
     try:
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGALRM):
-            signal.signal(number, signal.SIG_DFL)
-        signal.alarm(WALL)
-        used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        for limit, most in ((resource.RLIMIT_AS, used + MEMORY), (resource.RLIMIT_CPU, CPU), (resource.RLIMIT_CORE, 0)):
-            hard = resource.getrlimit(limit)[1]
-            resource.setrlimit(limit, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, 1)
-        os.dup2(nowhere, 2)
-        read()
-        words = _READ
-    except MemoryError:
-        pass
-    except Exception as error:
-        words = str(error)
-    finally:
-        os.write(sink, words[:4000].encode(errors="replace"))
-        os._exit(0)
+        yield
+    except SceneError as error:
+        raise SceneError(f"{words}{str(error).removeprefix(words)}") from None
+
+
+class Faults(list[str]):
+    """Collects what is wrong with a file, to be refused at once."""
+
+    def of(self, read: Callable[..., T], *arguments: object) -> T | None:
+        """Return what `read` returns for arguments; None, and its words are kept, if it raises a SceneError."""
+        try:
+            return read(*arguments)
+        except SceneError as error:
+            self.append(str(error))
+            return None
+
+    def refuse(self) -> None:
+        """Raise a SceneError if anything was wrong."""
+        if self:
+            more = f"; and {len(self) - SHOWN} more" if len(self) > SHOWN else ""
+            raise SceneError("; also, ".join(self[:SHOWN]) + more)
+
+
+def listed(names: Sequence[str], most: int = SHOWN) -> str:
+    """Join names by commas, each in one line, not all of many."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(" ".join(name.split()) for name in names[:most]) + more
+
+
+def refuse_far(label: str, *numbers: Array) -> None:
+    """Refuse places and sizes [m] that are no numbers, or larger than any scene's."""
+    values = np.concatenate([np.asarray(one, dtype=float).ravel() for one in numbers])
+    wrong = values[~(np.abs(values) <= FARTHEST)]
+    if len(wrong):
+        raise SceneError(f"{label} has a place or size of {wrong[0]:g} m; write at most {FARTHEST:g} m")

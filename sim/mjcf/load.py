@@ -23,22 +23,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
-from sim.mjcf.coordinates import stance_of
+from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
 from sim.mjcf.library import compile_spec, find, parse, robot_names
-from sim.mjcf.motions import MOVES, check_start, moved_geoms, read_motions, read_movers, shortfall
-from sim.mjcf.obstacles import (
-    MOTION,
-    Mask,
-    concave_meshes,
-    geom_label,
-    read_obstacles,
-    read_workspace,
-    root_name,
-    site_of,
-    use_hulls,
-)
-from sim.mjcf.refusals import Faults, listed, prefixed
+from sim.mjcf.limits import Faults, listed, prefixed
+from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
+from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
 from sim.mjcf.robot import Robot, meant_system, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
@@ -96,93 +86,67 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         SceneError: a file is unreadable or breaks a convention; the message names element and remedy.
     """
     task, path = SceneOptions(**options), find("scene", scene)
-    spec, faults, notes = parse(path), Faults(), []
+    spec, faults = parse(path), Faults()
     with prefixed(f"{path}: "):
-        if task.without:
-            notes.append(leave_out(spec, task.without))
+        notes = [leave_out(spec, task.without)] if task.without else []
         motions = read_motions(spec)
-    if task.freeze:
-        notes.append(freeze(spec, motions, path))
-    defaults = faults.of(_defaults, spec) or {}
-    if loose:
-        loosen(spec)
-    meant = faults.of(_meant_robot, spec) or DEFAULT
-    about = next((" ".join(str(text.data).split()) for text in spec.texts if text.name == ABOUT), "")
+        if task.freeze:
+            notes.append(freeze(spec, motions, path))
+        if loose:
+            loosen(spec)
+        about, meant, defaults = faults.of(_custom, spec) or ("", DEFAULT, {})
     radius = defaults.get("radius") if task.radius is None else task.radius
     margin = (defaults.get("margin") if task.margin is None else task.margin) or 0.0
     robot = read_robot(task.robot or meant, radius, task.system, margin=margin)
-    model = _join(spec, robot, path)
-    data = _posed(model)
-    mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
+    states = robot.system.states
     with prefixed(f"{path}: "):
+        model = _join(spec, robot, path)
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
         span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
-        mask, solids = read_obstacles(model, data, mine, span, faults)
+        solids = read_obstacles(model, data, mine, span, faults)
         borders = faults.of(read_workspace, model, data, task.workspace)
         goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
-        known = dict(zip(np.flatnonzero(mask).tolist(), solids, strict=True))
-        meshes = {geom: one for geom, one in known.items() if one.vertices is not None}
-        concave = concave_meshes(model, meshes)
-        if concave:
-            model = use_hulls(spec, model, {geom: meshes[geom] for geom in concave}, path)
-            data = _posed(model)
-            called = listed([f"{geom_label(model, geom)} ({volumes})" for geom, volumes in concave.items()])
+        if concave := concave_meshes(model, solids):
+            called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
-        moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, known)
-    values = Scene(
-        name=path.stem,
-        lower=borders[0],
-        upper=borders[1],
-        obstacles=tuple(solid for geom, solid in known.items() if not moving[geom]),
-        goal=goal,
-        start=start,
-        robot_radius=robot.radius,
-        robot_height=robot.height,
-        margin=max(robot.radius - robot.reach, 0.0),
-        defaults=defaults,
-        movers=movers,
-    )
-    if margin and 0.0 < (left := margin - shortfall(values)) <= margin:
-        return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
-    model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches obstacles alone
-    model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
-    model.key_qpos[0] = robot.rest
-    states = robot.system.states
-    place = np.array([values.start[POSE.index(name)] if name in POSE else 0.0 for name in states])
-    stance_of(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
-    model.key_qpos[0] = data.qpos
-    with prefixed(f"{path}: "):
-        _check_start(model, data, mask, moving, concave)
-        check_start(values)
+        moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, solids)
+        values = Scene(
+            name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
+            obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
+            robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
+        )  # fmt: skip
+        clearance, body = clearance_at_start(values)
+        if clearance <= 0.0:
+            if (left := margin + clearance) > 0.0:
+                return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
+            raise SceneError(
+                f'at the start ({start[0]:g}, {start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} m), '
+                'and it moves: move site "start", choose another --start, or write another first row'
+            )
+        mask = np.isin(np.arange(model.ngeom), [*solids])
+        model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches these alone
+        model.geom_margin[:] = model.geom_gap[:] = 0  # which the planner does not know
+        model.key_qpos[0] = robot.rest
+        place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
+        Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
+        model.key_qpos[0] = data.qpos
+        _check_start(model, data, mask, concave)
     return Loaded(
-        scene=values,
-        model=model,
-        obstacle_geoms=mask,
-        moving_geoms=moving,
-        robot_geoms=mine,
-        dynamics_name=robot.system.name,
-        states=robot.system.states,
-        command=robot.command,
-        robot=robot.name,
+        scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
+        dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
         meant=meant_system(meant) if task.robot or task.system is not None else robot.system.name,
-        path=path,
-        about=about,
-        margin=margin,
         notes=tuple(note for note in notes if note),
-    )
-
-
-def _posed(model: mujoco.MjModel) -> mujoco.MjData:
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return data
+    )  # fmt: skip
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
     if not spec.option.timestep > 0:
-        raise SceneError(f"{path}: option timestep is {spec.option.timestep:g}; write a positive number [s]")
+        raise SceneError(f"option timestep is {spec.option.timestep:g}; write a positive number [s]")
     robot.tune(spec.option.timestep)
     for name in _FROM_ROBOT:
         setattr(spec.option, name, getattr(robot.spec.option, name))
@@ -203,57 +167,45 @@ def _refuse_actuators(model: mujoco.MjModel, own: int) -> None:
         )
 
 
-def _defaults(spec: mujoco.MjSpec) -> dict[str, float]:
-    """Read the defaults of options in a scene, by their names."""
+def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
+    """What a scene is about, the robot that it is meant for, and its defaults of options by their names."""
+    texts, numerics = ({e.name: e for e in es if not e.name.startswith(MOTION)} for es in (spec.texts, spec.numerics))
+    options = {"pirrht_" + name.replace("-", "_"): name for name in NUMERICS}
+    for kind, elements, known in (("text", texts, ("pirrht_robot", ABOUT)), ("numeric", numerics, options)):
+        for name in elements:
+            if name.startswith("pirrht_") and name not in known:
+                these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
+                raise SceneError(f'custom {kind} "{name}" is no option; those are {these}')
+    about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
+    if (robot or DEFAULT) not in robot_names():
+        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(robot_names())}')
     defaults = {}
-    for numeric in spec.numerics:
-        if not numeric.name.startswith("pirrht_") or numeric.name.startswith(MOTION):
-            continue
-        name, values = numeric.name.removeprefix("pirrht_").replace("_", "-"), list(numeric.data)
-        label = f'custom numeric "{numeric.name}"'
-        if name not in NUMERICS:
-            known = ", ".join("pirrht_" + option.replace("-", "_") for option in NUMERICS)
-            raise SceneError(f"{label} is no option; those are {known}, and {MOTION}BODY is the motion of a body")
+    for name in (name for name in numerics if name in options):
+        label, values = f'custom numeric "{name}"', list(numerics[name].data)
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
         try:
-            NUMERICS[name].check(float(values[0]), label)
+            NUMERICS[options[name]].check(float(values[0]), label)
         except OptionError as error:
             raise SceneError(str(error)) from None
-        defaults[name] = float(values[0])
-    return defaults
-
-
-def _meant_robot(spec: mujoco.MjSpec) -> str:
-    texts = {text.name: str(text.data) for text in spec.texts if text.name.startswith("pirrht_")}
-    robot, known = texts.pop("pirrht_robot", DEFAULT), robot_names()
-    if robot not in known:
-        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(known)}')
-    for name in texts:
-        if name != ABOUT and not name.startswith(MOTION):
-            raise SceneError(f'custom text "{name}" is no option; those are pirrht_robot and {ABOUT}, and {MOTION}BODY')
-    return robot
+        defaults[options[name]] = float(values[0])
+    return about, robot or DEFAULT, defaults
 
 
 def _goal(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Goal:
-    if given is not None:
-        if len(given) != 3:
-            more = ", since a goal has no heading: it is reached in whatever direction" if len(given) > 3 else ""
-            raise SceneError(f"the goal has {counted(len(given), 'number')}; give three: x, y and radius{more}")
-        what, center, radius = "the goal", np.array(given[:2], dtype=float), float(given[2])
-    else:
-        site = site_of(model, "goal")
-        remedy = '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
-        if site < 0:
-            raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
-        kind, tilt = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8])
-        if kind != _GEOM.mjGEOM_SPHERE and (kind != _GEOM.mjGEOM_CYLINDER or tilt < 1 - 1e-6):
-            shape = kind.name.removeprefix("mjGEOM_").lower()
-            raise SceneError(f'site "goal" is no sphere or upright cylinder: {shape}; write {remedy}')
-        what, center, radius = 'site "goal"', data.site_xpos[site, :2].copy(), float(model.site_size[site, 0])
-    if radius > REACH:
-        raise SceneError(f"{what} has a radius of {radius:g}; write at most {REACH:g} m")
-    return Goal(center=center, radius=radius)
+    site, remedy = site_of(model, "goal"), '<site name="goal" type="cylinder" pos="x y 0" size="radius 0.005"/>'
+    if given is None and site < 0:
+        raise SceneError(f'no site "goal"; add {remedy} or give --goal X Y R')
+    if given is None:
+        kind, upright = _GEOM(int(model.site_type[site])), abs(data.site_xmat[site, 8]) >= 1 - 1e-6
+        if kind != _GEOM.mjGEOM_SPHERE and not (kind == _GEOM.mjGEOM_CYLINDER and upright):
+            raise SceneError(f'site "goal" is no sphere or upright cylinder; write {remedy}')
+        given = [*data.site_xpos[site, :2], model.site_size[site, 0]]
+    if len(given) != 3:
+        raise SceneError(f"the goal has {counted(len(given), 'number')}; give x, y and radius, and no heading")
+    if given[2] > REACH:
+        raise SceneError(f"the goal has a radius of {given[2]:g}; write at most {REACH:g} m")
+    return Goal(center=np.array(given[:2], dtype=float), radius=float(given[2]))
 
 
 def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> Array:
@@ -269,21 +221,18 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
     return np.array(place, dtype=float)
 
 
-def _check_start(
-    model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, moving: Mask, concave: Mapping[int, str]
-) -> None:
+def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, concave: Mapping[int, str]) -> None:
     """Refuse a robot that touches an obstacle where it starts."""
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if obstacles[g]]
     if touched:
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
-        body, label = root_name(model, geom), geom_label(model, geom)
-        where = f"at the start ({x:g}, {y:g}) the robot touches "
-        if moving[geom]:
-            more = "" if f'body "{body}"' in label else f' of body "{body}"'
-            raise SceneError(f"{where}{label}{more}, and {MOVES}")
+        label, body = geom_label(model, geom), model.body(model.body_rootid[model.geom_bodyid[geom]]).name
         if geom in concave:
-            label = f"the convex hull of {label} ({concave[geom]}), with which MuJoCo collides: {DECOMPOSE}"
+            label = f"the convex hull of {concave[geom]}, with which MuJoCo collides: {DECOMPOSE}"
         spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
-        raise SceneError(f'{where}{label}; move site "start"{spare}, or choose another --start or a smaller --radius')
+        raise SceneError(
+            f'at the start ({x:g}, {y:g}) the robot touches {label}; move site "start"{spare}, or choose another '
+            "--start or a smaller --radius"
+        )

@@ -1,10 +1,13 @@
-"""Moving obstacles: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`."""
+"""Moving obstacles: mocap bodies whose motions stand in the scene as custom numerics `pirrht_motion_BODY`.
+
+In MuJoCo they move about the vertical through where they stand.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from math import inf, isfinite, remainder, tau
+from math import inf, remainder, tau
 
 import mujoco
 import numpy as np
@@ -14,14 +17,13 @@ from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover, Obstacle, about_vertical
 from pirrht.geometry.scene import Scene
 from sim.mjcf.coordinates import heading_of
+from sim.mjcf.limits import listed, refuse_far
 from sim.mjcf.obstacles import MOTION, Mask
-from sim.mjcf.refusals import listed, refuse_far
 
 NEAR = 1e-6  # by which a first row may miss the place where its body stands [m]
 TURNED = 1e-3  # and its yaw there [rad]: people write pi/2 with four digits
-MOMENTS = 1000  # before a body rests at which its distance from the goal is evaluated
 ROWS = "rows of four numbers: t x y yaw [s, m, m, rad]"
-MOVES = 'it moves: move site "start", choose another --start, or write another first row'
+_ABOUT_VERTICAL = np.array([-1.0, -1.0, 1.0, 1.0])  # k (w, x, y, z) = (-z, -y, x, w)
 
 
 def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
@@ -35,15 +37,12 @@ def read_motions(spec: mujoco.MjSpec) -> dict[str, Motion]:
                 f'custom text "{name}" is "{text}"; write "repeat" for one of the motions here, which are {known}, add '
                 f'<numeric name="{name}" data="0 x y yaw  t x y yaw ..."/>, or remove it: a body stops at its last row'
             )
-    motions = {}
-    for name, data in rows.items():
-        called = name.removeprefix(MOTION)
-        _check_body(spec, f'custom numeric "{name}"', called)
-        motions[called] = _motion(f'custom numeric "{name}"', data, name in texts)
-    return motions
+    return {name.removeprefix(MOTION): _motion(spec, name, data, name in texts) for name, data in rows.items()}
 
 
-def _check_body(spec: mujoco.MjSpec, label: str, called: str) -> None:
+def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion:
+    """The motion that a numeric of that name gives a body, which must be able to move so."""
+    label, called = f'custom numeric "{name}"', name.removeprefix(MOTION)
     body, why = spec.body(called), ""
     if body is None:
         why = "is not there"
@@ -57,11 +56,8 @@ def _check_body(spec: mujoco.MjSpec, label: str, called: str) -> None:
             f'{label} moves body "{called}", which {why}; write <body name="{called}" mocap="true" ...> without joints '
             f"in the worldbody, or name another; bodies that can move are {known}"
         )
-
-
-def _motion(label: str, data: Array, repeat: bool) -> Motion:
-    if data.size == 0 or data.size % 4 or (data.size > 4 and not data.any()):
-        zeros = " that are all 0" if data.size > 4 and not data.any() else ""
+    if data.size % 4 or not (data.any() or data.size == 4):
+        zeros = "" if data.any() else " that are all 0"
         raise SceneError(f"{label} is of {data.size} numbers{zeros}; write {ROWS}")
     try:
         motion = Motion(rows=data.reshape(-1, 4), repeat=repeat)
@@ -87,13 +83,11 @@ def read_movers(
         body = int(model.body(name).id)
         (x, y, z), yaw = data.xpos[body].tolist(), heading_of(data.xquat[body])
         _, x0, y0, yaw0 = motion.rows[0]
-        away = max(abs(x0 - x), abs(y0 - y)) > NEAR
-        if away or abs(remainder(yaw0 - yaw, tau)) > TURNED:
-            stand = f'pos="{x0:g} {y0:g} {z:g}"' if away else f"turn it to yaw {yaw0:.6g} rad"
+        if max(abs(x0 - x), abs(y0 - y)) > NEAR or abs(remainder(yaw0 - yaw, tau)) > TURNED:
             raise SceneError(
                 f'body "{name}" stands at ({x:g}, {y:g}) with yaw {yaw:.6g}, and the first row of "{MOTION}{name}" is '
-                f"({x0:g}, {y0:g}) with yaw {yaw0:.6g}, a jump at the start; let it stand there: {stand}, or begin "
-                f'with "0 {x:g} {y:g} {yaw:.6g}"'
+                f"({x0:g}, {y0:g}) with yaw {yaw0:.6g}, a jump at the start; let it stand there, "
+                f'pos="{x0:g} {y0:g} {z:g}" and turned so, or begin with "0 {x:g} {y:g} {yaw:.6g}"'
             )
         turn = about_vertical(-yaw0)  # into the frame of the body at yaw 0
         mine = tuple(
@@ -110,48 +104,42 @@ def read_movers(
     return tuple(movers)
 
 
-def shortfall(scene: Scene) -> float:
-    """How far moving obstacles reach into the footprint at the start [m]; negative if none does."""
+def clearance_at_start(scene: Scene) -> tuple[float, str]:
+    """Clearance of the footprint from the nearest moving obstacle where the robot starts [m], and the body's name."""
     if not scene.movers:
-        return -inf
-    from pirrht.moving.collision import MovingObstacles
+        return inf, ""
+    from pirrht.moving.collision import MovingObstacles  # FCL is slow to import, and few scenes move
 
-    return -float(MovingObstacles(scene.movers, scene.footprint).clearance(scene.start[:2], 0.0))
-
-
-def check_start(scene: Scene) -> None:
-    """Refuse bodies that are where the robot starts, or sweep across it where their motions start over."""
-    if not scene.movers:
-        return
-    from pirrht.moving.collision import Body, MovingObstacles, jumps  # FCL is slow to import, and few scenes move
-
-    place = scene.start[:2]
-    where = f"the start ({place[0]:g}, {place[1]:g})"
-    for mover in scene.movers:
-        lack = -MovingObstacles([mover], scene.footprint).clearance(place, 0.0)
-        if lack >= 0.0:
-            raise SceneError(f'at {where} the robot touches body "{mover.name}" (by {lack:.3g} m), and {MOVES}')
-        if jumps(mover.motion):
-            (_, *begin, yaw), (seconds, *end, last) = mover.motion.rows[[0, -1]].tolist()
-            back = np.array([[0.0, *end, last], [1.0, *begin, last + remainder(yaw - last, tau)]])
-            jump = Mover(name=mover.name, solids=mover.solids, motion=Motion(rows=back))
-            if Body(jump, scene.footprint).meets(place, 0.0, place, 1.0):
-                raise SceneError(
-                    f'body "{mover.name}" starts over at {seconds:g} s with a jump from ({end[0]:g}, {end[1]:g}) to '
-                    f"({begin[0]:g}, {begin[1]:g}) across {where}; let its last row be its first place, or move site "
-                    '"start"'
-                )
+    crowds = {mover.name: MovingObstacles([mover], scene.footprint) for mover in scene.movers}
+    return min((float(crowd.clearance(scene.start[:2], 0.0)), name) for name, crowd in crowds.items())
 
 
-def goal_blocker(scene: Scene) -> str | None:
-    """Which body rests on the goal point in the end and since when, in words; None if the robot fits there."""
-    from pirrht.moving.collision import MovingObstacles
+class Mocap:
+    """Places the J moving bodies of a model: x, y and yaw by the motion, height and tilt as the file has them."""
 
-    goal = scene.goal.center
-    for mover in scene.movers:
-        crowd, rests = MovingObstacles([mover], scene.footprint), max(mover.motion.last, 0.0)
-        if isfinite(rests) and crowd.clearance(goal, rests) <= 0.0:
-            free = [t for t in np.linspace(0.0, rests, MOMENTS).tolist() if crowd.clearance(goal, t) > 0.0]
-            since = f"from {free[-1]:.2g} s on" if free else "all the time"
-            return f"body {mover.name!r} covers the goal ({goal[0]:g}, {goal[1]:g}) {since}"
-    return None
+    def __init__(self, model: mujoco.MjModel, movers: Sequence[Mover]) -> None:
+        bodies = [int(model.body(mover.name).id) for mover in movers]
+        self._motions = [mover.motion for mover in movers]
+        self._rows = model.body_mocapid[bodies]
+        self._heights = model.body_pos[bodies, 2]
+        yaws = np.array([motion.rows[0, 3] for motion in self._motions])
+        self._upright = _turned(model.body_quat[bodies], -yaws)  # at yaw 0
+
+    def place(self, data: mujoco.MjData, time: float) -> None:
+        """Place the bodies as they are at a time [s]."""
+        poses = np.array([motion.pose_at(time) for motion in self._motions])
+        data.mocap_quat[self._rows] = _turned(self._upright, poses[:, 2])
+        poses[:, 2] = self._heights
+        data.mocap_pos[self._rows] = poses
+
+    def poses(self, times: Array) -> tuple[Array, Array]:
+        """Places (k, J, 3) [m] and quaternions (k, J, 4), w first, at times (k,) [s]."""
+        found = np.stack([motion.pose(times) for motion in self._motions], axis=1)
+        heights = np.broadcast_to(self._heights, found.shape[:2])
+        return np.dstack([found[..., :2], heights]), _turned(self._upright, found[..., 2])
+
+
+def _turned(quaternions: Array, yaws: Array) -> Array:
+    """Quaternions (..., 4), w first, turned about the vertical by yaws (...) [rad]."""
+    half = 0.5 * yaws[..., None]
+    return np.asarray(np.cos(half) * quaternions + np.sin(half) * (_ABOUT_VERTICAL * quaternions[..., ::-1]))

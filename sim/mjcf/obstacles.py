@@ -1,13 +1,8 @@
-"""Obstacles of a compiled MuJoCo model, and how far the workspace reaches.
-
-MuJoCo collides with the hulls of meshes: they take the places of meshes that are not convex, to be seen as well.
-"""
+"""Obstacles of a compiled MuJoCo model, and how far the workspace reaches."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,9 +12,7 @@ from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.scene import Kind, Obstacle
 from sim.mjcf.coordinates import GROUND
-from sim.mjcf.library import compile_spec
-from sim.mjcf.limits import FARTHEST
-from sim.mjcf.refusals import Faults, listed, prefixed, refuse_far
+from sim.mjcf.limits import FARTHEST, Faults, listed, prefixed, refuse_far
 
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]
@@ -33,33 +26,25 @@ _TOUCH = 1e-9  # what only touches the robot's height range, like a slab it stan
 
 def read_obstacles(
     model: mujoco.MjModel, data: mujoco.MjData, robot: Mask, span: tuple[float, float], faults: Faults
-) -> tuple[Mask, tuple[Obstacle, ...]]:
-    """The static geoms that would collide with the robot and reach into its height range `span` [m].
+) -> dict[int, Obstacle]:
+    """The geoms that would collide with the robot and reach into its height range `span` [m], in their order.
 
     Args:
         robot: mask of the robot's geoms, (ngeom,).
         faults: takes moving bodies, flexes, planes that are no floor, height fields, and meshes without volume.
-
-    Returns:
-        The mask of the obstacles' geoms, (ngeom,), and their plain values in the order of the model.
     """
     faults.of(_refuse_turns, model)
     faults.of(_refuse_moving, model, robot)
-    mask = np.zeros(model.ngeom, dtype=bool)
-    obstacles = []
+    found = {}
     offered, accepted = model.geom_contype, model.geom_conaffinity
     match = (offered[:, None] & accepted[robot]) | (offered[robot] & accepted[:, None])
     for geom in np.flatnonzero(~robot & np.any(match != 0, axis=1)).tolist():
-        if model.geom_type[geom] == _GEOM.mjGEOM_PLANE:
-            faults.of(_check_floor, model, data, geom)
-            continue
         obstacle = faults.of(_obstacle, model, data, geom)
         if obstacle is not None:
             low, high = _height_range(obstacle)
             if low < span[1] - _TOUCH and high > span[0] + _TOUCH:
-                mask[geom] = True
-                obstacles.append(obstacle)
-    return mask, tuple(obstacles)
+                found[geom] = obstacle
+    return found
 
 
 def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | None) -> tuple[Array, Array]:
@@ -74,13 +59,13 @@ def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[f
         if model.site_type[site] != _GEOM.mjGEOM_BOX:
             raise SceneError('site "workspace" must be a box; write type="box" and its half sizes')
         return _extent('site "workspace"', data.site_xpos[site], data.site_xmat[site], model.site_size[site])
-    box = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
-    remedy = f"add {box} or give --workspace X0 X1 Y0 Y1"
+    remedy = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
+    remedy = f"add {remedy} or give --workspace X0 X1 Y0 Y1"
     planes = np.flatnonzero((model.geom_type == _GEOM.mjGEOM_PLANE) & _faces_up(data)).tolist()
-    planes = [geom for geom in planes if model.geom(geom).name != f"robot/{GROUND}"]
-    if not planes:
+    floor = next((geom for geom in planes if model.geom(geom).name != f"robot/{GROUND}"), None)
+    if floor is None:
         raise SceneError(f'no site "workspace" and no horizontal floor plane; {remedy}')
-    floor, size = planes[0], model.geom_size[planes[0], :2]
+    size = model.geom_size[floor, :2]
     if not np.all(size > 0):
         raise SceneError(f"{geom_label(model, floor)} is infinite and bounds nothing; give it half sizes or {remedy}")
     return _extent(geom_label(model, floor), data.geom_xpos[floor], data.geom_xmat[floor], np.append(size, 0.0))
@@ -93,23 +78,17 @@ def site_of(model: mujoco.MjModel, name: str) -> int:
 
 def geom_label(model: mujoco.MjModel, geom: int) -> str:
     """How messages call a geom, by its name or by its place."""
-    name = model.geom(geom).name
-    return f'geom "{name}"' if name else f'unnamed geom number {geom} (in body "{root_name(model, geom, own=True)}")'
-
-
-def root_name(model: mujoco.MjModel, geom: int, *, own: bool = False) -> str:
-    """The name of the body of the worldbody that a geom is in, or of its own one."""
-    body = model.geom_bodyid[geom]
-    return str(model.body(body if own else model.body_rootid[body]).name)
+    name, body = model.geom(geom).name, model.body(model.geom_bodyid[geom]).name
+    return f'geom "{name}"' if name else f'unnamed geom number {geom} (in body "{body}")'
 
 
 def _refuse_turns(model: mujoco.MjModel) -> None:
     """Refuse compiled rotations that are none, which would vanish from all checks."""
-    kinds = ("body", model.body_quat, model.body), ("geom", model.geom_quat, model.geom)
-    for kind, turns, element in (*kinds, ("site", model.site_quat, model.site)):
-        wrong = np.flatnonzero(~(np.abs(np.linalg.norm(turns, axis=1) - 1.0) < _UNIT))
+    for kind in ("body", "geom", "site"):
+        norms = np.linalg.norm(getattr(model, f"{kind}_quat"), axis=1)
+        wrong = np.flatnonzero(~(np.abs(norms - 1.0) < _UNIT))
         if len(wrong):
-            name = element(wrong[0]).name
+            name = getattr(model, kind)(wrong[0]).name
             label = f'{kind} "{name}"' if name else f"unnamed {kind} number {wrong[0]}"
             raise SceneError(
                 f"{label} has a rotation that is not finite after compilation; write finite numbers of ordinary size "
@@ -118,13 +97,13 @@ def _refuse_turns(model: mujoco.MjModel) -> None:
 
 
 def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
+    """Refuse what deforms, and bodies with joints, all in one line."""
     if model.nflex:
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, 0)
         raise SceneError(f'flex "{name}" deforms; obstacles must be static: remove it')
     own = set(model.body_rootid[model.geom_bodyid[robot]].tolist())
     joints: dict[int, list[str]] = {}
-    for joint, body in enumerate(model.jnt_bodyid):
-        root = int(model.body_rootid[body])
+    for joint, root in enumerate(model.body_rootid[model.jnt_bodyid].tolist()):
         if root not in own:
             kind = mujoco.mjtJoint(int(model.jnt_type[joint])).name.removeprefix("mjJNT_").lower()
             name = model.joint(joint).name
@@ -138,35 +117,30 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
         )
 
 
-def _check_floor(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> None:
-    if not _faces_up(data)[geom] or data.geom_xpos[geom, 2] > _TOUCH:
-        raise SceneError(f"{geom_label(model, geom)} is a plane, but no horizontal floor at 0; move it, or write a box")
-
-
 def _faces_up(data: mujoco.MjData) -> Mask:
     return np.asarray(data.geom_xmat[:, 8] > 1 - 1e-9)
 
 
-def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle:
+def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle | None:
+    """The plain values of a geom; None for a horizontal floor."""
     label, shape = geom_label(model, geom), _GEOM(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
+    if shape == "plane":
+        if _faces_up(data)[geom] and data.geom_xpos[geom, 2] <= _TOUCH:
+            return None
+        raise SceneError(f"{label} is a plane, but no horizontal floor at 0; move it, or write a box")
     if shape not in {kind.value for kind in Kind}:
         raise SceneError(f"{label} is of type {shape}; remove it or write one of {', '.join(k.value for k in Kind)}")
-    kind = Kind(shape)
     refuse_far(label, data.geom_xpos[geom], model.geom_size[geom])
-    vertices, faces = None, None
-    if kind is Kind.MESH:
+    vertices, faces, size = None, None, np.array(model.geom_size[geom])
+    if shape == Kind.MESH.value:
         with prefixed(f"the mesh of {label} "):
-            vertices, faces = hull_of(mesh_of(model, geom)[0])
+            vertices, faces = _hull_of(mesh_of(model, geom)[0])
         refuse_far(label, vertices)
+        size = np.zeros(3)
     return Obstacle(
-        name=model.geom(geom).name or f"geom{geom}",
-        kind=kind,
-        size=np.zeros(3) if kind is Kind.MESH else np.array(model.geom_size[geom]),
-        position=np.array(data.geom_xpos[geom]),
-        rotation=np.array(data.geom_xmat[geom]).reshape(3, 3),
-        vertices=vertices,
-        faces=faces,
-    )
+        name=model.geom(geom).name or f"geom{geom}", kind=Kind(shape), size=size, vertices=vertices, faces=faces,
+        position=np.array(data.geom_xpos[geom]), rotation=np.array(data.geom_xmat[geom]).reshape(3, 3),
+    )  # fmt: skip
 
 
 def _height_range(obstacle: Obstacle) -> tuple[float, float]:
@@ -201,43 +175,26 @@ def mesh_of(model: mujoco.MjModel, geom: int) -> tuple[Array, Faces]:
     return vertices, model.mesh_face[model.mesh_faceadr[mesh] :][: model.mesh_facenum[mesh]]
 
 
-def hull_of(vertices: Array) -> tuple[Array, Faces]:
+def _hull_of(vertices: Array) -> tuple[Array, Faces]:
     """Corners and faces of the convex hull of points (v, 3); SceneError if they have no volume."""
     import trimesh  # slow to import, and few scenes have meshes
 
     try:
         hull = trimesh.convex.convex_hull(vertices)
     except Exception as error:  # whatever Qhull says of points without volume
-        reason = str(error).split("\n")[0]
-        raise SceneError(f"has no hull ({reason}); give it volume") from None
+        raise SceneError(f"has no hull ({str(error).partition(chr(10))[0]}); give it volume") from None
     return np.array(hull.vertices, dtype=float), np.array(hull.faces, dtype=np.int64)
 
 
-def concave_meshes(model: mujoco.MjModel, meshes: Mapping[int, Obstacle]) -> dict[int, str]:
-    """Both volumes in words, by geom, where a mesh fills less than `CONVEX` of its hull, the obstacle."""
+def concave_meshes(model: mujoco.MjModel, solids: Mapping[int, Obstacle]) -> dict[int, str]:
+    """How messages call meshes, by geom, that fill less than `CONVEX` of their hulls, with which MuJoCo collides."""
     found = {}
-    for geom, hull in meshes.items():
-        mine, whole = _enclosed(*mesh_of(model, geom)), _enclosed(hull.vertices, hull.faces)
-        if mine < CONVEX * whole:
-            found[geom] = f"{whole:.3g} m3, of which the mesh fills {mine:.3g}"
+    for geom, hull in solids.items():
+        if hull.vertices is not None:
+            from trimesh.triangles import mass_properties
+
+            parts = (vertices[faces] for vertices, faces in (mesh_of(model, geom), (hull.vertices, hull.faces)))
+            mine, whole = (abs(float(mass_properties(part, skip_inertia=True).volume)) for part in parts)
+            if mine < CONVEX * whole:
+                found[geom] = f"{geom_label(model, geom)} ({whole:.3g} m3, of which the mesh fills {mine:.3g})"
     return found
-
-
-def use_hulls(spec: mujoco.MjSpec, model: mujoco.MjModel, hulls: Mapping[int, Obstacle], path: Path) -> mujoco.MjModel:
-    """The model with hulls, by geom, in place of meshes; its geoms keep their numbers and places."""
-    geoms = {geom.id: geom for geom in spec.geoms}
-    for number, (geom, hull) in enumerate(hulls.items()):
-        mesh, turn = int(model.geom_dataid[geom]), np.zeros(9)
-        mujoco.mju_quat2Mat(turn, model.mesh_quat[mesh])
-        corners = np.asarray(hull.vertices) @ turn.reshape(3, 3).T + model.mesh_pos[mesh]
-        name = f"hull {number} of {model.mesh(mesh).name}"
-        spec.add_mesh(name=name, uservert=corners.ravel())
-        geoms[geom].meshname = name
-    return compile_spec(spec, path)
-
-
-def _enclosed(vertices: Any, faces: Any) -> float:
-    """The volume [m^3] that faces enclose, seen from their middle."""
-    from trimesh.triangles import mass_properties
-
-    return float(abs(mass_properties((vertices - vertices.mean(axis=0))[faces], skip_inertia=True).volume))

@@ -10,6 +10,7 @@ is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,19 +18,19 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
+from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
-from sim.mjcf.coordinates import GROUND, rolls, turn_to
-from sim.mjcf.forces import check_actuators
+from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
 from sim.mjcf.library import compile_spec, find, parse
+from sim.mjcf.limits import prefixed
 from sim.mjcf.obstacles import mesh_of
-from sim.mjcf.refusals import prefixed
-from sim.systems import System, named, names
+from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
 from sim.text import counted
 
 _GEOM, _JOINT = mujoco.mjtGeom, mujoco.mjtJoint
 _SINKAGE = 0.002  # of a robot at rest: height [m], and 1 - cosine of half the tilt
 _SETTLING = 2.0  # time in which a robot on wheels comes to rest [s]
+_INNER = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -70,34 +71,25 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
     spec = parse(path)
     with prefixed(f"{path}: "):
         body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
-        if body is None:
-            raise SceneError('no body "robot" in the worldbody; give the robot\'s root body that name')
-        foot = next((g for g in body.geoms if g.name == "footprint"), None)
-        if foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-            raise SceneError('body "robot" needs a sphere geom "footprint", as which it plans')
+        foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
+        if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
+            raise SceneError('no body "robot" in the worldbody with a sphere geom "footprint", as it plans; write them')
         moved = _named_system(spec) if system is None else system
         if radius is not None:
             _resize(spec, body, foot, radius)
         if margin > 0.0:
             _widen(body, foot, margin)
-    model = compile_spec(spec, path)
-    with prefixed(f"{path}: "):
-        root = model.body("robot")
-        at_origin = np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0])
-        (_check_wheels if rolls(model) else _check_joints)(model, moved, at_origin)
-        if system is None:  # another system may do without MuJoCo; `check_motion` sees to it where it does not
-            check_actuators(model, moved)
+        model = compile_spec(spec, path)
+        _check_joints(model, moved)
+        command = _command(spec, int(model.nu), moved.twists if system is None else None)
+        # Another system may do without MuJoCo; `check_motion` sees to it where it does not.
+        if system is None and (wrong := _wrong_actuator(model, moved.states, moved.name)):
+            raise SceneError(wrong)
         return Robot(
-            name=path.stem,
-            spec=spec,
-            system=moved,
-            reach=_checked_reach(model),
-            command=_command(spec, int(model.nu), moved.twists if system is None else None),
-            radius=float(model.geom("footprint").size[0]),
-            height=float(model.geom("footprint").pos[2]),
-            rest=_rest(model),
+            name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
+            radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
             rolling=rolls(model),
-        )
+        )  # fmt: skip
 
 
 def meant_system(which: str) -> str:
@@ -112,18 +104,16 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
 
     Actuators that several controls share bound none of them.
     """
-    x, still = np.zeros(dynamics.n), np.zeros(dynamics.m)
+    x = np.zeros(dynamics.n)
     per_control = np.eye(dynamics.m) if dynamics.input_form else dynamics.G_c(x).T
-    rates = dynamics.idle(x) + np.vstack([still, per_control])
+    rates = dynamics.idle(x) + np.vstack([np.zeros(dynamics.m), per_control])
     still, *moved = (command @ dynamics.twist(x, rate) for rate in rates)
     slopes = np.column_stack(moved) - still[:, None]
     low, high = np.full(dynamics.m, -np.inf), np.full(dynamics.m, np.inf)
-    for i in np.flatnonzero(model.actuator_ctrllimited):
-        owners = np.flatnonzero(slopes[i])
-        if len(owners) == 1:
-            j = owners[0]
-            ends = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
-            low[j], high[j] = max(low[j], ends[0]), min(high[j], ends[1])
+    for i in np.flatnonzero(model.actuator_ctrllimited & (np.count_nonzero(slopes, axis=1) == 1)):
+        j = np.flatnonzero(slopes[i])[0]
+        least, most = np.sort((model.actuator_ctrlrange[i] - still[i]) / slopes[i, j])
+        low[j], high[j] = max(low[j], least), min(high[j], most)
     return low, high
 
 
@@ -144,8 +134,7 @@ def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, rad
 def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
     """Plans keep a distance [m]; where the footprint was what collides, a ball of its size inside it is now."""
     if foot.contype or foot.conaffinity:
-        kept = ("type", "size", "pos", "group", "rgba", "contype", "conaffinity", "mass", "density")
-        body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in kept})
+        body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in _INNER})
         foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
     foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
 
@@ -161,48 +150,42 @@ def _named_system(spec: mujoco.MjSpec) -> System:
 
 def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     """The robot's command matrix (nu, k), of as many columns as a twist has numbers, if that is known."""
-    data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), None)
-    if twists is None:
-        twists = max(2, data.size // nu) if data is not None and nu else 2
-    if data is None or nu == 0 or data.size != twists * nu:
-        found = "missing" if data is None else f"of {counted(data.size, 'number')}"
+    data = next((np.array(list(n.data)) for n in spec.numerics if n.name == "pirrht_command"), np.empty(0))
+    twists = twists or max(2, data.size // max(nu, 1))
+    if nu == 0 or data.size != twists * nu:
+        found = f"of {counted(data.size, 'number')}" if data.size else "missing"
         raise SceneError(
-            f'custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the ({nu}, {twists}) '
-            f"matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
+            f'custom numeric "pirrht_command" is {found}; write {twists * nu} numbers, row by row the '
+            f"({nu}, {twists}) matrix M of ctrl = M @ (twist of the dynamics) for the robot's {nu} actuators"
         )
     return data.reshape(nu, twists)
 
 
-def _check_joints(model: mujoco.MjModel, system: System, at_origin: bool) -> None:
-    count = len(system.joints)
-    types = [_JOINT.mjJNT_HINGE if name == "heading" else _JOINT.mjJNT_SLIDE for name in system.joints]
-    good = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0) and at_origin
-    if not (good and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])):
-        raise SceneError(
-            'body "robot" must stand at the origin and have these joints, without ref, for the states '
-            f"({', '.join(system.states)}) of {system.name}: slide along x, slide along y"
-            + (", hinge about z; or a free joint and wheels" if count == 3 else "")
-        )
-
-
-def _check_wheels(model: mujoco.MjModel, system: System, at_origin: bool) -> None:
-    if len(system.joints) != 3:
-        raise SceneError(
-            f'a robot with a free joint has a heading, and {system.name} has none: it moves as a "unicycle"; name that '
-            "as its dynamics"
-        )
-    if int(model.jnt_bodyid[0]) != model.body("robot").id or not at_origin:
-        raise SceneError('body "robot" must stand at the origin and have the free joint itself')
+def _check_joints(model: mujoco.MjModel, system: System) -> None:
+    """Refuse a robot that does not stand at the origin, or moves by other joints than states of a system say."""
+    root, count, wheeled = model.body("robot"), len(system.joints), rolls(model)
+    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:count]
+    jointed = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
     plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
-    if not plane or model.geom_contype[ground] or model.geom_conaffinity[ground]:
-        raise SceneError(
-            f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
-            "which wheels meet in contact pairs"
-        )
-    driven = model.jnt_type[model.actuator_trnid[:, 0]]
-    if np.any(model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT) or np.any(driven != _JOINT.mjJNT_HINGE):
-        raise SceneError("every actuator of a robot on wheels must drive a hinge joint")
+    hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    for good, wanted in (
+        (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0]), 'body "robot" must stand at the origin'),
+        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])),
+         f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
+         f"{system.name}: slide along x, slide along y"
+         + (", hinge about z; or a free joint and wheels" if count == 3 else "")),
+        (not wheeled or count == 3,
+         f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'),
+        (not wheeled or int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
+        (not wheeled or (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground])),
+         f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
+         "which wheels meet in contact pairs"),
+        (not wheeled or np.all((model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & hinged),
+         "every actuator of a robot on wheels must drive a hinge joint"),
+    ):  # fmt: skip
+        if not good:
+            raise SceneError(wanted)
 
 
 def _rest(model: mujoco.MjModel) -> Array:
@@ -223,8 +206,7 @@ def _rest(model: mujoco.MjModel) -> Array:
 
 def _checked_reach(model: mujoco.MjModel) -> float:
     """Distance from the footprint's centre to the farthest point of what collides, which lies inside it [m]."""
-    foot = int(model.geom("footprint").id)
-    data = mujoco.MjData(model)
+    foot, data = int(model.geom("footprint").id), mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     centre, radius = data.geom_xpos[foot], float(model.geom_size[foot, 0])
     if np.any(np.abs(centre[:2]) > 1e-9):
@@ -232,14 +214,13 @@ def _checked_reach(model: mujoco.MjModel) -> float:
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0)).tolist()
     if not solid:
         raise SceneError('no geom collides; give "footprint" or another geom contype="1"')
-    reaches = {geom: _reach(model, data, geom, centre) for geom in solid}
-    for geom, reach in reaches.items():
-        if reach > radius + 1e-9:
-            raise SceneError(
-                f'geom "{model.geom(geom).name}" reaches {reach:.4g} m off the "footprint" centre, beyond its radius '
-                f"{radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
-            )
-    return max(reaches.values())
+    reach, farthest = max((_reach(model, data, geom, centre), geom) for geom in solid)
+    if reach > radius + 1e-9:
+        raise SceneError(
+            f'geom "{model.geom(farthest).name}" reaches {reach:.4g} m off the "footprint" centre, beyond its radius '
+            f"{radius:g}; choose a --radius of at least {np.ceil(reach * 1e3) / 1e3:g}"
+        )
+    return reach
 
 
 def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array) -> float:
@@ -249,10 +230,76 @@ def _reach(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array)
     if kind == _GEOM.mjGEOM_MESH:
         return float(np.linalg.norm(mesh_of(model, geom)[0] - offset, axis=1).max())
     x, y, z = offset = np.abs(offset)
-    if kind == _GEOM.mjGEOM_BOX:
-        return float(np.linalg.norm(offset + size))
     if kind == _GEOM.mjGEOM_CYLINDER:
         return float(np.hypot(np.hypot(x, y) + size[0], z + size[1]))
-    if kind == _GEOM.mjGEOM_CAPSULE:
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE):  # a sphere has the half length 0
         return float(np.hypot(np.hypot(x, y), z + size[1]) + size[0])
-    return float(np.linalg.norm(offset) + size.max())
+    return float(np.linalg.norm(offset + size))
+
+
+def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -> str:
+    """What is wrong with actuators: servos where velocity is state, or motors where it is not; empty if nothing is."""
+    motors = (  # whose force is their command times a constant, at once
+        (model.actuator_gaintype == mujoco.mjtGain.mjGAIN_FIXED)
+        & (model.actuator_biastype == mujoco.mjtBias.mjBIAS_NONE)
+        & (model.actuator_dyntype == mujoco.mjtDyn.mjDYN_NONE)
+    )
+    forced = bool({*VELOCITIES, *SPEED} & set(states))
+    enough = motors.any() if "speed" in states else motors.all()  # of what has a speed, other actuators may steer
+    if enough if forced else not enough or set(states) - set(POSE):
+        return ""
+    name = model.actuator(int(np.argmax(motors != forced))).name
+    is_now, moved_by, other = ("no motor", "forces", "velocities") if forced else ("a motor", "velocities", "forces")
+    write = '<motor joint="..."/>, or site="..."' if forced else '<velocity joint="..." kv="..."/>'
+    return (
+        f'actuator "{name}" is {is_now}, and {system} is commanded {moved_by}; write {write}, or choose dynamics that '
+        f"are commanded {other}"
+    )
+
+
+def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command: Array) -> None:
+    """Refuse states that the robot of a joined model does not have, and velocities that do not change as they must.
+
+    Args:
+        system: what errors call the dynamics.
+        command: (nu, k) M of ctrl = M @ twist.
+    """
+    able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
+    has = POSE if rolls(model) else (*POSE[: model.nq], *able)
+    if missing := [name for name in dynamics.states if name not in has]:
+        raise OptionError(
+            f"in MuJoCo this robot has no {missing[0]}, which is a state of {system}; states that it can have are "
+            f"{', '.join((*POSE, *able))}: drive it with --plant sde"
+        )
+    if wrong := _wrong_actuator(model, dynamics.states, system):
+        raise OptionError(f"{wrong}; a robot file of your own is --robot FILE.xml, and --plant sde needs none")
+    x = dynamics.state_of(np.array([*model.key_qpos[0, :2], 0.0]))
+    if command.shape[1] != (twists := len(dynamics.twist(x, dynamics.idle(x)))):
+        raise OptionError(
+            f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
+            "numbers: give it a column for each, or `twist` a number for each"
+        )
+    names = [name for name in dynamics.states if name in (*VELOCITIES, *SPEED)]
+    if rolls(model) or not names:
+        return
+    # A step of MuJoCo from 1 m/s must be one of the equation. It turns by h: off by half of h^2, the speed is not kept.
+    x[[dynamics.states.index(name) for name in names]] = 1.0
+    names += ["heading"] if "speed" in names else []
+    kept = [dynamics.states.index(name) for name in names]
+    h, still, stance = model.opt.timestep, np.zeros(dynamics.m), Stance(model, dynamics.states)
+    for u in np.vstack([still, np.eye(dynamics.m)]) / max(1.0, float(np.abs(dynamics.G_c(x)).max())):
+        ctrl = command.dot(dynamics.twist(x, dynamics.rate(x, u, still, h)))
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        stance.place(data, x, np.zeros(2), ctrl)
+        data.ctrl[:] = ctrl
+        mujoco.mj_step(model, data)
+        made, meant = ((after - x)[kept] / h for after in (stance.read(data, x), dynamics.step(x, u, still, h)))
+        if not np.allclose(made, meant, rtol=0.0, atol=0.1 * h):
+            texts = ["(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")" for numbers in (u, made, meant)]
+            raise OptionError(
+                f"at 1 m/s, under the control {texts[0]} of a {system}, the robot's {', '.join(names)} change by "
+                f"{texts[1]} per second instead of {texts[2]}: make pirrht_command its mass over the gears of its "
+                "motors, leave out damping, friction, gravity and narrow ctrlranges along its slides, or name a "
+                "--system whose drift has them; half of the sideways acceleration keeps the speed in turns"
+            )

@@ -1,42 +1,132 @@
-"""Runs that somebody interferes with, in real time or step by step: the plant, and the loop around it.
+"""Runs that somebody interferes with, in real time or step by step: the plant, the policy, and the loop around them.
 
-Events take place at the beginning of a control period, pushes at every step.
+Events take place at the beginning of a control period, pushes at every step. Plans for a changed world are made in the
+background, and take over.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from typing import NamedTuple
+from math import inf
+from operator import attrgetter
+from typing import Any, NamedTuple, cast
 
+import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.control.plan import Plan
+from pirrht.control.policy import Policy
 from pirrht.control.settings import TREELESS
-from pirrht.errors import OptionError
-from sim.drive.executor import Executor
+from pirrht.errors import OptionError, PirrhtError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.scene import Goal
+from sim.drive.executor import Advance, Control, Executor
 from sim.drive.metrics import Frame
-from sim.drive.plant import Advance, Control
 from sim.mjcf.coordinates import rolls
 from sim.mjcf.edits import PREFIX
-from sim.play.driver import Built, Live
-from sim.play.events import GOAL, Event, Move, Noise, Push
-from sim.play.world import World, loose_bodies
-from sim.scenario import Scenario
+from sim.play.events import GOAL, Event, Move, Push
+from sim.scenario import Driver, Scenario
 
 ROBOT = "robot/robot"  # body of every robot
-SEEN = 1.0 / 60.0  # how often somebody who watches is shown where everything is [s]
 LATENCY = 0.3  # simulated time after which a changed world is waited for, where no clock runs [s]
+FULLER = 2  # times as many vertices there is space for in a tree that grows on
+SHOWN = mujoco.mjtState.mjSTATE_INTEGRATION  # part of MuJoCo's state that a picture needs, and more
 
 
-class Snapshot(NamedTuple):
-    """State of everything, for somebody who watches from another thread."""
+def loose_bodies(model: mujoco.MjModel) -> dict[str, int]:
+    """Return bodies that can be placed, the one that shows the goal included, by the names under which they are."""
+    bodies = np.flatnonzero(model.body_mocapid >= 0).tolist()
+    return {(model.body(body).name or f"body{body}").removeprefix(PREFIX): body for body in bodies}
 
-    time: float  # of the run [s]
-    qpos: Array  # (nq,)
-    mocap: Array  # (nmocap, 3) [m]
-    turns: Array  # (nmocap, 4)
+
+class World(NamedTuple):
+    """A scenario that may have been changed since it was loaded, and who drives there."""
+
+    scenario: Scenario  # with the scene as it is now
+    driver: Driver  # until plans for this scene are made, that of an earlier one, as is the free space
+
+
+def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> World:
+    """Plan a scenario that was loaded loose, before anything is changed."""
+    tree = None if scenario.settings.method in TREELESS else scenario.grown_tree(progress)
+    return World(scenario, scenario.driver(tree))
+
+
+def build(world: World, before: World) -> World:
+    """Grow a tree and make a controller; free space and tree are those of before where only the noise has changed.
+
+    Raises:
+        SceneError, OptionError: nothing can be planned there.
+    """
+    tree, space = before.driver.tree, before.scenario.space
+    if changed := world.scenario.loaded is not before.scenario.loaded:
+        space = FreeSpace.of(world.scenario.loaded.scene)
+    scenario = replace(world.scenario, space=space)
+    if changed and tree is not None:
+        tree = scenario.with_settings(tree=None).grown_tree()
+        tree.reserve(FULLER * tree.size)
+    return World(scenario, scenario.driver(tree))
+
+
+class Live(Policy):
+    """The policy that decides now; the newest world that was requested is built, one at a time, and takes over.
+
+    Args:
+        tell: takes a line on what could not be planned.
+        latency: simulated time after a request at which its world is waited for, so that it takes over at a time that
+            does not depend on the machine [s]; None: it takes over when it is ready.
+    """
+
+    tree, run, path_integral, homology = (
+        cast(Any, property(attrgetter(f"built.driver.{name}"))) for name in ("tree", "run", "path_integral", "homology")
+    )
+
+    def __init__(self, built: World, tell: Callable[[str], object], latency: float | None) -> None:
+        self.built, self._tell, self._latency = built, tell, latency
+        self.pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
+        self._requested: tuple[float, Future[World]] | None = None  # at which time of the run [s]
+
+    def request(self, world: World, at: float) -> None:
+        """Request a world at a time of the run [s], in place of what was requested before."""
+        if self._requested is not None:
+            self._requested[1].cancel()
+        self._requested = at, self.pool.submit(build, world, self.built)
+
+    def begin(self, x: Array, time: float = 0.0) -> None:
+        """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
+        self.built.driver.begin(x, time)
+
+    def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
+        """Decide at state x (n,), in a new world if one is ready and has a path to the goal from there."""
+        now = self.run.time
+        try:
+            if (ready := self.ready(now)) is not None:
+                ready.driver.begin(x, now)
+                plan = ready.driver.plan(x, left)
+                self.built = ready
+                return plan
+        except PirrhtError as error:
+            self._tell(f"{error}; the drive goes on as planned before")
+        return self.built.driver.plan(x, left)
+
+    def ready(self, now: float) -> World | None:
+        """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait.
+
+        Raises:
+            SceneError, OptionError: nothing can be planned there.
+        """
+        if self._requested is None:
+            return None
+        at, future = self._requested
+        if now < inf and not (future.done() if self._latency is None else now >= at + self._latency - 1e-9):
+            return None
+        self._requested = None
+        return future.result()
 
 
 class InteractivePlant(Executor):
@@ -44,6 +134,9 @@ class InteractivePlant(Executor):
 
     Args:
         tell: takes a line on what was done, and on what was refused.
+
+    Attributes:
+        snapshot: what MuJoCo knows under `SHOWN`, for somebody who watches from another thread.
     """
 
     def __init__(self, world: World, live: Live, tell: Callable[[str], object]) -> None:
@@ -52,42 +145,32 @@ class InteractivePlant(Executor):
         self.asked = deque[Event]()  # events of now, from another thread
         self.done: list[Event] = []
         self._push: Push | None = None
-        scenario, model = world.scenario, world.scenario.loaded.model
+        scenario, model, scene = world.scenario, world.scenario.loaded.model, world.scenario.loaded.scene
         self._robot = int(model.body(ROBOT).id)
-        self.rows = {name: int(model.body_mocapid[body]) for name, body in loose_bodies(model).items()}
-        self.rows[GOAL] = int(model.body_mocapid[model.body(PREFIX + GOAL).id])
-        model.geom_size[model.geom(PREFIX + GOAL).id, 0] = world.scene.goal.radius
+        own = {mover.name for mover in scene.movers}  # those go where their motions say
+        bodies = {name: body for name, body in loose_bodies(model).items() if name not in own}
+        self.rows = {name: int(model.body_mocapid[body]) for name, body in bodies.items()}
+        self._home = model.key_mpos[0].reshape(-1, 3)  # where a reset puts bodies [m]
+        self._home[self.rows[GOAL], :2] = scene.goal.center
+        model.geom_size[model.geom(PREFIX + GOAL).id, 0] = scene.goal.radius
         model.site_rgba[[i for i in range(model.nsite) if model.site(i).name == "goal"], 3] = 0.0
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
         servos = bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
         self._carried = servos and not rolls(model)
+        self.snapshot = np.zeros(mujoco.mj_stateSize(model, SHOWN))
         super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Start at a state (n,) at a time [s]; whatever has been moved stays there."""
         super().reset(state, time)
         self._push = None
-        for name, place in self.world.places.items():
-            self.data.mocap_pos[self.rows[name], :2] = place
-        self.snapshot = self._seen()
+        self._show()
 
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision; see `Plant.advance`."""
-        begun = self.time
-        if begun > 0.0:  # before, a run in real time only tries everything once
+        if self.time > 0.0:  # before, a run in real time only tries everything once
             self.take_note()
-
-        def disturbed(x: Array, s: float) -> Array:
-            u = control_at(x, s)
-            self._lean(begun + s)
-            if begun + s >= self.snapshot.time + SEEN:
-                self.snapshot = self._seen()
-            return u
-
-        advance = super().advance(disturbed, rng)
-        self.data.xfrc_applied[self._robot] = 0.0
-        self.snapshot = self._seen()
-        return advance
+        return super().advance(control_at, rng)
 
     def take_note(self) -> None:
         """Let whatever is due take place."""
@@ -105,35 +188,60 @@ class InteractivePlant(Executor):
                 return
         else:
             try:
-                self._change(event)
-            except OptionError as error:
-                self._tell(str(error))
+                scenario = self.world.scenario
+                scenario = self._moved(event) if isinstance(event, Move) else scenario.with_settings(noise=event.noise)
+            except PirrhtError as error:
+                self._tell(f"{event}: {error}")
                 return
+            self.world = World(scenario, self.world.driver)
+            self.enter(scenario.problem)
+            self._live.request(self.world, self.time)
         self.done.append(event)
         self._tell(f"{event} at {self.time:.2f} s")
 
-    def _change(self, event: Move | Noise) -> None:
-        built = self._live.built.world
-        world = built if built.scene is self.world.scene else self.world
-        self.world = world.moved(event, self.state) if isinstance(event, Move) else world.shaken(event)
-        self.enter(self.world.scenario.problem)
-        if isinstance(event, Move):
-            self.data.mocap_pos[self.rows[event.what], :2] = self.world.places[event.what]
-        self._live.request(self.world, self.time)
+    def _moved(self, event: Move) -> Scenario:
+        """Put a body elsewhere, and return the scenario then; SceneError or OptionError if that cannot be."""
+        if (row := self.rows.get(event.what)) is None:
+            raise OptionError(f'there is no "{event.what}" that could be moved; there are {", ".join(self.rows)}')
+        x, s, states = self.state, self.world.scenario, self.world.scenario.system.states
+        shift = np.array([*event.to, 0.0])
+        if not event.relative:
+            shift[:2] -= self.data.mocap_pos[row, :2]
+        heading = float(x[states.index("heading")]) if "heading" in states else 0.0
+        start = np.array([x[0], x[1], (heading + np.pi) % (2 * np.pi) - np.pi])
+        scene, loaded = replace(s.loaded.scene, start=start), s.loaded
+        if event.what == GOAL:
+            scene = replace(scene, goal=Goal(center=scene.goal.center + shift[:2], radius=scene.goal.radius))
+        else:
+            bodies = self._model.body_rootid[self._model.geom_bodyid[loaded.obstacle_geoms & ~loaded.moving_geoms]]
+            pairs = zip(scene.obstacles, self._model.body_mocapid[bodies] == row, strict=True)
+            obstacles = (replace(o, position=o.position + shift) if is_it else o for o, is_it in pairs)
+            scene = replace(scene, obstacles=tuple(obstacles))
+        clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
+        for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
+            if clearance <= 0.0:
+                raise OptionError(f"that is on top of {place}, or too close; it stays where it was")
+        scenario = replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
+        self.data.mocap_pos[row] += shift
+        self._home[row] = self.data.mocap_pos[row]
+        return scenario
 
-    def _lean(self, now: float) -> None:
-        """Push, if somebody does at this time [s]."""
-        force, push = self.data.xfrc_applied[self._robot], self._push
-        if push is None:
-            return
-        if now >= push.at + push.lasts - 1e-9:
-            force[:], self._push = 0.0, None
-            return
-        over = self.physics_step if self._carried else max(push.lasts, self.physics_step)
-        force[:2] = self._model.body_subtreemass[self._robot] / over * np.array(push.speed)
+    def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
+        """Make one step, under a push if somebody pushes."""
+        force, push, mass = self.data.xfrc_applied[self._robot], self._push, self._model.body_subtreemass[self._robot]
+        force[:] = 0.0
+        if push is not None and self.time - step >= push.at + push.lasts - 1e-9:
+            self._push = push = None
+        if push is not None:
+            force[:2] = mass / (step if self._carried else max(push.lasts, step)) * np.array(push.speed)
+        x = super()._move(x, u, dw, step)
+        self._show()
+        return x
 
-    def _seen(self) -> Snapshot:
-        return Snapshot(self.time, *(v.copy() for v in (self.data.qpos, self.data.mocap_pos, self.data.mocap_quat)))
+    def _show(self) -> None:
+        snapshot = np.empty_like(self.snapshot)
+        mujoco.mj_getState(self._model, self.data, snapshot, SHOWN)
+        self.snapshot = snapshot
 
 
 class Play:
@@ -148,12 +256,12 @@ class Play:
     """
 
     def __init__(
-        self, scenario: Scenario, built: Built, *, script: Iterable[Event] = (), real_time: bool,
+        self, scenario: Scenario, built: World, *, script: Iterable[Event] = (), real_time: bool,
         tell: Callable[[str], object] = lambda line: None,
     ) -> None:  # fmt: skip
         self.scenario = scenario.with_settings(real_time=real_time)
         self.live = Live(built, tell, None if real_time else LATENCY)
-        self.plant = InteractivePlant(built.world, self.live, tell)
+        self.plant = InteractivePlant(built, self.live, tell)
         self.plant.script.extend(script)
         self._rng = scenario.plant_rng()
 
@@ -176,15 +284,9 @@ class Play:
         start = self.scenario.start if home else self.plant.state
         self.plant.reset(start, self.plant.time)
         self.plant.take_note()
-        self.live.catch_up()
+        self.live.built = self.live.ready(inf) or self.live.built
         return start
 
     def close(self) -> None:
-        """Stop what plans in the background."""
-        self.live.close()
-
-
-def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> Built:
-    """Plan a scenario that was loaded loose, before anything is changed."""
-    tree = None if scenario.settings.method in TREELESS else scenario.grown_tree(progress)
-    return Built(world=World.of(scenario), tree=tree, driver=scenario.driver(tree))
+        """Let what plans in the background end, and nothing more begin."""
+        self.live.pool.shutdown(wait=True, cancel_futures=True)

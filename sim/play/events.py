@@ -6,7 +6,6 @@ A script is a list of steps, each at a time of the run, as in FORM.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,10 +15,13 @@ from pirrht.errors import OptionError, one_line
 from sim.files import why_unreadable
 
 GOAL = "goal"  # the name under which the goal's disc is moved
-FASTEST, FARTHEST, LATEST = 20.0, 1e4, 1e5  # of a push [m/s], a place [m], a time [s]
 LARGEST = 1 << 20  # bytes of a script
 FORM = '[{"at": 0.5, "push": [0, 0.4], "for": 0.3}, {"at": 1, "move": "goal", "to": [5, 3]}, {"at": 2, "noise": 0.3}]'
 _KEYS = {"push": {"at", "push", "for"}, "move": {"at", "move", "to", "by"}, "noise": {"at", "noise"}}
+_NUMBERS = {  # keys of a step: how many numbers, from and to [s], [m/s], [m]
+    "at": (1, 0.0, 1e5), "for": (1, 1e-3, 1e5), "push": (2, -20.0, 20.0), "to": (2, -1e4, 1e4), "by": (2, -1e4, 1e4),
+    "noise": (1, 1e-6, 1e3),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,27 +91,19 @@ def _event(where: str, step: Any) -> Event:
     for name in sorted(set(step) - keys):
         raise OptionError(f'{where} has "{name}"; a {kind} has {", ".join(sorted(keys))}')
 
-    def refuse(name: str, value: Any, what: str) -> OptionError:
-        return OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be {what}')
-
-    def number(name: str, value: Any, low: float, high: float) -> float:
-        known = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-        if not (known and low <= value <= high):
-            raise refuse(name, value, f"a number from {low:g} to {high:g}")
-        return float(value)
-
-    def pair(name: str, most: float) -> tuple[float, float]:
-        value = step[name]
-        if not isinstance(value, list) or len(value) != 2:
-            raise refuse(name, value, "two numbers [x, y]")
-        return number(name, value[0], -most, most), number(name, value[1], -most, most)
-
-    at = number("at", step.get("at"), 0.0, LATEST)
-    if kind == "push":
-        return Push(at=at, speed=pair("push", FASTEST), lasts=number("for", step.get("for", 0.2), 1e-3, LATEST))
+    values: dict[str, Any] = {}
+    for name in {"at", *step} & _NUMBERS.keys():
+        (count, low, high), value = _NUMBERS[name], step.get(name)
+        found = value if count > 1 and isinstance(value, list) else [value]
+        if len(found) != count or not all(type(one) in (int, float) and low <= one <= high for one in found):
+            required = f"{'a number' if count == 1 else 'two numbers [x, y]'} from {low:g} to {high:g}"
+            raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be {required}')
+        values[name] = float(value) if count == 1 else tuple(map(float, found))
     if kind == "noise":
-        return Noise(at=at, noise=number("noise", step["noise"], 1e-6, 1e3))
-    given = [key for key in ("to", "by") if key in step]
-    if len(given) != 1 or not isinstance(step["move"], str):
+        return Noise(**values)
+    if kind == "push":
+        return Push(at=values["at"], speed=values["push"], lasts=values.get("for", 0.2))
+    if len(step.keys() & {"to", "by"}) != 1 or not isinstance(step["move"], str):
         raise OptionError(f'{where}: a move names what is moved, and has either "to": [x, y] or "by": [x, y]')
-    return Move(at=at, what=step["move"], to=pair(given[0], FARTHEST), relative=given[0] == "by")
+    to = values.get("to") or values["by"]
+    return Move(at=values["at"], what=step["move"], to=to, relative="by" in step)

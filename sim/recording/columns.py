@@ -1,20 +1,24 @@
 """Columns of every control step: one table from which recordings are written, exported and explained.
 
-A row is a column of the table that `pirrht export` makes: its value of a step, and the component at `/steps` of a
-recording that holds it. To keep one more number of every step is to add one row here.
+A row is a column of the table that `pirrht export` makes: its values of a step, and the component at `/steps` of a
+recording that holds them. To keep one more number of every step is to add one row here.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from sim.recording.step_row import Row
+import numpy as np
 
-Values = Callable[["Row"], Iterable[Any]]
+if TYPE_CHECKING:
+    from sim.drive.episode import Frame
+    from sim.drive.metrics import Truth
+
+Values = Callable[["Frame", "Truth | None"], Iterable[Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +30,6 @@ class Column:
     text: str
     values: Values | None = None  # of a step, none where it has none; None: it follows from something else
     component: str = ""  # that holds them; by default the name up to K or ID
-    at: int = 0  # place of the first value that belongs here
     kind: type[float] | type[int] | type[str] = float
     optional: bool = False  # whether the column is left out where no step has a value
 
@@ -34,121 +37,136 @@ class Column:
         object.__setattr__(self, "component", self.component or re.split("_K|:ID", self.name)[0])
 
     @property
-    def many(self) -> bool:
-        """Return whether it stands for one column per number K."""
-        return self.name.endswith("_K")
-
-    @property
     def by_class(self) -> bool:
         """Return whether it stands for one column per class."""
         return self.name.endswith(":ID")
 
-    def describes(self, name: str) -> bool:
-        """Return whether a column of the table is of this kind."""
-        return re.fullmatch(self.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name) is not None
+    def places(self, states: Sequence[str], width: int) -> dict[str, int]:
+        """Return the names of its columns, and the place of each among values that are `width` at most.
+
+        Args:
+            states: names of the states (n,) of the system, which columns of the state go by.
+        """
+        if self.component not in ("state", "end"):
+            many = {self.name.replace("K", str(k + 1)): k for k in range(width)}
+            return many if self.name.endswith("_K") else {self.name: 0} if width or not self.optional else {}
+        bare = self.name.removeprefix("end_")
+        mine = [i for i, name in enumerate(states) if (name if name in STATES else "state_K") == bare]
+        return {self.name.replace("K", str(i + 1)): i for i in mine}
 
 
-def _end(r: Row) -> Iterable[float]:
-    """Return the last state of the run; other steps end where the next one begins."""
-    return r.states[-1] if r.outcome is not None and len(r.states) else ()
+def _estimated(name: str) -> Values:
+    """Take an attribute of the estimate; a value that is known without samples has no error."""
+
+    def values(frame: Frame, _: Truth | None) -> Iterable[Any]:
+        exact, many = frame.plan.exact, frame.advance.noise.shape[1] if name == "control_error" else 1
+        if frame.plan.estimate is not None:
+            return np.atleast_1d(getattr(frame.plan.estimate, name))
+        return [inf if exact is None else exact * (name == "value")] * many
+
+    return values
+
+
+def _by_class(name: str) -> Values:
+    return lambda f, _: getattr(f.plan.estimate, name).values() if f.plan.estimate else ()
 
 
 CONTROL = "m/s, m/s^2 or 1"
-WHERE = (  # entries of the state, at the start of a step and at its end
-    ("x", "m", "position {}", 0),
-    ("y", "m", "position {}", 1),
-    ("heading", "rad", "heading of a car {}", 2),
-    ("vx", "m/s", "velocity along x of a mass {}", 2),
-    ("vy", "m/s", "velocity along y of a mass {}", 3),
-    ("speed", "m/s", "speed of a car ahead {}, where that is state", 3),
-    ("state_K", "", "entry K of the state {}, from 1, where it has no name here", 3),
-)
-HEADING = {"at its start": "at its start, counter-clockwise from x"}
+STATES = {  # unit and meaning of the entries of a state
+    "x": ("m", "position {}"),
+    "y": ("m", "position {}"),
+    "heading": ("rad", "heading of a car {}"),
+    "vx": ("m/s", "velocity along x of a mass {}"),
+    "vy": ("m/s", "velocity along y of a mass {}"),
+    "speed": ("m/s", "speed of a car ahead {}, where that is state"),
+    "state_K": ("", "entry K of the state {}, from 1, where it has no name here"),
+}
 
 
-def _where(when: str, stem: str, values: Values, component: str) -> list[Column]:
-    texts = [text.format(HEADING.get(when, when) if name == "heading" else when) for name, _, text, _ in WHERE]
+def _states(prefix: str, when: str, turned: str, values: Values) -> list[Column]:
     return [
-        Column(stem + name, unit, text, values, component, at)
-        for (name, unit, _, at), text in zip(WHERE, texts, strict=True)
+        Column(prefix + name, unit, text.format(turned if name == "heading" else when), values, prefix[:-1] or "state")
+        for name, (unit, text) in STATES.items()
     ]
 
 
+START, END = "at its start", "at its end"
 COLUMNS = (
     Column("step", "1", "number of the control step, from 0", kind=int),
     Column("time", "s", "simulated time at its start"),
-    Column("duration", "s", "simulated time it took", lambda r: [r.duration]),
-    *_where("at its start", "", lambda r: r.state, "state"),
+    Column("duration", "s", "simulated time it took", lambda f, _: [f.advance.time]),
+    *_states("", START, f"{START}, counter-clockwise from x", lambda f, _: f.plan.state),
     Column(
         "control_K", CONTROL,
         "u at its start: velocity of a point, steering of a car, acceleration of a mass, speed and turn rate "
         "of a rover",
-        lambda r: r.control,
-    ),
-    Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda r: r.noise.sum(axis=0)),
-    *_where("at its end", "end_", _end, "end"),
-    Column(
-        "cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step", lambda r: [r.cost]
+        lambda f, _: f.plan.control,
     ),
     Column(
-        "length", "m", "driven up to the end of the step, without the path's noise (path_length)", lambda r: [r.length]
+        "noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda f, _: f.advance.noise.sum(axis=0)
     ),
-    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda r: [r.clearance]),
-    Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", lambda r: [r.value]),
-    Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", lambda r: [r.value_error]),
+    # Other steps end where the next one begins.
+    *_states("end_", END, END, lambda f, _: f.state if f.outcome is not None and len(f.advance.states) else ()),
     Column(
-        "control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown", lambda r: r.control_error
-    ),
-    Column(
-        "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples", lambda r: [r.doubtful], kind=int
+        "cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step", lambda f, _: [f.cost]
     ),
     Column(
-        "exact_value", "cost", "v, solved for on a grid (`run --truth`)",
-        lambda r: [] if r.truth is None else [r.truth.value], optional=True,
+        "length", "m", "driven up to the end of the step, without the path's noise (path_length)",
+        lambda f, _: [f.length],
+    ),
+    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda f, _: [f.clearance]),
+    Column(
+        "value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", _estimated("value")
+    ),
+    Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", _estimated("value_error")),
+    Column(
+        "control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown",
+        _estimated("control_error"),
     ),
     Column(
-        "exact_control_K", CONTROL, "the optimal control u* (`run --truth`)",
-        lambda r: [] if r.truth is None else r.truth.control, optional=True,
+        "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples",
+        lambda f, _: [f.plan.estimate is not None and f.plan.estimate.doubtful], kind=int,
     ),
     Column(
-        "weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", lambda r: r.weights.values(),
+        "exact_value", "cost", "v, solved for on a grid (`run --truth`)", lambda _, t: [t.value] if t else [],
+        optional=True,
+    ),
+    Column(
+        "exact_control_K", CONTROL, "the optimal control u* (`run --truth`)", lambda _, t: t.control if t else [],
+        optional=True,
+    ),
+    Column(
+        "weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", _by_class("class_weights"),
         "weights",
     ),
-    Column("ess:ID", "1", "effective sample size of a homology class", lambda r: r.sizes.values()),
-    Column("vertices", "1", "of the tree that the plan was made with", lambda r: [r.vertices], kind=int),
+    Column("ess:ID", "1", "effective sample size of a homology class", _by_class("class_ess")),
+    Column("vertices", "1", "of the tree that the plan was made with", lambda f, _: [f.vertices], kind=int),
     Column("plan_ms", "ms", "wall time of the plan"),
     Column(
         "outcome", "", "goal, collision or timeout in the last row, empty before",
-        lambda r: [] if r.outcome is None else [r.outcome.name.lower()], kind=str,
+        lambda f, _: [] if f.outcome is None else [f.outcome.name.lower()], kind=str,
     ),
 )  # fmt: skip
-CLASSES = Column("classes", "", "ids of the classes that weights and sizes belong to", lambda r: r.weights, kind=str)
+CLASSES = Column(
+    "classes", "", "ids of the classes that weights and sizes belong to",
+    lambda f, _: f.plan.estimate.class_weights if f.plan.estimate else (), kind=str,
+)  # fmt: skip
+COMPONENTS = {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}  # written at `/steps`
 
 
-def components() -> dict[str, Column]:
-    """Return the components written at `/steps`, each by one of its columns."""
-    return {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}
-
-
-def of_states(columns: Sequence[Column], states: Sequence[str]) -> tuple[Column, ...]:
-    """Those columns that a system has whose states have these names (n,), each at its place in the state."""
-    named = {column.name for column in columns if column.component == "state"}
-    found: list[Column] = []
-    for column in columns:
-        if column.component not in ("state", "end"):
-            found.append(column)
-        elif column.many:
-            stem = column.name.removesuffix("K")
-            rest = [i for i, name in enumerate(states) if name not in named]
-            found += [replace(column, name=f"{stem}{i + 1}", at=i) for i in rest]
-        elif (name := column.name.removeprefix("end_")) in states:
-            found.append(replace(column, at=states.index(name)))
-    return tuple(found)
+def cells(frame: Frame, truth: Truth | None) -> dict[str, list[Any]]:
+    """Return the values of a step by component."""
+    return {
+        name: [v if column.kind is str else float(v) for v in column.values(frame, truth)]
+        for name, column in COMPONENTS.items()
+        if column.values is not None
+    }
 
 
 def described(name: str) -> Column:
     """The description of a column of the table."""
-    return next((c for c in COLUMNS if c.describes(name)), Column(name, "", ""))
+    pattern = {c.name.replace("_K", r"_\d+").replace(":ID", ":.+"): c for c in COLUMNS}
+    return next((c for text, c in pattern.items() if re.fullmatch(text, name)), Column(name, "", ""))
 
 
 def explained() -> str:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from sim.drawing.colors import Color
 from sim.mjcf import Loaded
-from sim.mjcf.coordinates import stance_of
+from sim.mjcf.coordinates import Stance
 
 _GEOM = mujoco.mjtGeom
 _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
@@ -139,7 +139,7 @@ class RobotPoses:
 
     def __init__(self, loaded: Loaded) -> None:
         self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance = stance_of(loaded.model, loaded.states)
+        self._stance = Stance(loaded.model, loaded.states)
         self._root = int(loaded.model.body(ROOT).id)
 
     def at(self, states: Array) -> Array:

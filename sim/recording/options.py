@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import stat
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,11 +18,7 @@ SAMPLES = ("all", "some", "none")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Look:
-    """Amount of a run that is drawn, and obstacles by which the tree is lifted.
-
-    Raises:
-        OptionError: a rate that is not positive, or an unknown choice of samples.
-    """
+    """Amount of a run that is drawn, and obstacles by which the tree is lifted; an OptionError if it cannot be."""
 
     hz: float = 5.0  # references and samples per simulated second [1/s]
     samples: str = "some"  # sampled paths: "all", "some" or "none"
@@ -56,14 +51,10 @@ class Sinks:
 
     def __bool__(self) -> bool:
         """Return whether there is any."""
-        return self.file is not None or self.connect is not None or self.view or self.serve
+        return self != Sinks()
 
     def check(self) -> None:
-        """Make sure, without touching anything, that each can be had.
-
-        Raises:
-            OptionError: the file cannot be written, no viewer listens at the URL, none can be started or shown.
-        """
+        """Make sure, without touching anything, that each can be had; the OptionError reports why one cannot."""
         if self.file is not None:
             _check_file(self.file)
         if self.connect is not None:
@@ -77,9 +68,10 @@ class Sinks:
 def _check_file(file: Path) -> None:
     name = f"--record {path_text(file)}"
     if takes_as_it_comes(file) and not os.path.samefile(file, os.devnull):
-        what = "a pipe" if stat.S_ISFIFO(os.stat(file).st_mode) else "no file to write a recording to"
-        remedy = "give the path of a file, or let a viewer follow with --connect or --serve"
-        raise OptionError(f"{name} is {what}; {remedy}")
+        what = "a pipe" if file.is_fifo() else "no file to write a recording to"
+        raise OptionError(
+            f"{name} is {what}; give the path of a file, or let a viewer follow with --connect or --serve"
+        )
     check_writable(file, "--record")
     if file.suffix not in ("", ".rrd"):
         raise OptionError(f"{name}: viewers know recordings by their ending; call it {file.stem}.rrd")

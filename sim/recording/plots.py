@@ -31,89 +31,86 @@ class Plots:
 
     def __init__(self, stream: Stream, problem: Problem, colors: ClassColors, *, truth: bool) -> None:
         self._stream, self._temperature, self._colors = stream, problem.temperature, colors
-        self._controls = problem.dynamics.m
-        self._truth = truth  # whether steps come with the exact value and the optimal control
-        self._favourite: str | None = None
-        self._lines: list[str] | None = None  # classes that have a line of their own
+        self._controls, self._truth = problem.dynamics.m, truth
+        self._names: list[str] | None = None  # classes that have a line of their own
 
     def begin(self) -> None:
         """Names and colours that do not change."""
         m = self._controls
-        self._style("/why/clearance", ["clearance"], [PLAIN], [1.6])
-        self._style("/why/control", [f"u{k + 1}" for k in range(m)], [PLAIN, DRIVEN, OPTIMUM, DIM][:m], [1.6] * m)
-        self._style("/why/cost", ["so far", "with the value of what is left"], [DRIVEN, PLAIN], [2.0, 1.2])
+        self._style("clearance", ["clearance"], [PLAIN], [1.6])
+        self._style("control", [f"u{k + 1}" for k in range(m)], [PLAIN, DRIVEN, OPTIMUM, DIM][:m], [1.6] * m)
+        self._style("cost", ["so far", "with the value of what is left"], [DRIVEN, PLAIN], [2.0, 1.2])
         if self._truth:
-            self._style("/why/optimum/control", [BAND, "|u - u*|"], [DIM, OPTIMUM], [1.0, 2.0])
+            self._style("optimum/control", [BAND, "|u - u*|"], [DIM, OPTIMUM], [1.0, 2.0])
             names, colors = [BAND, BAND, "all paths", "exact"], [DIM, DIM, PLAIN, OPTIMUM]
-            self._style("/why/optimum/value", names, colors, [1.0, 1.0, 1.2, 2.0])
+            self._style("optimum/value", names, colors, [1.0, 1.0, 1.2, 2.0])
 
     def draw(self, rows: Sequence[Row]) -> None:
         """Log some steps."""
         names = self._name_classes(rows)
-        spare = [inf] * (LINES - len(names))  # infinite: NaN would make equal recordings compare unequal
-        weights, sizes, arriving, values = [], [], [], []
+        spare = [inf] * (LINES - len(names))  # NaN would make equal recordings unequal
+        lines: dict[str, list[list[float]]] = {}
         for r in rows:
-            share = [r.weights.get(name, 0.0) for name in names]
-            weights.append([max(0.0, sum(r.weights.values()) - sum(share)), *share, *spare])
-            sizes.append([r.sizes.get(OTHER, 0.0), *(r.sizes.get(name, 0.0) for name in names), *spare])
-            arriving.append([inf, *(r.arriving.get(name, inf) for name in names), *spare])
-            by_class = [r.value - self._temperature * log(w) if w > 0 else inf for w in share]
-            exact = [] if r.truth is None else [r.truth.value]
-            values.append([r.value, *_band(r.value, r.value_error), *by_class, *spare, *exact])
-        for path, lines in (("weight", weights), ("ess", sizes), ("arriving", arriving), ("value", values)):
-            self._log(path, rows, lines)
-        self._log("clearance", rows, [[r.clearance] for r in rows])
-        self._log("control", rows, [r.control for r in rows])
-        self._log("cost", rows, [[r.cost, r.cost + r.value] for r in rows])
-        if known := [(r, r.truth) for r in rows if r.truth is not None]:
-            off, errors = [], []
-            for r, truth in known:
-                off.append([float(np.linalg.norm(r.control_error)), truth.distance(r.control)])
-                error = r.value - truth.value if r.value < inf and truth.value < inf else inf
-                errors.append([*_band(error, r.value_error), error, 0.0])
-            self._log("optimum/control", [r for r, _ in known], off)
-            self._log("optimum/value", [r for r, _ in known], errors)
-        for row in rows:
-            if row.favourite is not None:
-                if self._favourite not in (None, row.favourite):
-                    self._stream.log("/why/weight/switch", row.step, row.time, rr.Scalars(1.03))
-                self._favourite = row.favourite
+            weights, sizes = (dict(zip(r.cells["classes"], r.cells[kind], strict=True)) for kind in ("weights", "ess"))
+            share, value = [weights.get(name, 0.0) for name in names], r["value"]
+            by_class = [value - self._temperature * log(w) if w > 0 else inf for w in share]
+            exact, band = r.cells["exact_value"], _band(value, r["value_error"])
+            for path, line in (
+                ("weight", [max(0.0, sum(weights.values()) - sum(share)), *share, *spare]),
+                ("ess", [sizes.get(OTHER, 0.0), *(sizes.get(name, 0.0) for name in names), *spare]),
+                ("arriving", [inf, *(r.arriving.get(name, inf) for name in names), *spare]),
+                ("value", [value, *band, *by_class, *spare, *exact]),
+                ("clearance", r.cells["clearance"]),
+                ("control", r.cells["control"]),
+                ("cost", [r["cost"], r["cost"] + value]),
+            ):
+                lines.setdefault(path, []).append(line)
+            if exact:
+                off = float(np.linalg.norm(np.subtract(r.cells["control"], r.cells["exact_control"])))
+                error = value - exact[0] if value < inf and exact[0] < inf else inf
+                lines.setdefault("optimum/control", []).append([float(np.linalg.norm(r.cells["control_error"])), off])
+                lines.setdefault("optimum/value", []).append([*_band(error, r["value_error"]), error, 0.0])
+        for path, table in lines.items():
+            columns = rr.Scalars.columns(scalars=_short(table)).partition([len(line) for line in table])
+            self._stream.columns(f"/why/{path}", [r.step for r in rows], [r.time for r in rows], columns)
 
     def _name_classes(self, rows: Sequence[Row]) -> list[str]:
         """Give colours to new classes, and return those with lines: the cheapest at first, then the heavy."""
-        names = list(self._lines or ())
+        names = list(self._names or ())
         for row in rows:
             self._colors.meet(row.ids)
-            heavy = [name for name, w in row.weights.items() if w >= HEAVY and name != OTHER]
+            weights = zip(row.cells["classes"], row.cells["weights"], strict=True)
+            heavy = [name for name, w in weights if w >= HEAVY and name != OTHER]
             for name in [*(row.ids[:CHEAPEST] if not names else ()), *heavy]:
                 if name not in names and len(names) < LINES:
                     names.append(name)
-        if names == self._lines:
+        if names == self._names:
             return names
-        self._lines = names
+        self._names = names
         # The viewer requires equal numbers of lines at all times; those of equal name share a place in its legend.
         every = [OTHER, *names, *[OTHER] * (LINES - len(names))]
         titles = [OTHER if name == OTHER else f"class {title(name)}" for name in every]
         colors, widths = [self._colors[name] for name in every], [2.5] * len(every)
-        for path in ("/why/weight", "/why/ess", "/why/arriving"):
+        for path in ("weight", "ess", "arriving"):
             self._style(path, titles, colors, widths)
         titles = ["all paths" if name == OTHER else name for name in titles]
         colors = [PLAIN if name == OTHER else color for name, color in zip(every, colors, strict=True)]
-        titles[1:1], colors[1:1], widths[1:1] = [BAND] * 2, [PLAIN] * 2, [0.8] * 2
-        if self._truth:
-            titles, colors, widths = [*titles, "exact"], [*colors, OPTIMUM], [*widths, 1.2]
-        self._style("/why/value", titles, colors, widths)
+        exact = int(self._truth)
+        self._style(
+            "value", [titles[0], BAND, BAND, *titles[1:], *["exact"] * exact],
+            [colors[0], PLAIN, PLAIN, *colors[1:], *[OPTIMUM] * exact], [2.5, 0.8, 0.8, *widths[1:], *[1.2] * exact],
+        )  # fmt: skip
         return names
 
     def _style(self, path: str, names: Sequence[str], colors: Sequence[Color], widths: Sequence[float]) -> None:
-        self._stream.static(path, rr.SeriesLines(names=names, colors=colors, widths=widths))
+        self._stream.static(f"/why/{path}", rr.SeriesLines(names=names, colors=colors, widths=widths))
 
-    def _log(self, path: str, rows: Sequence[Row], table: Sequence[Sequence[float] | Array]) -> None:
-        """Log values to one part in 2^15: what a plot can show; the zero bytes left behind cost nothing in a file."""
-        mantissa, exponent = np.frexp(np.array(table))
-        short = np.ldexp(np.rint(mantissa * PRECISION) / PRECISION, exponent)
-        columns = rr.Scalars.columns(scalars=short.ravel()).partition([short.shape[1]] * len(rows))
-        self._stream.columns(f"/why/{path}", [r.step for r in rows], [r.time for r in rows], columns)
+
+def _short(table: Sequence[Sequence[float]]) -> Array:
+    """Values to one part in 2^15, which a plot can show; the zero bytes left behind cost nothing in a file."""
+    mantissa, exponent = np.frexp(np.concatenate(table))
+    short: Array = np.ldexp(np.rint(mantissa * PRECISION) / PRECISION, exponent)
+    return short
 
 
 def _band(value: float, error: float) -> list[float]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import inf, isfinite, log, sqrt
+from math import inf, log, sqrt
 from typing import Any
 
 import numpy as np
@@ -15,14 +15,12 @@ from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import TUNING
+from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Scene
+from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
 from sim.drawing.colors import title
 from sim.drawing.sides import sides, worded
-from sim.drawing.strokes import at_most
-from sim.drawing.tubes import ROUGH, outlines
-from sim.plotting.ground import outline
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
@@ -32,36 +30,23 @@ BORDER = "the border"
 Names = tuple[str, ...]
 
 
-class Surroundings:
-    """Solids around a robot by name, to find the nearest one.
+def touched(space: FreeSpace, names: Names, movers: Sequence[Mover], places: Array, times: Array) -> list[str]:
+    """Name what is nearest to a robot at places (k, 2) [m] and times (k,) [s], as obstacles are taken to move.
 
     Args:
         names: of the static solids, in the order of the scene.
     """
-
-    def __init__(self, scene: Scene, names: Names) -> None:
-        self._scene, self._names = scene, names
-        self._rings = [at_most(outline(solid), ROUGH) for solid in scene.obstacles]
-
-    def nearest(self, movers: Sequence[Mover], places: Array, times: Array) -> list[str]:
-        """Name what is nearest to a robot at places (k, 2) [m] and times (k,) [s], as obstacles are taken to move."""
-        scene, named = self._scene, [BORDER, *self._names]
-        gaps = [np.minimum(places - scene.lower, scene.upper - places).min(axis=1) + scene.robot_radius]
-        gaps += [_gap(places, ring[None]) for ring in self._rings]
-        for mover in movers:
-            rings = outlines(mover, times, ROUGH)
-            gaps += [_gap(places, ring) for ring in rings]
-            named += [mover.name] * len(rings)
-        return [named[k] for k in np.argmin(gaps, axis=0)]
-
-
-def _gap(places: Array, rings: Array) -> Array:
-    """Return distances (k,) [m] of places (k, 2) from convex outlines (k or 1, c, 2), counterclockwise; 0 inside."""
-    edge, off = np.roll(rings, -1, axis=1) - rings, places[:, None] - rings
-    share = np.clip(np.sum(off * edge, axis=2) / np.maximum(np.sum(edge * edge, axis=2), 1e-12), 0.0, 1.0)
-    gap: Array = np.linalg.norm(off - share[..., None] * edge, axis=2).min(axis=1)
-    outside = np.any(edge[..., 0] * off[..., 1] - edge[..., 1] * off[..., 0] < 0.0, axis=1)
-    return np.where(outside, gap, 0.0)
+    scene, collision = space.scene, space.collision
+    gaps = [np.minimum(places - scene.lower, scene.upper - places).min(axis=1) + scene.robot_radius]
+    gaps += [collision.obstacle_distance(k, places) for k in range(len(names))]
+    for mover in movers:
+        x, y, yaw = mover.motion.pose(times).T
+        dx, dy, c, s = places[:, 0] - x, places[:, 1] - y, np.cos(yaw), np.sin(yaw)
+        own, gap = np.column_stack([c * dx + s * dy, c * dy - s * dx]), np.empty(len(places))
+        distances(Solids.of(mover.solids), np.arange(len(mover.solids)), own, collision.footprint.height, gap)
+        gaps.append(gap)
+    named = [BORDER, *names, *(mover.name for mover in movers)]
+    return [named[k] for k in np.argmin(gaps, axis=0)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,20 +74,20 @@ def _shares(estimate: Estimate, ids: Names, of: Callable[[Any], Any]) -> dict[st
     """Average something of paths over the samples drawn around each reference."""
     total, number = np.zeros(len(ids)), np.zeros(len(ids))
     for part in estimate.parts:
-        values, first = of(part.paths), part.tables.first
-        for h in range(len(ids)):
-            total[h] += values[first[h] : first[h + 1]].sum()
-            number[h] += first[h + 1] - first[h]
+        first = part.tables.first[: len(ids) + 1]
+        total += np.diff(np.concatenate([[0.0], np.cumsum(of(part.paths), dtype=float)])[first])
+        number += np.diff(first)
     return {name: float(total[h] / number[h]) for h, name in enumerate(ids) if number[h]}
 
 
 def reasons(
-    plan: Plan, path_integral: PathIntegral, around: Surroundings, ways: Mapping[str, str],
+    plan: Plan, path_integral: PathIntegral, solids: Names, ways: Mapping[str, str],
     exact: Mapping[str, float] | None = None,
 ) -> list[Reason]:  # fmt: skip
     """One for each class of a plan, in the order of its references; none in a fallback.
 
     Args:
+        solids: names of the static solids, in the order of the scene.
         ways: the classes in words (`words_of`).
         exact: share of psi of each class by the grid, if there is one.
     """
@@ -111,24 +96,18 @@ def reasons(
         return []
     alive = arriving(estimate, plan.ids)
     late = _shares(estimate, plan.ids, lambda paths: paths.outcome == Outcome.TIMEOUT)
-    where = _places(plan, estimate, path_integral, around)
+    where = _places(plan, estimate, path_integral, solids)
     drawn, found = sum(part.size for part in estimate.parts), []
     for reference, name in zip(plan.references, plan.ids, strict=True):
         weight, size = estimate.class_weights.get(name, 0.0), estimate.class_ess.get(name, 0.0)
-        found.append(
-            Reason(
-                name=name,
-                way=ways[name],
-                cost=reference.cost,
-                value=estimate.value - temperature * log(weight) if weight > 0.0 else inf,
-                error=temperature * sqrt(max(0.0, 1.0 / size - 1.0 / drawn)) if size > 0.0 else inf,
-                weight=weight,
-                dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
-                late=late.get(name, 0.0),
-                exact=None if exact is None else exact.get(name, 0.0),
-                where=where.get(name, ""),
-            )
-        )
+        reason = Reason(
+            name=name, way=ways[name], cost=reference.cost, weight=weight, late=late.get(name, 0.0),
+            value=estimate.value - temperature * log(weight) if weight > 0.0 else inf,
+            error=temperature * sqrt(max(0.0, 1.0 / size - 1.0 / drawn)) if size > 0.0 else inf,
+            dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
+            exact=None if exact is None else exact.get(name, 0.0), where=where.get(name, ""),
+        )  # fmt: skip
+        found.append(reason)
     return found
 
 
@@ -142,7 +121,7 @@ def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str,
     return worded(windings, homology.static.base(plan.state), names, homology.names, matter, passed)
 
 
-def _places(plan: Plan, estimate: Estimate, path_integral: PathIntegral, around: Surroundings) -> dict[str, str]:
+def _places(plan: Plan, estimate: Estimate, path_integral: PathIntegral, solids: Names) -> dict[str, str]:
     """Name what the samples drawn around each reference hit most often."""
     rollouts, first = estimate.rollouts, estimate.rollouts.tables.first
     found, each = {}, max(4, TRACED // max(1, len(plan.ids)))
@@ -151,7 +130,7 @@ def _places(plan: Plan, estimate: Estimate, path_integral: PathIntegral, around:
         if len(dead):
             states, steps = path_integral.replay.trace(rollouts, dead)
             ends, times = states[np.arange(len(dead)), steps, :2], plan.time + rollouts.tables.times[steps]
-            found[name] = Counter(around.nearest(plan.movers, ends, times)).most_common(1)[0][0]
+            found[name] = Counter(touched(path_integral.space, solids, plan.movers, ends, times)).most_common(1)[0][0]
     return found
 
 
@@ -197,15 +176,17 @@ def share(weight: float) -> str:
 
 
 def _table(reasons: Sequence[Reason]) -> str:
-    rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))
-    known = any(r.exact is not None for r in rows)
-    head = ["class", "weight", *(["exact"] if known else []), "path", "cost", "collide", "with", "value"]
-    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
-    for r in rows[:ROWS]:
-        value = f"{r.value:.2f} ± {r.error:.2f}" if isfinite(r.error) else f"{r.value:.2f} by one sample"
-        dying = f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" if r.late >= 0.005 else "")
-        exact = [share(r.exact or 0.0)] if known else []
-        value = value if isfinite(r.value) else "none arrives"
-        cells = [title(r.name), share(r.weight), *exact, r.way, f"{r.cost:.2f}", dying, r.where, value]
-        lines.append(f"| {' | '.join(cells)} |")
-    return "\n".join(lines)
+    rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))[:ROWS]
+    cells: dict[str, list[str]] = {
+        "class": [title(r.name) for r in rows],
+        "weight": [share(r.weight) for r in rows],
+        "exact": [share(r.exact) for r in rows if r.exact is not None],
+        "path": [r.way for r in rows],
+        "cost": [f"{r.cost:.2f}" for r in rows],
+        "collide": [f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" * (r.late >= 0.005)) for r in rows],
+        "with": [r.where for r in rows],
+        "value": ["none arrives" if r.value == inf else f"{r.value:.2f} ± {r.error:.2f}" for r in rows],
+    }
+    columns = {head: column for head, column in cells.items() if column}
+    lines = [columns.keys(), ["---"] * len(columns), *zip(*columns.values(), strict=True)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

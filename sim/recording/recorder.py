@@ -19,11 +19,10 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
-from sim.drive.clock import URGENT
-from sim.drive.episode import Frame
-from sim.drive.truth import Truth
+from sim.drive.episode import CLOCKED, Frame
+from sim.drive.metrics import Truth
 from sim.mjcf import Loaded
-from sim.recording import truth_view, viewer
+from sim.recording import viewer
 from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
 from sim.recording.step_row import Row
@@ -34,8 +33,7 @@ from sim.systems import POSE
 
 __all__ = ["Look", "Recorder", "Sinks"]
 
-ROOM = 256  # rows a queue holds
-KEPT = 256 * 2**20  # size of rows that are kept for later at most [bytes]
+ROOM, KEPT = 256, 10_000  # rows a queue holds, and of a file while a run goes against the clock
 NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # for a viewer to take the last rows [s]
 DEFAULT = Look()
@@ -53,68 +51,55 @@ class Sink:
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
-        self._kept = self._taken = 0  # size of rows put in, and taken out [bytes]
         self._under_way = 0  # rows taken from the queue and not known to have arrived
         threading.Thread(target=self._work, name="recorder", daemon=True).start()
 
     def put(self, row: Row) -> None:
-        """Hand over a row; a file takes it sooner or later, a viewer only if its queue is not full.
-
-        Raises:
-            OptionError: the file can no longer be written.
-        """
-        while self._target.lossless and self._full() and self._failure is None:
+        """Hand over a row; a file takes it sooner or later or raises, a viewer only if its queue is not full."""
+        while self._target.lossless and self._failure is None and len(self.rows) >= ROOM and not self._later():
             time.sleep(0.001)
         self._check()
-        if self._failure is None and not self._full():
-            self._kept += row.size
+        if self._failure is None and (self._target.lossless or len(self.rows) < ROOM):
             self.rows.append(row)
         else:
             self.dropped += 1
 
     def _later(self) -> bool:
         """Return whether rows are kept until the run is over."""
-        return self._target.lossless and URGENT.clocked and self._kept - self._taken < KEPT
-
-    def _full(self) -> bool:
-        return len(self.rows) >= ROOM and not self._later()
+        return self._target.lossless and CLOCKED.is_set() and len(self.rows) < KEPT
 
     def close(self) -> None:
-        """Let the thread finish; a viewer gets little time for it.
-
-        Raises:
-            OptionError: the file could not be written.
-        """
+        """Let the thread finish, for which a viewer gets little time; an OptionError if a file was not written."""
         self._closing.set()
         self._done.wait(None if self._target.lossless else GRACE)
         if not self._target.lossless:
-            finished = self._done.is_set() and self._failure is None
-            self.dropped += len(self.rows) + (0 if finished else self._under_way)
-            if not finished:  # Rerun's last attempt to reach a viewer may take forever
-                rr.unregister_shutdown()
+            self.dropped += len(self.rows)
+            if not self._done.is_set() or self._failure is not None:
+                self.dropped += self._under_way
+                rr.unregister_shutdown()  # Rerun's last attempt to reach a viewer may take forever
         self._check()
 
     def _check(self) -> None:
-        if self._failure is not None and self._target.lossless:
+        if self._failure is not None and isinstance(self._target, ToFile):
             self._done.wait()  # until the old file is back
             raise self._target.failed(self._failure) from self._failure
 
     def _work(self) -> None:
-        held = False
         try:
             self._write()
+            self._done.set()
         except Exception as error:  # the control thread reports it, or goes on without the viewer
             self._failure = error
-            held = self._target.abandon(self._stream, error)
-        self._done.set()
-        if held:  # letting go of a stream waits for whoever reads it: where that is nobody, for ever
-            threading.Event().wait()
+            rr.unregister_shutdown()
+            self._target.abandon()
+            self._done.set()
+            threading.Event().wait()  # letting go of a stream waits for whoever reads it: where nobody does, for ever
 
     def _write(self) -> None:
         opened = False
         while self.rows or not self._closing.is_set():
             if opened and self._target.lossless and self._writer.secure():
-                self._target.deliver(self._stream, last=self._closing.is_set)
+                self._target.deliver(self._stream)
             if not self.rows or self._later():
                 time.sleep(NAP)
                 continue
@@ -122,10 +107,8 @@ class Sink:
                 self._target.open(self._stream)
                 opened = True
             self._under_way += 1
-            row = self.rows.popleft()
-            self._taken += row.size
-            if self._writer.add(row):  # what cannot be delivered must not pile up: one batch at a time
-                self._target.deliver(self._stream, last=self._closing.is_set)
+            if self._writer.add(self.rows.popleft()):  # what cannot be delivered must not pile up: one batch at a time
+                self._target.deliver(self._stream)
                 self._under_way = 0
         if opened:
             self._writer.end()
@@ -161,15 +144,15 @@ class Recorder:
             known["truth"] = True
         subject = Subject(loaded=loaded, tree=tree, path_integral=path_integral, look=look, settings=known, grid=grid)
         path_integral.warm_up()
-        if grid is not None:
-            truth_view.warm_up(grid)
+        if grid is not None:  # compile what draws optimal paths before a run would have to wait for it
+            grid.shares(grid.problem.dynamics.state_of(grid.space.scene.start), samples=1)
         self._interval, self._due = 1.0 / look.hz, 0.0
         self.server = viewer.Server.start() if sinks.serve else None
         served = None if self.server is None else self.server.url
         urls = (sinks.connect, viewer.spawn() if sinks.view else None, served)
         shown = layout(subject, live=True)
         self._live = [Sink(subject, ToViewer(url, shown)) for url in urls if url is not None]
-        self._file = None if sinks.file is None else Sink(subject, ToFile(sinks.file, layout(subject, live=False)))
+        self._file = [] if sinks.file is None else [Sink(subject, ToFile(sinks.file, layout(subject, live=False)))]
 
     def __enter__(self) -> Recorder:
         """The recorder itself."""
@@ -186,11 +169,6 @@ class Recorder:
         return bool(self._live)
 
     @property
-    def waiting(self) -> int:
-        """Steps that are still to be written to the file."""
-        return 0 if self._file is None else len(self._file.rows)
-
-    @property
     def dropped(self) -> int:
         """Frames that a viewer could not take."""
         return sum(sink.dropped for sink in self._live)
@@ -205,16 +183,10 @@ class Recorder:
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
         row = Row.of(frame, drawn, news, truth)
-        for sink in self._live:
+        for sink in [*self._live, *self._file]:
             sink.put(row)
-        if self._file is not None:
-            self._file.put(row)
 
     def close(self) -> None:
-        """Write what is left and close everything.
-
-        Raises:
-            OptionError: the file could not be written.
-        """
-        for sink in [*self._live, *([] if self._file is None else [self._file])]:
+        """Write what is left and close everything; an OptionError if the file could not be written."""
+        for sink in [*self._live, *self._file]:
             sink.close()

@@ -24,21 +24,18 @@ from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, ClassColors, fade, mix
 from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
-from sim.drawing.tubes import CORNERS, MOST, ROUGH, Outline, Tube, tubes
+from sim.drawing.tubes import Outline, Tube, tubes
 from sim.plotting.ground import outline
-from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named
+from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named, outer
 from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
 FOLDER = "/spacetime"
-NOW, PATH, WALLS, AXIS = f"{FOLDER}/now", f"{FOLDER}/path", f"{FOLDER}/walls", f"{FOLDER}/axis"
-ARRIVALS, SECONDS = f"{FOLDER}/goal", f"{AXIS}/names"
-ROOMY = 1.1  # times the time of the straight path, for which tubes are drawn to begin with
+NOW, PATH, WALLS, ARRIVALS, AXIS = (f"{FOLDER}/{name}" for name in ("now", "path", "walls", "goal", "axis"))
 KNOTS = 48  # of a braid at most
 THREADS, BEADS = 24, 12  # samples drawn at most, and points of each
-OUTLINE = 6 * ROUGH  # points of the outlines of an obstacle at most, now and as predicted
-CROWD = 6  # moving obstacles, from which on tubes have fewer corners
+CORNERS = 20  # of what is round
 BODY, WALL, ARRIVAL, SHEET = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16), (*CONTROL, 4)  # see-through
 TICKS = 8  # seconds that are named, at most
 
@@ -52,12 +49,7 @@ def body_path(name: str) -> str:
 
 def growing(scene: Scene) -> list[str]:
     """Entities of which all is shown that was logged up to the time shown."""
-    return [PATH, WALLS, ARRIVALS, AXIS, SECONDS, *(body_path(mover.name) for mover in scene.movers)]
-
-
-def points(subject: Subject, references: int) -> int:
-    """Points that a picture takes in space and time, of a plan with so many references, and those of outlines."""
-    return references * KNOTS + THREADS * BEADS + 2 * min(MOST, OUTLINE * len(subject.space.scene.movers))
+    return [PATH, WALLS, ARRIVALS, AXIS, *(body_path(mover.name) for mover in scene.movers)]
 
 
 def stage(subject: Subject, log: Log) -> None:
@@ -68,14 +60,11 @@ def stage(subject: Subject, log: Log) -> None:
         look = {"labels": [name], "colors": [MOVER], "show_labels": all_named(subject)}
         log(f"{body_path(mover.name)}/name", rr.Points3D(where, radii=0.0, **look))
     log(PATH, rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.02]))
-    (x0, y0), (x1, y1) = scene.lower, scene.upper
-    border = np.array([(x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0)])
-    log(NOW, rr.LineStrips3D(lift(border, 0.0)[None], radii=0.008, colors=[mix(CONTROL, FLOOR, 0.4)]))
-    sheet = {"vertex_positions": lift(border[:4], 0.0), "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
+    border = lift(outer(scene), 0.0)
+    log(NOW, rr.LineStrips3D(border[None], radii=0.008, colors=[mix(CONTROL, FLOOR, 0.4)]))
+    sheet = {"vertex_positions": border[:4], "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
     log(f"{NOW}/sheet", rr.Mesh3D(**sheet, albedo_factor=SHEET))
-    ball = rr.Ellipsoids3D(half_sizes=[[scene.robot_radius] * 2 + [0.02]], colors=[DRIVEN], fill_mode="solid")
-    log(f"{NOW}/robot", ball)
-    log(f"{NOW}/robot/mark", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(RADIUS), colors=[DRIVEN]))
+    log(f"{NOW}/robot", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(RADIUS), colors=[DRIVEN]))
 
 
 class SpaceTime:
@@ -84,8 +73,6 @@ class SpaceTime:
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._drawn = 0.0  # until when there are tubes [s]
-        scene = subject.space.scene
-        self._first = ROOMY * float(np.hypot(*(scene.goal.center - scene.start[:2]))) / subject.rise
 
     def draw(
         self, plan: Plan, soon: Sequence[Outline], fans: Mapping[str, Fan], labels: Mapping[str, str], now: Now
@@ -98,10 +85,10 @@ class SpaceTime:
             labels: of classes, by id.
         """
         lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
-        self._reach(max([now[1] + self._first if not self._drawn else 0.0, *(float(w[-1, 2]) for w in lines)]), now)
+        self._reach(max([now[1], *(float(line[-1, 2]) for line in lines)]), now)
         braids, colors = [self._raised(line) for line in lines], [self._colors[name] for name in plan.ids]
         weights = plan.estimate.class_weights if plan.estimate else {}
-        radii = np.array([0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids], np.float32)
+        radii = [0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
         self._stream.log(f"{FOLDER}/braids", *now, rr.LineStrips3D(braids, colors=packed(colors), radii=radii))
         self._samples(plan, fans, now)
         at = dict(zip(plan.ids, (line[i] for line, i in zip(braids, strokes.apart(braids), strict=True)), strict=True))
@@ -110,30 +97,25 @@ class SpaceTime:
         look = {"radii": 0.0, "colors": pale, "labels": list(labels.values()), "show_labels": True}
         self._stream.log(f"{FOLDER}/names", *now, rr.Points3D(places, **look))
         rings = [self._raised(_at(one.ring, plan.time + one.after)) for one in soon]
-        shades = fade(MOVER, FLOOR, np.array([one.strength for one in soon]))
-        self._stream.log(f"{FOLDER}/foreseen", *now, rr.LineStrips3D(rings, colors=packed(shades), radii=0.012))
+        shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in soon])))
+        self._stream.log(f"{FOLDER}/foreseen", *now, rr.LineStrips3D(rings, colors=shades, radii=0.012))
 
-    def follow(self, rows: Sequence[Row]) -> None:
-        """Log what was driven in control steps, and where the robot is at each, to the end of the last one."""
-        steps, times, last = [r.step for r in rows], [r.time for r in rows], rows[-1]
-        ends = [np.append((r.states[-1] if len(r.states) else r.state)[:2], r.time + r.duration) for r in rows]
-        pieces = [np.vstack([np.append(r.state[:2], r.time), end]) for r, end in zip(rows, ends, strict=True)]
-        strips = [self._raised(piece) for piece in pieces]
-        self._stream.columns(PATH, steps, times, rr.LineStrips3D.columns(strips=strips))
-        at = np.array([*(piece[0] for piece in pieces), *([ends[-1]] if last.outcome is not None else [])])
-        steps, moments = [*steps, last.step + 1][: len(at)], at[:, 2].tolist()
-        up, flat = (at * scale for scale in ((0.0, 0.0, self._subject.rise), (1.0, 1.0, 0.0)))
-        self._stream.columns(NOW, steps, moments, rr.Transform3D.columns(translation=up))
-        self._stream.columns(f"{NOW}/robot", steps, moments, rr.Transform3D.columns(translation=flat))
+    def follow(self, rows: Sequence[Row], steps: Sequence[int], at: Array) -> None:
+        """Log what was driven in control steps, and places and times (k, 3) [m, m, s] at steps, to the run's end."""
+        ends = [np.append(r.states[-1, :2], r.time + r.duration) for r in rows]
+        strips = [self._raised(np.vstack([start, end])) for start, end in zip(at, ends, strict=False)]
+        times = at[:, 2].tolist()
+        self._stream.columns(PATH, steps[: len(rows)], times[: len(rows)], rr.LineStrips3D.columns(strips=strips))
+        for path, scale in ((NOW, (0.0, 0.0, self._subject.rise)), (f"{NOW}/robot", (1.0, 1.0, 0.0))):
+            self._stream.columns(path, steps, times, rr.Transform3D.columns(translation=at * scale))
 
     def _samples(self, plan: Plan, fans: Mapping[str, Fan], now: Now) -> None:
         """Log the heaviest of each class that arrived."""
         known = {name: fan for name, fan in fans.items() if name != DEAD}
-        each = THREADS // max(1, len(known))
+        heavy = slice(-max(1, THREADS // max(1, len(known))), None)
         strips, shades = [], [np.zeros((0, 3), np.uint8)]
         for name, fan in known.items():
             at = np.rint(np.linspace(0, fan.strips.shape[1] - 1, min(BEADS, fan.strips.shape[1]))).astype(int)
-            heavy = slice(max(0, len(fan.strips) - each), None)
             flat, moments = fan.strips[heavy][:, at, :2], fan.moments[heavy][:, at]
             strips += [self._raised(line) for line in np.dstack([flat, moments + plan.time])]
             shades.append(fade(self._colors[name], FLOOR, 0.15 + 0.5 * fan.opacity[heavy]))
@@ -146,8 +128,7 @@ class SpaceTime:
             return
         begin, self._drawn = self._drawn, float(ceil(time))
         scene = self._subject.space.scene
-        corners = CORNERS if len(scene.movers) < CROWD else CORNERS // 2
-        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, corners), BODY) for m in scene.movers]
+        meshes = [(body_path(m.name), tubes(m, begin, self._drawn, CORNERS), BODY) for m in scene.movers]
         turn = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
         around = scene.goal.center + scene.goal.radius * np.column_stack([np.cos(turn), np.sin(turn)])
         ends = np.array([begin, self._drawn])
@@ -155,22 +136,18 @@ class SpaceTime:
             meshes.append((path, [Tube(times=ends, rings=np.stack([ring, ring])) for ring in rings], color))
         for path, parts, color in meshes:
             if parts:
-                self._stream.log(path, *now, rr.Mesh3D(**self._mesh(parts), albedo_factor=color))
+                self._stream.log(path, *now, self._mesh(parts, color))
         seconds = np.arange(begin, self._drawn + 1e-9, max(1, ceil((self._drawn - begin) / TICKS)))
         marks = self._raised(np.column_stack([np.broadcast_to(scene.upper, (len(seconds), 2)), seconds]))
-        self._stream.log(AXIS, *now, rr.LineStrips3D(marks[None], radii=0.01, colors=[BORDER]))
         look = {"labels": [f"{s:g} s" for s in seconds], "colors": [BORDER], "show_labels": True}
-        self._stream.log(SECONDS, *now, rr.Points3D(marks, radii=0.04, **look))
+        self._stream.log(AXIS, *now, rr.Points3D(marks, radii=0.04, **look))
 
-    def _mesh(self, parts: Sequence[Tube]) -> dict[str, Array]:
-        """Corners and triangles of several tubes."""
-        corners, faces, count = [], [], 0
-        for part in parts:
-            times = np.repeat(part.times, part.rings.shape[1])
-            corners.append(self._raised(np.column_stack([part.rings.reshape(-1, 2), times])))
-            faces.append(part.faces + count)
-            count += len(times)
-        return {"vertex_positions": np.vstack(corners), "triangle_indices": np.vstack(faces).astype(np.uint32)}
+    def _mesh(self, parts: Sequence[Tube], color: tuple[int, ...]) -> rr.AsComponents:
+        """Several tubes as one mesh."""
+        places = [_at(ring, time) for part in parts for time, ring in zip(part.times, part.rings, strict=True)]
+        first = np.cumsum([0, *(part.rings.shape[0] * part.rings.shape[1] for part in parts)])
+        faces = np.vstack([part.faces + k for part, k in zip(parts, first, strict=False)]).astype(np.uint32)
+        return rr.Mesh3D(vertex_positions=self._raised(np.vstack(places)), triangle_indices=faces, albedo_factor=color)
 
     def _raised(self, line: Array) -> strokes.Floats:
         """Places and times (k, 3) [m, m, s] as they are in the view, (k, 3) [m]."""

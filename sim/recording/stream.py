@@ -11,7 +11,6 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 
 from pirrht.errors import OptionError
-from sim.drive.clock import URGENT
+from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.recording import viewer
 
@@ -39,59 +38,45 @@ class Stream:
 
     def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
         self._orderly = orderly
-        # Ctrl-C strikes the main thread, and half a stream cannot be let go of without a complaint of Rerun's.
-        with ThreadPoolExecutor(1) as thread:
-            self.native = thread.submit(_native, application, recording_id).result()
+        self.native = rr.RecordingStream(
+            application,
+            recording_id=recording_id,
+            send_properties=False,  # they would hold the wall time
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
+        )
         self.native.set_log_time_enabled(False)
-
-    def properties(self, values: dict[str, Any], *, name: str) -> None:
-        """Name the recording and attach properties to it, as the group "run"."""
-        self.native.send_recording_name(name)
-        self._cut()
-        self.native.send_property("run", rr.AnyValues(**values))
-        self._cut()
 
     def static(self, path: str, archetype: rr.AsComponents | Sequence[rr.AsComponents]) -> None:
         """Log something, or several things together, that hold at all times."""
         together = archetype if isinstance(archetype, Sequence) else [archetype]
         self.native.log(path, *together, static=True)
-        self._cut()
+        self.cut()
 
     def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
         """Log something at a step and simulated time [s]."""
-        URGENT.give_way()
+        IDLE.wait(LONGEST_WAIT)
         self.native.set_time("step", sequence=step)
         self.native.set_time("sim_time", duration=time)
         self.native.log(path, archetype)
-        self._cut()
+        self.cut()
 
     def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
         """Log a row for each of many steps."""
-        URGENT.give_way()
+        IDLE.wait(LONGEST_WAIT)
         index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
         self.native.send_columns(path, indexes=index, columns=columns)
 
     def flush(self, timeout: float) -> bool:
         """Hand on everything logged so far; whether that worked within the time [s]."""
-        try:
+        with suppress(RuntimeError, ValueError):
             self.native.flush(timeout_sec=timeout)
-        except (RuntimeError, ValueError):
-            return False
-        return True
+            return True
+        return False
 
-    def _cut(self) -> None:
-        # Chunks that wait together leave in any order; a flush in between, not waited for, keeps theirs.
+    def cut(self) -> None:
+        """Keep chunks in order: those that wait together leave in any; a flush in between is not waited for."""
         if self._orderly:
             self.native.flush(timeout_sec=0)
-
-
-def _native(application: str, recording_id: str) -> rr.RecordingStream:
-    return rr.RecordingStream(
-        application,
-        recording_id=recording_id,
-        send_properties=False,  # they would hold the wall time
-        batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
-    )
 
 
 class ToFile:
@@ -121,15 +106,8 @@ class ToFile:
 
         self._wait(saved)
 
-    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
-        """Return once everything logged is written, and is there under the file's name.
-
-        Args:
-            last: returns whether no more will come.
-
-        Raises:
-            OSError: it cannot be written.
-        """
+    def deliver(self, stream: Stream) -> None:
+        """Return once everything logged is written, and is there under the file's name, or raise OSError."""
         self._wait(lambda: stream.flush(ATTEMPT))
         if os.name != "nt":  # there, what is open cannot be moved
             self._publish()
@@ -144,25 +122,19 @@ class ToFile:
 
     def end(self, stream: Stream) -> None:
         """Write the file's footer; what was there before goes."""
-        self.deliver(stream, last=lambda: True)
+        self.deliver(stream)
         stream.native.disconnect()
         self._publish()
-        if self._old is not None:
-            with suppress(OSError):
+        with suppress(OSError):
+            if self._old is not None:
                 self._old.unlink()
 
-    def abandon(self, stream: Stream, error: Exception) -> bool:
-        """Put back what was there before; whether the stream can never be let go of."""
-        stuck = isinstance(error, OSError) and self._draft is not None
-        if stuck:
-            rr.unregister_shutdown()
-        else:
-            stream.native.disconnect()
+    def abandon(self) -> None:
+        """Put back what was there before."""
         if self._draft is not None:
             self._draft.discard()
             if self._old is not None:
                 os.replace(self._old, self._draft.target)
-        return stuck
 
     def failed(self, error: Exception) -> OptionError:
         """Explain why, and what is there now."""
@@ -213,21 +185,14 @@ class ToViewer:
         """Connect."""
         stream.native.connect_grpc(self._url, default_blueprint=self._blueprint)
 
-    def deliver(self, stream: Stream, *, last: Callable[[], bool]) -> None:
-        """Wait for the viewer as long as it is there and the run goes on."""
+    def deliver(self, stream: Stream) -> None:
+        """Wait for the viewer as long as it is there."""
         while not stream.flush(PATIENCE):
             viewer.probe(self._url)
-            if last():
-                raise TimeoutError("the viewer did not keep up to the end")
 
     def end(self, stream: Stream) -> None:
         """Close the stream."""
         stream.native.disconnect()
 
-    def abandon(self, stream: Stream, error: Exception) -> bool:
+    def abandon(self) -> None:
         """Leave it alone."""
-        return True
-
-    def failed(self, error: Exception) -> OptionError:
-        """Explain why."""
-        return OptionError(f"the viewer at {self._url} is gone ({error})")

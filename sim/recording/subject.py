@@ -18,7 +18,6 @@ from pirrht.planner.tree import HomologyTree
 from sim.mjcf import Loaded
 from sim.recording import geoms
 from sim.recording.options import Look
-from sim.recording.reasons import Surroundings
 
 TREES = 2  # lifted trees shown, one per obstacle
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
@@ -87,19 +86,12 @@ class Subject:
         return tuple(called(given, {i: k for k, part in enumerate(self.space.obstacles, 1) for i in part.members}))
 
     @cached_property
-    def surroundings(self) -> Surroundings:
-        """Solids by name, to find the nearest one."""
-        return Surroundings(self.space.scene, self.solids)
-
-    @cached_property
     def names(self) -> tuple[str, ...]:
         """Name of each topological obstacle: that of the solid that its marker lies in."""
-        places = [obstacle.position[:2] for obstacle in self.space.scene.obstacles]
-        found = []
-        for component, marker in zip(self.space.obstacles, self.space.homology.markers, strict=True):
-            off = [float(np.linalg.norm(places[i] - marker)) for i in component.members]
-            found.append(self.solids[component.members[int(np.argmin(off))]])
-        return tuple(found)
+        places = np.array([obstacle.position[:2] for obstacle in self.space.scene.obstacles])
+        pairs = zip(self.space.obstacles, self.space.homology.markers, strict=True)
+        nearest = (min(part.members, key=lambda i: float(np.hypot(*(places[i] - at)))) for part, at in pairs)
+        return tuple(self.solids[i] for i in nearest)
 
     @property
     def labels(self) -> list[str]:
@@ -110,16 +102,13 @@ class Subject:
     @property
     def turn(self) -> float:
         """Height of one whole turn in the lifted tree [m]."""
-        scene = self.space.scene
-        return 0.45 * float((scene.upper - scene.lower).max())
+        return 0.45 * float((self.space.scene.upper - self.space.scene.lower).max())
 
     @property
     def lifted(self) -> list[tuple[int, str, str]]:
         """Obstacle, entity path and title of each lifted tree."""
-        if self.tree is None:
-            return []
-        also = {k: "" if self.names[k] == f"obstacle {k + 1}" else f" ({self.names[k]})" for k in self.lift}
-        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1}{name}") for k, name in also.items()]
+        lift = () if self.tree is None else self.lift
+        return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({self.names[k]})") for k in lift]
 
 
 def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
@@ -130,16 +119,14 @@ def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
         number: of the obstacle that a solid belongs to, by place in `given`.
     """
     spare = [f"obstacle {number[i]}" if i in number else SPARE for i in range(len(given))]
-    return [
-        name.replace("_", " ") if name and given.count(name) == 1 else other
-        for name, other in zip(given, spare, strict=True)
-    ]
+    unique = {name for name in given if name and given.count(name) == 1}
+    return [name.replace("_", " ") if name in unique else other for name, other in zip(given, spare, strict=True)]
 
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     """Obstacles, from 0, by which the shortest classes from x (n,) differ, before all others."""
     lengths = tree.lengths(tree.at(x, 0.0))
-    windings = sorted(lengths, key=lambda winding: lengths[winding])
-    static = len(tree.space.homology.markers)
-    apart = [k for w in windings[1:] for k in np.flatnonzero(np.not_equal(w, windings[0])).tolist() if k < static]
-    return tuple(dict.fromkeys([*apart, *range(static)]))[:most]
+    first, *others = sorted(lengths, key=lambda winding: lengths[winding]) or [()]
+    static = range(len(tree.space.homology.markers))
+    apart = [k for winding in others for k in static if winding[k] != first[k]]
+    return tuple(dict.fromkeys([*apart, *static]))[:most]

@@ -1,6 +1,6 @@
 """Viewers that a recording is sent to while it is made: finding a running one, starting one, serving browsers.
 
-Everything started here listens on the loopback interface alone.
+Everything started here listens on the loopback interface alone, which Rerun's own functions do not offer.
 """
 
 from __future__ import annotations
@@ -36,12 +36,14 @@ server.kill()
 
 
 def probe(url: str, *, timeout: float = 1.0) -> None:
-    """Make sure that a viewer listens at an address.
-
-    Raises:
-        OptionError: the URL is no viewer's, or nobody listens there.
-    """
-    host, port = _address(url)
+    """Make sure that a viewer listens at an address; the OptionError reports a URL that is none, or nobody there."""
+    try:
+        parts = urlsplit(url)
+        host, port = parts.hostname, parts.port or (443 if parts.scheme.endswith("https") else 80)
+    except ValueError:
+        host, port = None, 0
+    if not host or parts.scheme not in SCHEMES or parts.path != "/proxy":
+        raise OptionError(f"--connect {url}: that is no viewer's address; write one like {EXAMPLE}")
     try:
         socket.create_connection((host, port), timeout).close()
     except OSError as error:
@@ -52,7 +54,6 @@ def probe(url: str, *, timeout: float = 1.0) -> None:
 
 
 def _binary() -> Path:
-    """Return Rerun's viewer."""
     folder = Path(rerun_cli.__file__).parent
     app = folder / "Rerun.app" / "Contents" / "MacOS" / "Rerun"
     bundled = app if app.exists() else folder / ("rerun.exe" if os.name == "nt" else "rerun")
@@ -67,18 +68,14 @@ def check_installed(option: str) -> None:
         )
 
 
-def check_display() -> None:
+def check_display(what: str = "--view", remedy: str = "use --record FILE.rrd and open it elsewhere") -> None:
     """Make sure that there is a display to show a viewer on; the OptionError names another way."""
     if sys.platform.startswith("linux") and not (os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")):
-        raise OptionError("--view needs a display, and there is none; use --record FILE.rrd and open it elsewhere")
+        raise OptionError(f"{what} needs a display, and there is none; {remedy}")
 
 
 def spawn() -> str:
-    """Start a viewer on a free port of the loopback interface; it outlives this process. Returns its URL.
-
-    Raises:
-        OptionError: there is no display, or the viewer does not come up.
-    """
+    """Start a viewer that outlives this process, and return its URL; an OptionError where that does not work."""
     check_display()
     port = _free_port()
     viewer = _start(["--port", str(port), "--expect-data-soon"], stdin=subprocess.DEVNULL)
@@ -96,17 +93,12 @@ class Server:
 
     @classmethod
     def start(cls) -> Server:
-        """Serve on the loopback interface, on Rerun's usual ports if they are free.
-
-        Raises:
-            OptionError: the server does not come up.
-        """
+        """Serve, on Rerun's usual ports if they are free; an OptionError where the server does not come up."""
         data, web = _free_port(DATA_PORT), _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
         process = _start(options, guard=(sys.executable, "-I", "-c", GUARD), stdin=subprocess.PIPE)
         _await(process, [data, web], "--serve: the server")
-        page = f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}"
-        return cls(page=page, url=_url(data), process=process)
+        return cls(page=f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}", url=_url(data), process=process)
 
     def stay(self) -> None:
         """Serve until the user has seen enough (Ctrl-C) or the server ends."""
@@ -129,14 +121,14 @@ def _start(options: Sequence[str], *, guard: Sequence[str] = (), stdin: int) -> 
 
 def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) -> None:
     deadline, waiting = time.monotonic() + PATIENCE, list(ports)
-    while time.monotonic() < deadline and process.poll() is None:
+    while waiting and time.monotonic() < deadline and process.poll() is None:
         try:
             socket.create_connection(("127.0.0.1", waiting[0]), 1.0).close()
             waiting.pop(0)
-            if not waiting:
-                return
         except OSError:
             time.sleep(0.05)
+    if not waiting:
+        return
     if process.poll() is None:
         process.stdin.close() if process.stdin is not None else process.terminate()
         raise OptionError(f"{what} did not come up within {PATIENCE:g} s; use --record FILE.rrd")
@@ -147,17 +139,6 @@ def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) ->
 
 def _url(port: int) -> str:
     return f"rerun+http://127.0.0.1:{port}/proxy"
-
-
-def _address(url: str) -> tuple[str, int]:
-    try:
-        parts = urlsplit(url)
-        host, port = parts.hostname, parts.port
-    except ValueError:
-        host, port = None, None
-    if not host or parts.scheme not in SCHEMES or parts.path != "/proxy":
-        raise OptionError(f"--connect {url}: that is no viewer's address; write one like {EXAMPLE}")
-    return host, port or (443 if parts.scheme.endswith("https") else 80)
 
 
 def _free_port(wanted: int = 0) -> int:

@@ -7,7 +7,7 @@
 /world/path   position after every physics step
 /spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
 /why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
-              and of each of a few; `/why/weight/switch` where another class has come to weigh most
+              and of each of a few
 /why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one
 /why/clearance, /why/control, /why/cost   clearance, u, and the cost so far without and with the value
 /why/optimum  control: standard error of u, and |u - u*|; value: the error with its standard error around it
@@ -32,10 +32,10 @@ import rerun as rr
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import lift
-from sim.mjcf.mocap import Mocap
+from sim.mjcf.motions import Mocap
 from sim.recording import spacetime
 from sim.recording.camera import FOLLOWING, Following
-from sim.recording.columns import components
+from sim.recording.columns import COMPONENTS
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.plots import Plots
@@ -44,23 +44,10 @@ from sim.recording.step_row import Row
 from sim.recording.stream import Stream
 from sim.recording.subject import Subject
 
-BATCH_STEPS = 36  # rows per chunk: a chunk costs 1 to 3 kB whatever it holds
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
-BATCH_LEAST, BATCH_TIME = 8, 0.36  # fewer will do once they span so much simulated time [s]
+BATCH_STEPS, BATCH_TIME = 8, 0.36  # rows per chunk at least, and the time they span [s]: a chunk costs 1 to 3 kB
 LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
-
-
-def columns(rows: Sequence[Row]) -> list[Any]:
-    """All components of some steps, each with any number of values per step; step and time are their index."""
-    parts: list[Any] = []
-    for name, column in components().items():
-        assert column.values is not None
-        texts = column.kind is str
-        values = [[v if texts else float(v) for v in column.values(row)] for row in rows]
-        if flat := list(chain.from_iterable(values)):
-            parts += rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
-    return parts
 
 
 class Writer:
@@ -80,102 +67,89 @@ class Writer:
 
     def begin(self) -> None:
         """Everything that stays as it is."""
-        subject, log = self._subject, self.stream.static
-        self.stream.properties(properties(subject.settings), name=subject.name)
-        self._place()  # before there is anything to see: what has no place yet would be at the origin
+        subject, log, native = self._subject, self.stream.static, self.stream.native
+        native.send_recording_name(subject.name)
+        self.stream.cut()
+        native.send_property("run", rr.AnyValues(**properties(subject.settings)))
+        self.stream.cut()
+        # Places before there is anything to see: what has none yet would be at the origin.
+        start = np.asarray(self._dynamics.state_of(subject.space.scene.start))[None]
+        self._transforms("/world/robot", [0], [0.0], self._robot.at(start))
+        self._transforms(FOLLOWING, [0], [0.0], Following(subject.space.scene).poses(start[:, :2], np.zeros(1)))
+        self._movers([0], [0.0])
         stage(subject, log)
         if subject.moves:
             spacetime.stage(subject, log)
         self._plots.begin()
 
-    def _place(self) -> None:
-        """Place robot, moving obstacles and eyes at the start."""
-        scene = self._subject.space.scene
-        start = np.asarray(self._dynamics.state_of(scene.start))[None]
-        places, turns = Following(scene).poses(start[:, :2], np.zeros(1))
-        known = {"/world/robot": self._robot.at(start), FOLLOWING: np.column_stack([places, turns])}
-        if self._mocap is not None:
-            poses = self._mover_poses(self._mocap, [0.0])
-            known |= {mover_path(mover.name): pose for mover, pose in zip(scene.movers, poses, strict=True)}
-        for path, pose in known.items():
-            self.stream.columns(path, [0], [0.0], _transforms(pose))
-
     def add(self, row: Row) -> bool:
         """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
         self._batch.append(row)
         self._waiting_since = min(self._waiting_since, time.monotonic())
-        count, span = len(self._batch), row.time + row.duration - self._batch[0].time
-        long_enough = count >= BATCH_LEAST and span >= BATCH_TIME - 1e-9
-        if count < BATCH_STEPS and not long_enough and row.outcome is None:
-            return False
-        self._write()
-        return True
+        span = row.time + row.duration - self._batch[0].time
+        full = row.outcome is not None or (len(self._batch) >= BATCH_STEPS and span >= BATCH_TIME - 1e-9)
+        if full:
+            self.end()
+        return full
 
     def secure(self) -> bool:
         """Write the steps ahead that have waited too long, lest a crash lose them; whether there were any."""
         if time.monotonic() - self._waiting_since < WAIT:
             return False
         rows = self._batch[self._secured :]
-        self._columns("/timing/plan", rows, columns(rows))
+        self._columns("/timing/plan", rows, _values(rows))
         self._secured, self._waiting_since = len(self._batch), inf
         return True
 
     def end(self) -> None:
         """Write what is left."""
-        if self._batch:
-            self._write()
-
-    def _write(self) -> None:
         rows, self._batch = self._batch, []
         self._secured, self._waiting_since = 0, inf
-        self._columns("/steps", rows, columns(rows))
+        if not rows:
+            return
+        self._columns("/steps", rows, _values(rows))
         self._poses(rows)
-        if self._mocap is not None:
-            self._movers(self._mocap, rows)
         self._plots.draw(rows)
         self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
         for row in rows:
-            if row.news is not None:
-                for line in wrap(row.news, LINE):
-                    self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
+            for line in wrap(row.news or "", LINE):
+                self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
             if row.plan is not None:
                 self._pictures.draw(row.plan, row.step, row.time)
 
     def _poses(self, rows: Sequence[Row]) -> None:
-        """Log robot, control, eye and driven path."""
-        states = np.array([r.state for r in rows])
-        controls = [(r.state, u) for r in rows for u in (r.control, *([] if r.truth is None else [r.truth.control]))]
-        vectors = np.array([self._ahead(x, u) for x, u in controls])
-        arrows = rr.Arrows3D.columns(vectors=vectors).partition([len(vectors) // len(rows)] * len(rows))
-        self._columns("/world/robot", rows, [*_transforms(self._robot.at(states)), *arrows])
-        seen = self._eye.poses(states[:, :2], np.array([r.duration for r in rows]))
-        self._columns(FOLLOWING, rows, _transforms(np.column_stack(seen)))
-        pieces = [lift(np.vstack([r.state[:2], r.states[:, :2]]), 0.06) for r in rows]
+        """Log robot, control, eye, driven path and moving obstacles, after the last step of a run also at its end."""
+        states, last = [r.states[0] for r in rows], rows[-1]
+        steps, times = [r.step for r in rows], [r.time for r in rows]
+        controls = [[np.array(u) for u in (r.cells["control"], r.cells["exact_control"]) if u] for r in rows]
+        vectors = [self._ahead(x, u) for x, known in zip(states, controls, strict=True) for u in known]
+        lengths = [len(known) for known in controls]
+        eyes = self._eye.poses(np.array(states)[:, :2], np.array([r.duration for r in rows]))
+        self._transforms(FOLLOWING, steps, times, eyes)
+        pieces = [lift(r.states[:, :2], 0.06) for r in rows]
         self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
+        if last.outcome is not None:
+            states, steps, times = (
+                [*states, last.states[-1]],
+                [*steps, last.step + 1],
+                [*times, last.time + last.duration],
+            )
+            lengths.append(0)
+        arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
+        self._transforms("/world/robot", steps, times, self._robot.at(np.array(states)), arrows)
+        self._movers(steps, times)
         if self._pictures.in_time is not None:
-            self._pictures.in_time.follow(rows)
-        last = rows[-1]
-        if last.outcome is not None and len(last.states):
-            pose = _transforms(self._robot.at(last.states[-1:]))
-            self.stream.columns("/world/robot", [last.step + 1], [last.time + last.duration], pose)
+            self._pictures.in_time.follow(rows, steps, np.column_stack([np.array(states)[:, :2], times]))
 
-    def _movers(self, mocap: Mocap, rows: Sequence[Row]) -> None:
-        last = rows[-1]
-        ends = [(last.step + 1, last.time + last.duration)] if last.outcome is not None else []
-        steps, times = zip(*((r.step, r.time) for r in rows), *ends, strict=True)
-        scene = self._subject.space.scene
-        for j, (mover, poses) in enumerate(zip(scene.movers, self._mover_poses(mocap, times), strict=True)):
-            new = np.any(poses != self._shown[j], axis=0)
-            if new.any():
-                turned = {"quaternion": poses[:, 3:]} if new[3:].any() else {}  # else the last one holds
-                self._shown[j] = poses[-1]
-                moved = rr.Transform3D.columns(translation=poses[:, :3], **turned)
-                self.stream.columns(mover_path(mover.name), steps, times, moved)
-
-    def _mover_poses(self, mocap: Mocap, times: Sequence[float]) -> Array:
-        """Return poses (movers, k, 7) at times (k,) [s]; quaternions have w last, which MuJoCo writes first."""
-        places, turns = mocap.poses(np.array(times))
-        return np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2).transpose(1, 0, 2)
+    def _movers(self, steps: Sequence[int], times: Sequence[float]) -> None:
+        if self._mocap is None:
+            return
+        places, turns = self._mocap.poses(np.array(times))
+        poses = np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2)  # MuJoCo writes w first
+        for j, mover in enumerate(self._subject.space.scene.movers):
+            if np.any(poses[:, j] != self._shown[j]):
+                self._shown[j] = poses[-1, j]
+                self._transforms(mover_path(mover.name), steps, times, poses[:, j])
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
@@ -190,7 +164,19 @@ class Writer:
     def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
         self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
 
+    def _transforms(
+        self, path: str, steps: Sequence[int], times: Sequence[float], poses: Array, more: Iterable[Any] = ()
+    ) -> None:
+        """Log poses (k, 7), which are places [m] and quaternions, w last, with more columns."""
+        columns = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
+        self.stream.columns(path, steps, times, [*columns, *more])
 
-def _transforms(poses: Array) -> Any:
-    """Poses (k, 7) of places [m] and quaternions, w last, as columns."""
-    return rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
+
+def _values(rows: Sequence[Row]) -> list[Any]:
+    """All components of some steps, each with any number of values per step."""
+    parts: list[Any] = []
+    for name in COMPONENTS:
+        values = [row.cells[name] for row in rows]
+        if flat := list(chain.from_iterable(values)):
+            parts += rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
+    return parts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any
 
@@ -12,27 +12,18 @@ import numpy as np
 
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
-from sim.report.comparisons import (
-    BASE,
-    LEVEL,
-    Comparison,
-    Key,
-    Record,
-    adjusted,
-    both_arrive,
-    comparison,
-    least,
-    pairs_of,
-    questions,
-)
-from sim.report.statistics import Interval, mean, ratio, wilson
-from sim.sweeps.dataset import Dataset
-from sim.sweeps.manifests import wished
+from sim.report.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from sim.sweeps.dataset import Dataset, wished
 from sim.text import counted
 
+BASE = "pi-rrht"  # what other methods are compared with
+LEVEL = 0.05
 BEST = "optimal"  # what costs are held against
 ALL = "all scenes"
 OUTCOMES = ("goal", "collision", "timeout")
+
+Record = Mapping[str, Any]
+Key = tuple[str, float, str]  # scene, noise, method
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,6 +48,25 @@ class Point:
     class_reversals: Interval  # per run
     step_ms: Interval  # mean over runs of the median
     step_p95_ms: Interval  # mean over runs of the 95th percentile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Comparison:
+    """A method against `BASE` on the seeds that both have come to an end with."""
+
+    scene: str
+    noise: float
+    method: str
+    pairs: int
+    gained: int  # pairs of which only the method's reached the goal
+    lost: int  # only that of `BASE`
+    success: Interval  # difference of the shares
+    success_p: float  # McNemar, exact
+    arrived: int  # pairs of which both reached the goal
+    cost: Interval  # mean difference of their costs
+    cost_p: float  # by flipping signs
+    success_adjusted: float = 1.0  # for all findings of the report
+    cost_adjusted: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,10 +104,7 @@ def report(dataset: Dataset) -> Report:
     manifest = dataset.manifest()
     records = dataset.records()
     _check(records, dataset)
-    groupings = _groupings(sorted(records, key=_order))
-    wanted = [(key, by) for by in groupings for key in by]
-    points = [_point(key, by[key], by) for key, by in wanted]
-    comparisons = adjusted([c for c in (comparison(key, by) for key, by in wanted) if c is not None])
+    points, comparisons = summed(records)
     return Report(
         name=dataset.folder.resolve().name,
         manifest=manifest,
@@ -110,6 +117,13 @@ def report(dataset: Dataset) -> Report:
         least_p=least(comparisons),
         findings=_findings(comparisons),
     )
+
+
+def summed(records: Sequence[Record]) -> tuple[list[Point], list[Comparison]]:
+    """Return figures of every scene, noise level and method, and methods compared on equal seeds."""
+    wanted = [(key, by) for by in _groupings(sorted(records, key=_order)) for key in by]
+    comparisons = [c for c in (comparison(key, by) for key, by in wanted) if c is not None]
+    return [_point(key, by[key], by) for key, by in wanted], adjusted(comparisons)
 
 
 def _order(record: Record) -> tuple[Any, ...]:
@@ -152,9 +166,7 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
     runs = [r for r in everyone if r["outcome"] is not None]
     arrived = [r for r in runs if r["outcome"] == "goal"]
     classes = Counter(r["executed_class"] for r in arrived) if scene != ALL else Counter[str]()
-    best = [
-        (r["cost"], b["cost"]) for r, b in pairs_of(runs, groups.get((scene, noise, BEST), ())) if both_arrive(r, b)
-    ]
+    best = costs_of(pairs_of(runs, groups.get((scene, noise, BEST), ())))
 
     def share(outcome: str) -> Interval:
         return wilson(sum(r["outcome"] == outcome for r in runs), len(runs))
@@ -170,7 +182,7 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
         collision=share("collision"),
         timeout=share("timeout"),
         cost=mean([r["cost"] for r in arrived]),
-        cost_over_optimal=ratio(*np.array(best).reshape(-1, 2).T),
+        cost_over_optimal=ratio(*best.T),
         path_length=mean([r["path_length"] for r in arrived]),
         time=mean([r["time"] for r in arrived]),
         classes={str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},
@@ -183,6 +195,76 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
 
 def _known(values: Iterable[float | None]) -> list[float]:
     return [value for value in values if value is not None and isfinite(value)]
+
+
+def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison | None:
+    """A method's runs against those of `BASE`; None if that is the method, or has no runs there."""
+    scene, noise, method = key
+    base = groups.get((scene, noise, BASE))
+    if method == BASE or base is None:
+        return None
+    pairs = pairs_of(groups[key], base)
+    ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
+    gained, lost = ends[True, False], ends[False, True]
+    costs = costs_of(pairs)
+    off = costs[:, 0] - costs[:, 1]
+    return Comparison(
+        scene=scene,
+        noise=noise,
+        method=method,
+        pairs=len(pairs),
+        gained=gained,
+        lost=lost,
+        success=paired_shares(gained, lost, len(pairs)),
+        success_p=mcnemar(gained, lost),
+        arrived=len(off),
+        cost=mean(off),
+        cost_p=sign_flips(off),
+    )
+
+
+def pairs_of(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Record, Record]]:
+    """Runs of equal scene and seed that came to an end."""
+    known = {(r["scene"], r["seed"]): r for r in others if r["outcome"] is not None}
+    ended = [r for r in runs if r["outcome"] is not None]
+    return [(r, known[r["scene"], r["seed"]]) for r in ended if (r["scene"], r["seed"]) in known]
+
+
+def costs_of(pairs: Iterable[tuple[Record, Record]]) -> np.ndarray[Any, Any]:
+    """Costs (k, 2) of the pairs of which both reached the goal."""
+    return np.array([(a["cost"], b["cost"]) for a, b in pairs if a["outcome"] == b["outcome"] == "goal"]).reshape(-1, 2)
+
+
+def adjusted(comparisons: Sequence[Comparison]) -> list[Comparison]:
+    """p-values adjusted for the number of questions that there are pairs for."""
+    asked = [(i, name) for i, c in enumerate(comparisons) for name in questions(c)]
+    values = holm([getattr(comparisons[i], f"{name}_p") for i, name in asked])
+    changes: list[dict[str, Any]] = [{} for _ in comparisons]
+    for (i, name), value in zip(asked, values, strict=True):
+        changes[i][f"{name}_adjusted"] = value
+    return [replace(c, **change) for c, change in zip(comparisons, changes, strict=True)]
+
+
+def questions(c: Comparison) -> list[str]:
+    """List the questions that its pairs could answer: success, cost."""
+    return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
+
+
+def least(comparisons: Sequence[Comparison]) -> float:
+    """The adjusted p-value if all pairs of the comparison that has most differed, all of them one way.
+
+    Flips of signs, of which there are no more pairs, reach no smaller one.
+    """
+    number = sum(len(questions(c)) for c in comparisons)
+    return min(1.0, max(1, number) * mcnemar(max((c.pairs for c in comparisons), default=0), 0))
+
+
+def pairs_needed(asked: int) -> int:
+    """The fewest pairs with which one of so many questions can come out significant."""
+    pairs = 1
+    while asked * mcnemar(pairs, 0) >= LEVEL:
+        pairs += 1
+    return pairs
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:

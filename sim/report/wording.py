@@ -8,10 +8,9 @@ from math import isfinite
 from typing import Any, NamedTuple
 
 from sim.drawing.colors import title
-from sim.report.comparisons import BASE, LEVEL, Comparison, pairs_needed
 from sim.report.plots import Picture
 from sim.report.statistics import Interval
-from sim.report.summary import ALL, BEST, Point, Report, p_value
+from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value, pairs_needed
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
@@ -81,19 +80,19 @@ def _why_none(report: Report) -> str:
     return f"no seed came to an end both with {BASE} and with another method"
 
 
-def tables(report: Report) -> list[Table]:
+def tables(points: Sequence[Point], comparisons: Sequence[Comparison]) -> list[Table]:
     """All figures, without tables that have no rows."""
-    known = any(p.method == BEST for p in report.points)
+    known = any(p.method == BEST for p in points)
     over: Mapping[str, Callable[[Any], str]] = {"cost over optimal": lambda p: _mean(p.cost_over_optimal, 4)}
     every = [
         _table(
-            "Outcomes", "Shares of the runs that came to an end.", report.points,
+            "Outcomes", "Shares of the runs that came to an end.", points,
             {"runs": lambda p: str(p.runs), "errors": lambda p: str(p.errors), "goal %": lambda p: _share(p.success),
              "collision %": lambda p: _share(p.collision), "time-out %": lambda p: _share(p.timeout)},
         ),
         _table(
             "Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.",
-            report.points,
+            points,
             {"cost": lambda p: _mean(p.cost), **(over if known else {}), "path [m]": lambda p: _mean(p.path_length),
              "time [s]": lambda p: _mean(p.time)},
         ),
@@ -101,7 +100,7 @@ def tables(report: Report) -> list[Table]:
             "Decisions",
             "Class switches per run; reversals: from a class of nine tenths of the weight to another such one; wall "
             "time of a control step: means over runs of median and 95th percentile; shares of the driven classes.",
-            report.points,
+            points,
             {"switches": lambda p: _mean(p.class_switches, 2), "reversals": lambda p: _mean(p.class_reversals, 2),
              "step median [ms]": lambda p: _mean(p.step_ms, 2), "step p95 [ms]": lambda p: _mean(p.step_p95_ms, 2),
              "classes %": _classes},
@@ -109,7 +108,7 @@ def tables(report: Report) -> list[Table]:
         _table(
             f"Against {BASE}",
             f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
-            report.comparisons,
+            comparisons,
             {"pairs": lambda c: str(c.pairs), "goals": lambda c: f"+{c.gained} -{c.lost}",
              "points": lambda c: _text(c.success, lambda x: f"{100 * x:+.1f}"),
              "p goals": lambda c: f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
@@ -128,20 +127,27 @@ def _table(
 
 
 def terminal(report: Report) -> str:
-    """Format the report for a terminal: of many scenes only all of them together."""
-    many = ALL in report.scenes and len(report.scenes) > 4
-    parts = ["\n".join(lead(report))]
-    for one in tables(report):
+    """Format the report for a terminal."""
+    return "\n\n".join(
+        ["\n".join(lead(report)), figures(report.points, report.comparisons), "\n".join(findings(report))]
+    )
+
+
+def figures(points: Sequence[Point], comparisons: Sequence[Comparison]) -> str:
+    """Format all tables for a terminal: of many scenes only all of them together."""
+    scenes, parts = {point.scene for point in points}, []
+    many = ALL in scenes and len(scenes) > 4
+    for one in tables(points, comparisons):
         rows = [row for row in one.rows if not many or row[0] == ALL]
         parts += [f"{one.heading}\n\n{table(one.header, rows)}"] if rows else []
-    return "\n\n".join([*parts, "\n".join(findings(report))])
+    return "\n\n".join(parts)
 
 
 def markdown(report: Report) -> str:
     """The report as a Markdown file."""
     parts = [f"# Sweep {report.name}", *lead(report), "## Findings"]
     parts.append("\n".join(f"* {line}" for line in findings(report)))
-    for one in tables(report):
+    for one in tables(report.points, report.comparisons):
         lines = [one.header, ["---"] * len(one.header), *one.rows]
         cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
         parts += [f"## {one.heading}", one.text, "\n".join(cells)]
@@ -155,7 +161,7 @@ def page(report: Report, pictures: Sequence[Picture]) -> str:
     for picture in pictures:
         text = escape(picture.text)
         parts.append(f'<p><img alt="{text}" src="data:image/png;base64,{picture.png}"></p><p>{text}</p>')
-    for one in tables(report):
+    for one in tables(report.points, report.comparisons):
         head = "".join(f"<th>{escape(cell)}</th>" for cell in one.header)
         body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in one.rows)
         text = escape(one.text.replace("`", ""))

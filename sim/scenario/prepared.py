@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import partial
@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import find_passages
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.scenario.risk import within_risk
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
-from sim.system_import import chosen
-from sim.systems import named, refuse
+from sim.systems import chosen, named, refuse
 
 AMONG = 0.8  # H_limit among moving obstacles, if not given: waiting for one winds about it meanwhile
 REACTION = 0.01  # how long feedback takes to answer noise [s]
@@ -60,17 +61,25 @@ def prepare(
     refuse(kind, given)
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
-    problem = kind.problem(loaded.scene, settings)
-    space, own = FreeSpace.of(loaded.scene), loaded.margin
-    if task.margin is None and "margin" not in loaded.scene.defaults:
-        own = default_margin(problem, space, settings.period if settings.between == "hold" else REACTION)
-        if own > 0.0:
-            loaded = read(margin=own)
-            problem, space = kind.problem(loaded.scene, settings), FreeSpace.of(loaded.scene)
-    scenario = Scenario(
-        loaded=loaded, system=kind, settings=settings, problem=problem, space=space, margin=own,
-        widens=given.get("limit") is None and "limit" not in overlay,
-    )  # fmt: skip
+
+    def at(margin: float | None) -> Scenario:
+        own = loaded if margin is None else read(margin=margin)
+        return Scenario(
+            loaded=own, system=kind, settings=settings, problem=kind.problem(own.scene, settings),
+            space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
+            widens=given.get("limit") is None and "limit" not in overlay,
+        )  # fmt: skip
+
+    if settings.risk is not None:
+        if task.margin is not None:
+            raise OptionError("--risk chooses the margin; leave out --margin")
+        scenario = within_risk(at, settings.risk, stop=settings.risk_infeasible == "stop")
+    else:
+        scenario = at(None)
+        if task.margin is None and "margin" not in loaded.scene.defaults:
+            reaction = settings.period if settings.between == "hold" else REACTION
+            if (own := default_margin(scenario.problem, scenario.space, reaction)) > 0.0:
+                scenario = at(own)
     if driven:
         scenario.plant()
     return scenario
@@ -78,16 +87,15 @@ def prepare(
 
 def _refuse_unknown(options: Mapping[str, Any], given: Mapping[str, Any]) -> None:
     """Refuse names that are no arguments or no settings; OptionError offers the one that is meant, or all."""
-    for where, names, known, what, others, instead in (
-        ("prepare", options, BY_SCENE, "argument", BY_SETTING, "a setting: prepare(..., given={{{!r}: ...}})"),
-        ("given", given, BY_SETTING, "setting", BY_SCENE, "an argument: prepare(..., {}=...)"),
+    for where, names, known, others, what in (
+        ("prepare", options, BY_SCENE, BY_SETTING, "argument but a setting: prepare(..., given={{{!r}: ...}})"),
+        ("given", given, BY_SETTING, BY_SCENE, "setting but an argument: prepare(..., {}=...)"),
     ):
-        for name in (name for name in names if name not in known):
-            if name in others:
-                raise OptionError(f"{where}: {name!r} is no {what} but {instead.format(name)}")
+        for name in names.keys() - known.keys():
             like = get_close_matches(name, known, n=1)
             fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted(known))}"
-            raise OptionError(f"{where}: {name!r} is no {what}; {fit}")
+            meant = what.format(name) if name in others else f"{what.split()[0]}; {fit}"
+            raise OptionError(f"{where}: {name!r} is no {meant}")
 
 
 def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:
@@ -112,14 +120,12 @@ def _deviation(problem: Problem, time: float) -> float:
     """Return the standard deviation of the place after a time [s] from the start, along its worst direction [m]."""
     d, h, shift = problem.dynamics, time / STEPS, 1e-4
     start, still = d.state_of(problem.scene.start), np.zeros(d.m)
-    total = np.zeros((2, 2))
-    for i in range(STEPS):  # noise of one step each, carried on to the end; the equation is linear in it
-        ends = []
-        for noise in shift * np.vstack([np.eye(d.m), -np.eye(d.m)]):
-            x = d.step(start, still, noise, h)
-            for _ in range(STEPS - 1 - i):
-                x = d.step(x, still, still, h)
-            ends.append(x[:2])
-        moved = (np.array(ends[: d.m]) - np.array(ends[d.m :])) / (2.0 * shift)
-        total += h * moved.T @ moved
-    return float(np.sqrt(np.linalg.eigvalsh(total)[-1]))
+
+    def slopes(step: Callable[[Array], Array], n: int) -> Array:
+        return np.array([step(e) - step(-e) for e in shift * np.eye(n)]).T / (2.0 * shift)
+
+    A, B = slopes(lambda e: d.step(start + e, still, still, h), d.n), slopes(lambda e: d.step(start, still, e, h), d.m)
+    P = np.zeros((d.n, d.n))
+    for _ in range(STEPS):
+        P = A @ P @ A.T + h * B @ B.T
+    return float(np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pirrht.errors import NoReference, OptionError, SceneError
-from pirrht.estimation.risk import CollisionProbability, collision_probability
+from pirrht.estimation.risk import CollisionProbability
 from sim.scenario.scenario import Scenario
 
 ROUNDS = 6  # margins that are tried
@@ -16,27 +16,17 @@ WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held ste
 DRAWN = 4  # times the samples of a plan: this estimate is made once per run
 
 
-def predicted(scenario: Scenario, margins: tuple[float, ...] = (0.0,)) -> list[CollisionProbability] | None:
+def predicted(scenario: Scenario, margins: Sequence[float] = (0.0,)) -> list[CollisionProbability] | None:
     """Predict the probability of a collision of a run, by one plan at its start, for margins besides its own [m].
 
-    None: the robot is blocked there, or its noise does not act on the position, for which nothing is predicted.
+    None: nothing is predicted (`Scenario.collisions`).
     """
-    dynamics, s = scenario.problem.dynamics, scenario.settings
-    if not dynamics.noisy_position or s.exit != "bridge":
-        return None
-    many = scenario.with_settings(samples=DRAWN * s.samples)
+    many = scenario.with_settings(samples=DRAWN * scenario.settings.samples)
     driver = many.controller(many.grown_tree())
     driver.begin(many.start)
     plan = driver.plan(many.start)
-    if plan.estimate is None:
-        return None
-    step = float(scenario.loaded.model.opt.timestep)
-    return [
-        collision_probability(
-            many.problem, plan.estimate, step=step, margin=scenario.margin + more, classes=plan.classes
-        )
-        for more in margins
-    ]
+    found = [many.collisions(plan, more) for more in margins]
+    return None if found[0] is None else [one for one in found if one is not None]
 
 
 def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> Scenario:
@@ -54,7 +44,7 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
     scenario = at(0.0)
     spread = scenario.problem.dynamics.position_spread(scenario.start)
     widest = WIDEST * spread * float(np.sqrt(scenario.loaded.model.opt.timestep))
-    more = tuple(np.arange(0.0, widest + FINEST, FINEST).tolist())
+    more = np.arange(0.0, widest + FINEST, FINEST).tolist()
     nearest: tuple[float, Scenario] | None = None
     for _ in range(ROUNDS):
         found = predicted(scenario, more)

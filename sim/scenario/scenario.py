@@ -11,10 +11,12 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
+from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TREELESS
-from pirrht.errors import NoReference, OptionError, SceneError
+from pirrht.errors import NoReference, OptionError
+from pirrht.estimation.risk import CollisionProbability, collision_probability
 from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
@@ -27,19 +29,17 @@ from pirrht.steering.steering import Steering
 from pirrht.topology.homology import Homology
 from sim import tree_file
 from sim.drive import episode
-from sim.drive.clock import Clock
-from sim.drive.executor import Executor
+from sim.drive.episode import Clock
+from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
-from sim.drive.plant import Analytic, Plant
 from sim.mjcf import Loaded
-from sim.mjcf.motions import goal_blocker
 from sim.options import check_size
-from sim.scenario.required_limit import required_limit, surely_wide
 from sim.settings import Settings
 from sim.systems import System, refuse
 
 WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
-QUICK = 400  # vertices at most of a tree that is grown within a control period
+LONGER = 1.25  # paths of so many times the shortest length must be within it
+QUICK = 400  # vertices at most of a tree that is grown within a control period, or to find a limit
 ENOUGH = 30.0  # effective samples that the first plan of a run rests on, if it can be had
 
 Driver = Controller | Mppi | Optimal
@@ -60,7 +60,8 @@ class Scenario:
         Outcome.TIMEOUT
 
     Raises:
-        OptionError: plans under these settings would fit into no memory, or never end.
+        OptionError: plans under these settings would fit into no memory or never end, or moving obstacles are to be
+            predicted for the optimal law.
     """
 
     loaded: Loaded
@@ -72,6 +73,9 @@ class Scenario:
     widens: bool = True  # whether the limit H_limit may give way; not one that was given
 
     def __post_init__(self) -> None:
+        s = self.settings
+        if s.method == "optimal" and self.moving and s.predict != "known":
+            raise OptionError(f"the optimal law knows how bodies move; leave out --predict {s.predict}")
         check_size(self)
 
     def __repr__(self) -> str:
@@ -105,10 +109,7 @@ class Scenario:
         return self._in_time().homology(self.space) if self.moving else self.space.homology
 
     def _in_time(self) -> InTime:
-        """Return the steering in space and time.
-
-        Its best speed is as declared, or else what the system's own steering makes of the path to the goal.
-        """
+        """Return the steering in space and time, at the declared speed or that of the system's own path to the goal."""
         speed, problem = self.system.pace, self.problem
         if speed is None and self.system.steering is not None and not problem.dynamics.noisy_position:
             steering: Steering = self.system.steered(problem)
@@ -126,8 +127,7 @@ class Scenario:
         """Return independent seeds of the tree, the sampler and the plant."""
         s = self.settings
         _, sampler, plant = np.random.SeedSequence(s.seed).spawn(3)
-        tree = np.random.SeedSequence(s.seed if s.plan_seed is None else s.plan_seed).spawn(3)[0]
-        return tree, sampler, plant
+        return np.random.SeedSequence(s.seed if s.plan_seed is None else s.plan_seed).spawn(3)[0], sampler, plant
 
     def plant_rng(self) -> np.random.Generator:
         """Return the plant's noise; one increment per physics step whatever the method."""
@@ -147,9 +147,18 @@ class Scenario:
         """Count classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
         homology, limit = self.homology, self.settings.limit
         straight = homology.base(homology.at(self.start, 0.0))
-        most = self.settings.classes or Settings().classes
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
-        return int(np.clip(np.prod(number), 1, most))
+        return int(np.clip(np.prod(number), 1, self.settings.classes or Settings().classes))
+
+    def collisions(self, plan: Plan, margin: float = 0.0) -> CollisionProbability | None:
+        """Predict the probability of a collision from a plan on, with a wider margin by so much [m].
+
+        None: there are no samples, or the noise does not act on the position, for which nothing is predicted.
+        """
+        if plan.estimate is None or not self.problem.dynamics.noisy_position or self.settings.exit != "bridge":
+            return None
+        step, wide = float(self.loaded.model.opt.timestep), self.margin + margin
+        return collision_probability(self.problem, plan.estimate, step=step, margin=wide, classes=plan.classes)
 
     def empty_tree(
         self, limit: float | None = None, space: FreeSpace | None = None, seed: np.random.SeedSequence | None = None
@@ -176,11 +185,10 @@ class Scenario:
             tree.grow(vertices, progress=progress)
             return tree
 
-        first = grown(s.limit)
-        if not self.widens or surely_wide(first, x):
-            return first
-        least = required_limit(grown(WIDER[-1], min(s.vertices, QUICK)), x)
-        if first.lengths(first.at(x, 0.0)) and least <= s.limit:
+        first, least = grown(s.limit), 0.0
+        if self.widens and not self.moving:
+            least = required_limit(grown(WIDER[-1], min(s.vertices, QUICK)), x)
+        if not self.widens or (least <= s.limit and first.lengths(first.at(x, 0.0))):
             return first
         for limit in (limit for limit in WIDER if limit >= min(least, WIDER[-1]) and limit > s.limit):
             tree = grown(limit)
@@ -195,42 +203,27 @@ class Scenario:
 
         Raises:
             NoReference: no class reaches the goal.
-            SceneError: none does, and a moving obstacle comes to rest there.
         """
         try:
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
         except NoReference:
-            why, name = goal_blocker(self.loaded.scene), self.loaded.scene.name
-            if why is not None:
-                raise SceneError(
-                    f"{name}: {why}, and no way was found that gets there before; let it rest elsewhere"
-                ) from None
             if waits and self.moving:
                 return []
             raise
 
     def truth(self, progress: Progress = ignore_progress) -> Desirability:
         """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends."""
-        dt = self.settings.dt if self.settings.exit == "endpoint" else None
-        self._check_solved(dt)
-        return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
+        return self._solved(self.settings.dt if self.settings.exit == "endpoint" else None, progress)
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before.
 
         Raises:
-            OptionError: no grid solves this problem, or moving obstacles are to be predicted.
+            OptionError: no grid solves this problem.
         """
-        self.check_known()
-        self._check_solved(None)
-        return Optimal(truth or Desirability.of(self.problem, self.space, progress=progress), self.sampling)
+        return Optimal(truth or self._solved(None, progress), self.sampling)
 
-    def check_known(self) -> None:
-        """Refuse moving obstacles that are to be predicted, for the optimal law."""
-        if self.moving and self.settings.predict != "known":
-            raise OptionError(f"the optimal law knows how bodies move; leave out --predict {self.settings.predict}")
-
-    def _check_solved(self, dt: float | None) -> None:
+    def _solved(self, dt: float | None, progress: Progress) -> Desirability:
         try:
             solver_for(self.problem, self.space, dt)
         except OptionError:
@@ -239,45 +232,38 @@ class Scenario:
                 f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
                 f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
             ) from None
+        return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
 
     def controller(self, tree: HomologyTree | None) -> Controller | Mppi:
-        """Return the receding-horizon controller over a grown tree; MPPI if that is the method."""
-        s = self.settings
+        """Return the receding-horizon controller over a grown tree; MPPI if that is the method.
+
+        Methods of one reference, or none, have at least as many samples as "pi-rrht" draws from the start.
+        """
+        s, sampling, classes = self.settings, self.sampling, self.classes_at_start()
+        if s.method in ("mppi", "single", "passive"):
+            budget = None if s.budget is None else s.budget * classes
+            sampling = replace(sampling, samples=s.samples * classes, budget=budget)
+        more: Any = {"homology": self.homology, "rng": np.random.default_rng(self._seeds()[1])}
+        more["predict"] = self._prediction() if self.moving and s.predict != "known" else None
         if s.method == "mppi":
-            return self.mppi()
-        sampling = self._at_once() if s.method in ("single", "passive") else self.sampling
+            sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
+            problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
+            home = self.system.way_home(problem)
+            return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=home, **more)
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
-            between=s.between, held=float(self.loaded.model.opt.timestep), homology=self.homology,
-            predict=self._prediction(trees=s.method not in TREELESS), rng=np.random.default_rng(self._seeds()[1]),
+            between=s.between, held=float(self.loaded.model.opt.timestep), **more,
         )  # fmt: skip
 
-    def mppi(self) -> Mppi:
-        """Return MPPI, with at least as many samples as "pi-rrht" draws from the start."""
-        s = self.settings
-        sampling = replace(self._at_once(), first=None, guide="open-loop", draws="independent")
-        problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
-        return Mppi(
-            problem, self.space, sampling, horizon=s.horizon, terminal_cost=self.system.way_home(problem),
-            homology=self.homology, predict=self._prediction(trees=False), rng=np.random.default_rng(self._seeds()[1]),
-        )  # fmt: skip
-
-    def _at_once(self) -> Sampling:
-        """Sample around one reference, or none, at least as often as "pi-rrht" does from the start."""
-        s, classes = self.settings, self.classes_at_start()
-        budget = None if s.budget is None else s.budget * classes
-        return replace(self.sampling, samples=s.samples * classes, budget=budget)
-
-    def _prediction(self, *, trees: bool) -> ConstantVelocity | None:
-        """Return what predicts moving obstacles for plans; None: they know."""
-        if not self.moving or self.settings.predict == "known":
-            return None
-        seeds, vertices = self._seeds()[0].spawn(1)[0], min(self.settings.vertices, QUICK)
+    def _prediction(self) -> ConstantVelocity:
+        """Return what predicts moving obstacles for plans."""
+        seeds, s = self._seeds()[0].spawn(1)[0], self.settings
 
         def empty(space: FreeSpace) -> HomologyTree:
             return self.empty_tree(space=space, seed=seeds.spawn(1)[0])
 
-        return ConstantVelocity(self.space, self._in_time(), empty if trees else None, vertices=vertices)
+        trees = None if s.method in TREELESS else empty
+        return ConstantVelocity(self.space, self._in_time(), trees, vertices=min(s.vertices, QUICK))
 
     def driver(
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
@@ -287,16 +273,36 @@ class Scenario:
 
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""
-        period = self.settings.period
+        period, step = self.settings.period, float(self.loaded.model.opt.timestep)
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
-        step = float(self.loaded.model.opt.timestep)
-        return Analytic(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=step)
 
     def drive(
-        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None
-    ) -> Generator[Frame]:
-        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; a frame per period."""
-        s, start, rng = self.settings, self.start if start is None else start, rng or self.plant_rng()
-        clock = Clock() if s.real_time else None
-        return episode.run(plant, driver, start, rng, max_time=s.max_time, grow=s.grow, clock=clock)
+        self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
+        grid: Desirability | None = None,
+    ) -> Generator[Frame]:  # fmt: skip
+        """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; see `episode.run`."""
+        s, start, clock = self.settings, self.start if start is None else start, Clock()
+        return episode.run(
+            plant, driver, start, rng or self.plant_rng(), max_time=s.max_time, grow=s.grow,
+            clock=clock if s.real_time else None, grid=grid,
+        )  # fmt: skip
+
+
+def required_limit(tree: HomologyTree, x: Array) -> float:
+    """Return the least H_limit [turns] that allows paths from x (n,) of at most LONGER times the shortest length.
+
+    The tree's own limit is a wide one.
+    """
+    try:
+        references = tree.references(x)
+    except NoReference:
+        return 0.0
+    shortest, least = min(one.length for one in references), 0.0
+    for points in (one.trajectory.points for one in references if one.length <= LONGER * shortest):
+        a, b = points[:-1, None, :2] - tree.homology.markers, points[1:, None, :2] - tree.homology.markers
+        turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1)) / (2.0 * np.pi)
+        rest = np.cumsum(turns[::-1], axis=0)  # 1 - H of the rest of the path
+        least = max(least, float(np.abs(rest).max(initial=0.0)))
+    return least

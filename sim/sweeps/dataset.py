@@ -13,18 +13,21 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
 from sim.files import MISSING, path_text, refused, why_unreadable
-from sim.sweeps import manifests, parts
+from sim.sweeps import parts
 from sim.sweeps.parts import key_of, record_of, row_of
 
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
 PATIENCE = 60.0  # how long rows that cannot be written are kept before the sweep ends [s]
+MOST = 10_000_000  # seeds of a wish
+MOST_POINTS = 1_000_000  # combinations of scene, noise and method of all wishes: some hundred megabytes
 LIBRARIES = ("mujoco", "numpy", "numba", "scipy", "python-fcl")
 
 
@@ -77,9 +80,10 @@ class Dataset:
                 f"{file}: dataset format {theirs}; pirrht {pirrht.__version__} reads format {parts.DATASET_FORMAT}: "
                 "choose another folder"
             )
-        flaw = manifests.flaw(found)
-        if flaw:
-            raise OptionError(f"{file} is damaged: {flaw}; put a copy back, or choose another folder")
+        flaw = _flaw(found)
+        if flaw is not None:
+            why = f'"{flaw}" is not what a sweep writes'
+            raise OptionError(f"{file} is damaged: {why}; put a copy back, or choose another folder")
         return found
 
     def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> None:
@@ -283,3 +287,49 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return "unknown"
+
+
+def wished(asked: Iterable[Mapping[str, Any]]) -> int:
+    """Count the different runs that the wishes of a manifest add up to."""
+    stretches: dict[tuple[str, float, str], list[list[int]]] = {}
+    for wish in asked:
+        for scene, noises in wish["noise"].items():
+            for point in product([scene], set(noises), set(wish["methods"])):
+                stretches.setdefault(point, []).append(wish["seeds"])
+    total = 0
+    for known in stretches.values():
+        reached = 0
+        for first, end in sorted(known):
+            total += max(0, end - max(first, reached))
+            reached = max(reached, end)
+    return total
+
+
+def _flaw(manifest: Mapping[str, Any]) -> str | None:
+    """Name the first part of a manifest that is not what a sweep writes."""
+    asked = manifest.get("asked")
+    fits = {"version": isinstance(manifest.get("version"), str), "settings": isinstance(manifest.get("settings"), dict)}
+    for name in ("scenes", "libraries"):
+        texts = manifest.get(name)
+        fits[name] = isinstance(texts, dict) and _all([*texts.values()], str)
+    fits["asked"] = isinstance(asked, list) and all(map(_is_wish, asked)) and _points(asked) <= MOST_POINTS
+    return next((name for name, fit in fits.items() if not fit), None)
+
+
+def _points(asked: Sequence[Mapping[str, Any]]) -> int:
+    return sum(len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in asked)
+
+
+def _is_wish(wish: Any) -> bool:
+    if not isinstance(wish, dict) or not isinstance(wish.get("noise"), dict):
+        return False
+    seeds: Any = wish.get("seeds")
+    return (
+        _all(wish.get("methods"), str)
+        and all(_all(values, (int, float)) for values in wish["noise"].values())
+        and (_all(seeds, int) and len(seeds) == 2 and 0 <= seeds[0] <= seeds[1] <= seeds[0] + MOST)
+    )
+
+
+def _all(values: Any, kind: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(v, kind) and not isinstance(v, bool) for v in values)

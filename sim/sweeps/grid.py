@@ -9,6 +9,7 @@ from typing import Any
 
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError, printable
+from sim import options
 from sim.mjcf import scene_names
 from sim.settings import BY_SETTING, IDENTIFYING, SEED, refuse_unused
 from sim.sweeps.runs import Frozen, Job, frozen
@@ -59,18 +60,17 @@ class Grid:
         return {name: value for name, value in (*self.task, *self.given) if name in IDENTIFYING}
 
 
-def parse(words: Mapping[str, Any], task: Mapping[str, Any], given: Mapping[str, Any]) -> Grid:
-    """A grid from the words of a command line.
+def parse(words: Mapping[str, Any]) -> Grid:
+    """Return the grid of a parsed command line.
 
     Args:
         words: scenes; methods and noise levels with commas between them, None for the noise of each scene; seeds as
-            `A:B` for A to B-1, or one seed.
-        task: scene options that all runs share, None where not given.
-        given: settings that all runs share, None where not given.
+            `A:B` for A to B-1, or one seed; scene options and settings that all runs share, None where not given.
 
     Raises:
         OptionError: an unknown method, seeds or noise that are no numbers, a value twice, too many runs.
     """
+    given = options.settings("sweep", words)
     names = tuple(name.strip() for name in words["methods"].split(","))
     for name in names:
         if name not in METHODS:
@@ -81,7 +81,7 @@ def parse(words: Mapping[str, Any], task: Mapping[str, Any], given: Mapping[str,
         methods=names,
         noises=(None,) if words["noise"] is None else tuple(noises_of(words["noise"])),
         seeds=seeds_of(words["seeds"]),
-        task=frozen(task),
+        task=frozen(options.scene_options(words)),
         given=frozen(given),
     )
 

@@ -1,21 +1,18 @@
-"""Rows of a dataset, and the files that hold them: whole or absent, whoever else writes next to them.
-
-A file is written next to its place, forced to disk and then given its name.
-"""
+"""Rows of a dataset, and the files that hold them: whole or absent, whoever else writes next to them."""
 
 from __future__ import annotations
 
 import json
 import os
 import secrets
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.drive.result import FIGURES, Column
+from sim.drive.result import FIGURES, columns
 from sim.files import why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
@@ -45,14 +42,7 @@ timing_plan_seconds    float64 s   wall time of tree and references without comp
 timing_drive_seconds   float64 s   wall time of the drive without compiling
 """
 DATASET_FORMAT = 2  # raised when rows of different versions would not be comparable
-
-
-def _columns(table: str) -> tuple[Column, ...]:
-    split = (line.split(maxsplit=3) for line in table.strip().splitlines())
-    return tuple(Column(name=name, kind=kind, unit=unit.strip("-"), text=text) for name, kind, unit, text in split)
-
-
-COLUMNS = (*_columns(_TABLE), *FIGURES, *_columns(_MORE))
+COLUMNS = (*columns(_TABLE), *FIGURES, *columns(_MORE))
 KEY = ("scene", "scene_digest", "method", "noise", "seed", "plan_seed")
 RESULTS = tuple(c.name for c in COLUMNS if not c.name.startswith(TIMING))  # equal whenever a run is repeated
 
@@ -121,48 +111,24 @@ def parquet(table: Any) -> Callable[[Any], object]:
 
 
 def add(folder: Path, write: Callable[[Any], object]) -> None:
-    """Write another file of rows, under a number that no file has, whoever else writes there."""
-    with _whole(folder, ".part-", write) as part:
-        taken = (file.stem.removeprefix("part-") for file in folder.glob("part-*.parquet"))
-        number = 1 + max((int(text) for text in taken if text.isdecimal()), default=-1)
-        while not _linked(part, folder / f"part-{number:06d}.parquet"):
-            number += 1
-
-
-def _linked(part: Path, file: Path) -> bool:
-    """Give a file its name, unless another has it."""
-    try:
-        os.link(part, file)
-    except FileExistsError:
-        return False
-    except OSError:  # a file system without hard links
-        if file.exists():
-            return False
-        os.replace(part, file)
-    return True
+    """Write another file of rows after all that are there; its name is no other's, whoever else writes there."""
+    taken = [int(file.name[5:11]) for file in folder.glob("part-*.parquet") if file.name[5:11].isdecimal()]
+    replace(folder / f"part-{max(taken, default=-1) + 1:06d}-{secrets.token_hex(4)}.parquet", write)
 
 
 def replace(file: Path, write: Callable[[Any], object]) -> None:
-    """Write a file so that it is whole whenever it is seen, even after a loss of power."""
-    with _whole(file.parent, f".{file.name}-", write) as part:
-        os.replace(part, file)
-
-
-@contextmanager
-def _whole(folder: Path, prefix: str, write: Callable[[Any], object]) -> Iterator[Path]:
-    """A new file in a folder, forced to disk; it is gone afterwards unless it got another name."""
-    part = folder / f"{prefix}{os.getpid()}-{secrets.token_hex(4)}"
+    """Write a draft, force it to disk and give it the file's name: it is seen whole or not at all, whatever happens."""
+    draft = file.with_name(f".{file.name}-{secrets.token_hex(4)}")
     try:
-        with part.open("xb") as stream:
+        with draft.open("xb") as stream:
             write(stream)
             stream.flush()
             os.fsync(stream.fileno())
-        yield part
+        os.replace(draft, file)
     finally:
-        with suppress(OSError):
-            part.unlink()
+        draft.unlink(missing_ok=True)
     with suppress(OSError):  # not every file system lets a folder be forced to disk
-        handle = os.open(folder, os.O_RDONLY)
+        handle = os.open(file.parent, os.O_RDONLY)
         try:
             os.fsync(handle)
         finally:

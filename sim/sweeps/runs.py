@@ -19,11 +19,10 @@ from pirrht.control.settings import TREELESS
 from pirrht.errors import PirrhtError
 from pirrht.planner.tree import HomologyTree
 from sim import tree_file
-from sim.drive.result import DriveResult
 from sim.mjcf.library import find
 from sim.rehearsal import rehearse
 from sim.scenario import Driver, Scenario, prepare
-from sim.system_import import source
+from sim.systems import source
 
 KEPT = 4  # scenes and trees that a process keeps at hand
 GRIDS = 1  # likewise; one among bodies that move takes 0.2 GB, and runs come by scene and noise
@@ -137,11 +136,15 @@ def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
     began = time.perf_counter()
     last = deque(scenario.drive(scenario.plant(), driver), maxlen=1).pop()
     seconds = time.perf_counter() - began
-    return finished(key(job, scenario.settings.noise), scenario, last.metrics.result(), seconds, planned)
+    return finished(key(job, scenario.settings.noise), scenario, last.metrics.json(), seconds, planned)
 
 
 def finished(
-    identity: Mapping[str, Any], scenario: Scenario, result: DriveResult, seconds: float, planned: Planned | None = None
+    identity: Mapping[str, Any],
+    scenario: Scenario,
+    result: Mapping[str, Any],
+    seconds: float,
+    planned: Planned | None = None,
 ) -> dict[str, Any]:
     """The record of a run that came to an end, whose drive took `seconds` [s] of wall time."""
     return {
@@ -151,7 +154,7 @@ def finished(
         "samples": scenario.settings.samples,
         "dt": scenario.settings.dt,
         "period": scenario.settings.period,
-        **result.json(),
+        **result,
         "shortest_length": planned.shortest if planned else None,
         "plan_seconds": planned.seconds if planned else None,
         "drive_seconds": seconds,

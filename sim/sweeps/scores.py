@@ -15,7 +15,6 @@ from sim.scenario import Scenario
 from sim.settings import BY_SCENE
 from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
-from sim.sweeps.manifests import wishes
 from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job
 from sim.text import counted
@@ -51,7 +50,7 @@ def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again:
         )
     scene, digest, method = (identities[0][name] for name in ("scene", "scene_digest", "method"))
     seeds = [int(one["seed"]) for one in identities]
-    dataset.ask(settings, {scene: digest}, wishes(method, scene, scenario.settings.noise, seeds))
+    dataset.ask(settings, {scene: digest}, _wishes(method, scene, scenario.settings.noise, seeds))
     done: set[tuple[Any, ...]] = set()
 
     def keep(record: Mapping[str, Any]) -> None:
@@ -104,3 +103,10 @@ def _other(dataset: Dataset, option: str, asked: Any, here: Any) -> OptionError:
     return OptionError(
         f"{dataset.folder} was made with {option} {asked} and these drives are with {here}; choose another folder"
     )
+
+
+def _wishes(method: str, scene: str, noise: float, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
+    """Drives of one method as entries of "asked", one per stretch of seeds."""
+    known = np.unique(seeds)
+    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        yield {"methods": [method], "noise": {scene: [noise]}, "seeds": [int(stretch[0]), int(stretch[-1]) + 1]}

@@ -157,7 +157,6 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
             continue
         scenario = runs.settled(job)
         if job.method == "optimal":
-            scenario.check_known()
             Desirability.spacing_for(scenario.problem, scenario.space)
         if scenario.settings.tree is not None and runs.needs_tree(job) and job.place not in fitting:
             scenario.grown_tree()

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from discs import disc
+from discs import disc, scene_of
 from scooter import Scooter
 
+from pirrht import Problem, Scene
 from pirrht.arrays import Array
-from pirrht.geometry.scene import Goal, Scene
 from pirrht.jit.jit import jitable
-from pirrht.problem import Problem
 from pirrht.systems.double_integrator import coasting, into_goal
 from pirrht.systems.dynamics import Dynamics, no_drift
 
@@ -58,11 +57,10 @@ class PushedMass(Dynamics):
 
 def around_a_disc() -> Scene:
     """A goal disc of 0.3 m, and one disc of 0.2 m beside the way to it."""
-    return Scene(
-        name="disc", lower=np.array([-1.0, -1.0]), upper=np.array([2.0, 1.5]),
-        obstacles=(disc("post", 0.35, -0.25, 0.2 - RADIUS),), goal=Goal(center=np.array([0.8, 0.2]), radius=0.3),
-        start=np.array([0.0, 0.0, 0.4]), robot_radius=RADIUS,
-    )  # fmt: skip
+    post = disc("post", 0.35, -0.25, 0.2 - RADIUS)
+    return scene_of(
+        [post], start=(0.0, 0.0, 0.4), goal=(0.8, 0.2, 0.3), lower=(-1.0, -1.0), side=(2.0, 1.5), radius=RADIUS
+    )
 
 
 def driven(*, stratonovich: bool = False) -> Problem:

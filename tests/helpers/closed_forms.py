@@ -11,16 +11,11 @@ from functools import cache
 
 import numpy as np
 from batches import batch_of
+from discs import scene_of
 from scipy.special import k0, k1
 
+from pirrht import Estimate, FreeSpace, PathIntegral, Problem, Scene, SingleIntegrator, StraightLine
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.problem import Problem
-from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.single_integrator import SingleIntegrator
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
@@ -32,10 +27,8 @@ LEFT, RIGHT = (-1,), (1,)
 
 def strip_scene(L: float) -> Scene:
     """A corridor |x| < L whose ends are out of reach, with a goal that nobody finds."""
-    return Scene(
-        name="strip", lower=np.array([-L, -50.0 * L]), upper=np.array([L, 50.0 * L]), obstacles=(),
-        goal=Goal(center=np.array([0.9 * L, 49.9 * L]), radius=1e-3 * L), start=np.zeros(3), robot_radius=0.2 * L,
-    )  # fmt: skip
+    goal = (0.9 * L, 49.9 * L, 1e-3 * L)
+    return scene_of(start=(0.0, 0.0), goal=goal, lower=(-L, -50.0 * L), side=(L, 50.0 * L), radius=0.2 * L)
 
 
 @cache
@@ -60,10 +53,7 @@ def interval_exit(problem: Problem, b: float, L: float, x: float) -> tuple[float
 
 def annulus(b: float, radius: float = 0.3) -> tuple[Problem, FreeSpace]:
     """A goal disc in an empty workspace whose border is out of reach."""
-    scene = Scene(
-        name="disc", lower=np.full(2, -15.0), upper=np.full(2, 15.0), obstacles=(), robot_radius=0.1,
-        goal=Goal(center=np.zeros(2), radius=radius), start=np.array([1.2, 0.0, 0.0]),
-    )  # fmt: skip
+    scene = scene_of(start=(1.2, 0.0), goal=(0.0, 0.0, radius), lower=(-15.0, -15.0), side=15.0)
     return Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2), q=1.0), FreeSpace.of(scene)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -21,17 +22,16 @@ def block(name: str, x: float, y: float, half: Row, yaw: float = 0.0) -> Obstacl
     return _standing(name, Kind.BOX, (*half, 0.5), x, y, yaw)
 
 
-def scene_of(obstacles: Sequence[Obstacle], *, start: Row, goal: Row, side: float = 6.0, radius: float = 0.1) -> Scene:
-    """A square workspace from 0 to `side` [m] for a robot of some radius [m]; the goal's disc has 0.1 m."""
+def scene_of(
+    obstacles: Sequence[Obstacle] = (), *, start: Row, goal: Row, side: float | Row = 6.0, lower: Row = (0.0, 0.0),
+    radius: float = 0.1, name: str = "test", **more: Any,
+) -> Scene:  # fmt: skip
+    """A workspace up to `side` [m] in x and y for a robot of some radius [m]; the goal's disc has 0.1 m, or goal[2]."""
     return Scene(
-        name="test",
-        lower=np.zeros(2),
-        upper=np.full(2, side),
-        obstacles=tuple(obstacles),
-        goal=Goal(center=np.array(goal, dtype=float), radius=0.1),
-        start=np.array([*start, 0.0]),
-        robot_radius=radius,
-    )
+        name=name, lower=np.array(lower, dtype=float), upper=np.broadcast_to(np.asarray(side, dtype=float), 2).copy(),
+        obstacles=tuple(obstacles), goal=Goal(center=np.array(goal[:2], dtype=float), radius=(*goal, 0.1)[2]),
+        start=np.array([*start, 0.0][:3], dtype=float), robot_radius=radius, **more,
+    )  # fmt: skip
 
 
 def scattered(seed: int, count: int = 6) -> Scene:

@@ -15,14 +15,8 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from pirrht.control.controller import Controller
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
+from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator, StraightLine
 from pirrht.steering.in_time import InTime
-from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.drive.episode import Frame, run
 from sim.drive.executor import Executor
 from sim.mjcf import load
@@ -53,8 +47,8 @@ class Drive:
         sinks = Sinks(file=file, connect=connect)
         return Recorder(self.loaded, self.tree, integral, sinks, Look(**look), settings=settings)
 
-    def frames(self, max_time: float = MAX_TIME) -> Iterator[Frame]:
-        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time)
+    def frames(self, max_time: float = MAX_TIME, **more) -> Iterator[Frame]:
+        return run(self.plant, self.controller, self.scene.start, self.plant_rng, max_time=max_time, **more)
 
 
 class Moving(Drive):
@@ -106,6 +100,15 @@ def columns(file: Path) -> dict[str, dict[str, list]]:
                 for name in batch.schema.names:
                     table[chunk.entity_path][name] += batch.column(name).to_pylist()
     return table
+
+
+def static(file: Path, path: str, column: str) -> list:
+    """What is recorded once of an entity."""
+    for chunk in RrdReader(str(file)).stream():
+        batch = chunk.to_record_batch()
+        if chunk.is_static and chunk.entity_path == path and column in batch.schema.names:
+            return batch.column(column).to_pylist()[0]
+    raise AssertionError(path)
 
 
 def rerun(*arguments: str | Path) -> subprocess.CompletedProcess:

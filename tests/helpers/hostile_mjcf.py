@@ -32,41 +32,34 @@ def stl(value: float) -> bytes:
     return b"\0" * 80 + struct.pack("<I", len(faces)) + body
 
 
-class Files:
-    """Files with bad properties in one folder, by name."""
-
-    def __init__(self, folder: Path, rng: Random) -> None:
-        self.folder, self.rng = folder, rng
-
-    def one(self, suffix: str) -> str:
-        """The name of a new file, pipe, link or folder, or of none."""
-        contents: tuple[bytes, ...] = (
-            *(self.rng.randbytes(self.rng.randrange(2000)), b"", png(40_000, 40_000), png(3, 3)),
-            *(stl(float("nan")), stl(1e300), b"\0" * 80 + struct.pack("<I", 2**32 - 1)),
-            b"v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
-            b'<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>',
-        )
-        makers: tuple[Callable[[Path], object], ...] = (
-            *(os.mkfifo, Path.mkdir, sparse, lambda path: None),
-            *(lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to("/dev/stdin")),
-            *(lambda path: path.symlink_to(path), self._link_to_pipe),
-            lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
-        )
-        path = self.folder / f"part{len(os.listdir(self.folder))}{suffix}"
-        chosen = self.rng.choice((*contents, *makers))
-        path.write_bytes(chosen) if isinstance(chosen, bytes) else chosen(path)
-        return self.rng.choice((path.name, str(path), f"./{path.name}", f"../{self.folder.name}/{path.name}"))
-
-    def _link_to_pipe(self, path: Path) -> None:
-        pipe = path.with_name(f"{path.name}.pipe")
-        os.mkfifo(pipe)
-        path.symlink_to(pipe)
+def link_to_pipe(path: Path) -> None:
+    os.mkfifo(pipe := path.with_name(f"{path.name}.pipe"))
+    path.symlink_to(pipe)
 
 
-def names_files(files: Files, rng: Random) -> tuple[str, str]:
+def some_file(folder: Path, rng: Random, suffix: str) -> str:
+    """The name of a new file, pipe, link or folder with bad properties, or of none."""
+    contents: tuple[bytes, ...] = (
+        *(rng.randbytes(rng.randrange(2000)), b"", png(40_000, 40_000), png(3, 3)),
+        *(stl(float("nan")), stl(1e300), b"\0" * 80 + struct.pack("<I", 2**32 - 1)),
+        b"v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 2 4\nf 1 3 4\nf 2 3 4\n",
+        b'<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>',
+    )
+    makers: tuple[Callable[[Path], object], ...] = (
+        *(os.mkfifo, Path.mkdir, sparse, lambda path: None, link_to_pipe, lambda path: path.symlink_to(path)),
+        *(lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to("/dev/stdin")),
+        lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
+    )
+    path = folder / f"part{len(os.listdir(folder))}{suffix}"
+    chosen = rng.choice((*contents, *makers))
+    path.write_bytes(chosen) if isinstance(chosen, bytes) else chosen(path)
+    return rng.choice((path.name, str(path), f"./{path.name}", f"../{folder.name}/{path.name}"))
+
+
+def names_files(folder: Path, rng: Random) -> tuple[str, str]:
     """Head and world of a scene that names a file."""
     kind, mesh = rng.choice(("2d", "cube", "skybox")), '<geom type="mesh" mesh="m" pos="5 5 0"/>'
-    key = rng.choice(("file", "fileright", "fileup")) if kind != "2d" else "file"
+    meshes, key = some_file(folder, rng, ""), rng.choice(("file", "fileright", "fileup")) if kind != "2d" else "file"
     head, world, suffixes = rng.choice(
         (
             ('<include file="{}"/>', "", (".xml",)),
@@ -76,14 +69,14 @@ def names_files(files: Files, rng: Random) -> tuple[str, str]:
             ('<asset><hfield name="h" file="{}" size="1 1 1 1"/></asset>', '<geom hfield="h"/>', (".png", ".bin")),
             ('<asset><skin name="s" file="{}"/></asset>', "", (".skn",)),
             ("", '<body><flexcomp name="f" type="mesh" file="{}" dim="2" mass="1"/></body>', (".obj",)),
-            (f'<compiler meshdir="{files.one("")}"/><asset><mesh name="m" file="a/{{}}"/></asset>', mesh, (".stl",)),
+            (f'<compiler meshdir="{meshes}"/><asset><mesh name="m" file="a/{{}}"/></asset>', mesh, (".stl",)),
         )
     )
-    name = files.one(rng.choice(suffixes))
+    name = some_file(folder, rng, rng.choice(suffixes))
     return head.format(name), world.format(name)
 
 
-def asks_for_much(files: Files, rng: Random) -> tuple[str, str]:
+def asks_for_much(folder: Path, rng: Random) -> tuple[str, str]:
     """Head and world of a scene with large counts."""
     n, k = rng.choice(HUGE), rng.choice(HUGE)
     size = rng.choice(("nuserdata", "nkey", "njmax", "nconmax", "nstack", "nuser_body", "nuser_geom", "memory"))
@@ -106,7 +99,7 @@ def asks_for_much(files: Files, rng: Random) -> tuple[str, str]:
     )
 
 
-def has_no_numbers(files: Files, rng: Random) -> tuple[str, str]:
+def has_no_numbers(folder: Path, rng: Random) -> tuple[str, str]:
     """Head and world of a scene in which a number is none, or far too large."""
     bad = rng.choice(NO_NUMBERS)
     turn, count = rng.choice((("euler", 3), ("quat", 4), ("axisangle", 4), ("xyaxes", 6), ("zaxis", 3)))
@@ -134,9 +127,8 @@ def has_no_numbers(files: Files, rng: Random) -> tuple[str, str]:
 
 def hostile(folder: Path, rng: Random) -> Path:
     """A new file in a folder, which may hold more files that it names."""
-    files = Files(folder, rng)
     makers = (names_files, asks_for_much, has_no_numbers)
-    parts = [rng.choice(makers)(files, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
+    parts = [rng.choice(makers)(folder, rng) for _ in range(rng.choice((1, 1, 1, 2, 3)))]
     head, world = ("".join(column) for column in zip(*parts, strict=True))
     text = f"<mujoco>{head}<worldbody>{SITES}{world}</worldbody></mujoco>"
     declared = rng.choice(("", "", "", "latin-1", "utf-16", "nonsense"))

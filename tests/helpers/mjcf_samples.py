@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pirrht.errors import SceneError
+from pirrht.errors import PirrhtError
 from sim.mjcf import load
 
 GOAL = '<site name="goal" type="cylinder" pos="9 9 0" size="0.4 0.01"/>'
@@ -42,9 +42,9 @@ def robot_mjcf(**changes: str) -> str:
     )
 
 
-def refusal(*args, **options) -> str:
-    with pytest.raises(SceneError) as caught:
-        load(*args, **options)
+def refusal(*args, by=load, **options) -> str:
+    with pytest.raises(PirrhtError) as caught:
+        by(*args, **options)
     message = str(caught.value)
     assert "\n" not in message
     return message

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from discs import Row, block, disc
+from discs import Row, block, disc, scene_of
 from scipy.spatial import ConvexHull
 
 from pirrht.geometry.obstacle import Motion, Mover
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Obstacle, Scene
 
 START = np.array([1.0, 2.5])
 
@@ -31,24 +31,19 @@ def hall(
     name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5), radius: float = 0.1
 ) -> Scene:
     """A workspace of 6 x 5 m with a start at (1, 2.5) and a goal's disc of 0.3 m."""
-    return Scene(
-        name=name,
-        lower=np.zeros(2),
-        upper=np.array([6.0, 5.0]),
-        obstacles=tuple(standing),
-        goal=Goal(center=np.array(goal, dtype=float), radius=0.3),
-        start=np.array([*START, 0.0]),
-        robot_radius=radius,
-        movers=tuple(movers),
+    return scene_of(
+        standing, start=START, goal=(*goal, 0.3), side=(6.0, 5.0), radius=radius, name=name, movers=tuple(movers)
     )
 
 
 def busy() -> Scene:
-    """Bodies that turn, and one that starts over elsewhere after 0.9 s."""
+    """Bodies of one and two solids that turn, one of which starts over elsewhere and one where it ends."""
     way = [(0.0, 1.5, 1.5, 0.3), (0.4, 2.0, 1.2, 1.0), (1.1, 2.5, 2.4, -1.0)]
-    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.2, 2.9, 4.0)]
+    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.0, 1.0, 6.283185307179586)]
+    ell = block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)
     bodies = [
-        moved("once", way, block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)),
+        moved("once", way, *ell),
+        moved("again", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3))), repeat=True),
         moved("around", lap, block("bar", 0.0, 0.0, (0.5, 0.05)), repeat=True),
     ]
     return hall("busy", bodies)

@@ -7,12 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
+from pirrht import Dynamics, Problem
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.problem import Problem
-from pirrht.systems.dynamics import Dynamics
-from sim.drive.executor import Executor
-from sim.drive.plant import Advance, Analytic
+from sim.drive.executor import Advance, Executor, Plant
 from sim.mjcf import Loaded, load
 
 QUIET = 1e-12  # a noise level that is as good as none
@@ -35,16 +33,16 @@ def problem_of(loaded: Loaded, dynamics: Dynamics, **options) -> Problem:
     return Problem(dynamics=dynamics, scene=loaded.scene, **{"R": 2.0 * np.eye(dynamics.m), **options})
 
 
-def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Analytic]:
+def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Plant]:
     """Both plants of a problem."""
     clearance = Collision(problem.scene.world, problem.scene.footprint).clearance
     step = float(loaded.model.opt.timestep)
-    return Executor(loaded, problem, period=period), Analytic(problem, clearance, period=period, physics_step=step)
+    return Executor(loaded, problem, period=period), Plant(problem, clearance, period=period, physics_step=step)
 
 
 def plants(
     path: Path, robot: str, problem_of: Callable[[Loaded, float], Problem], b: float, steps: int
-) -> tuple[Executor, Analytic]:
+) -> tuple[Executor, Plant]:
     """Both plants of a robot under noise b, with a period of so many physics steps."""
     loaded = load(path, robot=robot)
     return both(loaded, problem_of(loaded, b), steps * float(loaded.model.opt.timestep))
@@ -55,7 +53,7 @@ def hold(*control: float):
     return lambda x, s: np.array(control)
 
 
-def driven(plant: Executor | Analytic, control, seed: int, periods: int) -> list[Advance]:
+def driven(plant: Plant, control, seed: int, periods: int) -> list[Advance]:
     rng = np.random.default_rng(seed)
     return [plant.advance(control, rng) for _ in range(periods)]
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
+from functools import cache
 
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+import numpy as np
+from discs import block, scene_of
+
+from pirrht import FreeSpace, Obstacle
 
 Extent = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
 
@@ -21,18 +23,17 @@ DOORWAY: tuple[Extent, ...] = (  # half a metre wide, into a room whose walls al
 def box(name: str, extent: Extent) -> Obstacle:
     """A box of a metre's height on the ground."""
     low, high = np.array(extent[:2]), np.array(extent[2:])
-    return Obstacle(
-        name=name, kind=Kind.BOX, size=np.array([*(0.5 * (high - low)), 0.5]),
-        position=np.array([*(0.5 * (low + high)), 0.5]), rotation=np.eye(3),
-    )  # fmt: skip
+    return block(name, *(0.5 * (low + high)), 0.5 * (high - low))
 
 
 def room(*extents: Extent, radius: float = 0.1) -> FreeSpace:
     """Boxes in a workspace of 6 m x 5 m with free corners, for a robot of a radius [m]."""
-    return FreeSpace.of(
-        Scene(
-            name="room", lower=np.zeros(2), upper=np.array([6.0, 5.0]), robot_radius=radius,
-            obstacles=tuple(box(f"box{i}", extent) for i, extent in enumerate(extents)),
-            start=np.array([0.3, 0.3, 0.0]), goal=Goal(center=np.array([5.8, 4.8]), radius=0.1),
-        )
-    )  # fmt: skip
+    boxes = [box(f"box{i}", extent) for i, extent in enumerate(extents)]
+    return FreeSpace.of(scene_of(boxes, start=(0.3, 0.3), goal=(5.8, 4.8), side=(6.0, 5.0), radius=radius))
+
+
+@cache
+def walled() -> FreeSpace:
+    """A wall at x = 2 that is 2 cm thick and reaches from border to border, and a goal before it."""
+    wall = block("wall", 2.0, 2.0, (0.01, 2.0))
+    return FreeSpace.of(scene_of([wall], start=(0.5, 0.5), goal=(0.6, 3.2, 0.2), side=4.0, radius=0.05))

@@ -1,10 +1,17 @@
-"""Small SDF worlds and the task they are imported with."""
+"""Small SDF worlds, the task they are imported with, and how imports are refused."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
+import numpy as np
+import pytest
+
+from pirrht.errors import SceneError
 from sim.importing.scene_file import Imported, import_world
+from sim.mjcf import load
 
 TASK = {"start": (0, 0), "goal": (8, 0, 0.5), "workspace": (-1, 9, -5, 5)}
 BALL = "<geometry><sphere><radius>0.4</radius></sphere></geometry>"
@@ -36,3 +43,28 @@ def imported(folder: Path, text: str | bytes, **task) -> Imported:
     source = folder / "maze.world"
     source.write_bytes(text if isinstance(text, bytes) else text.encode())
     return import_world(source, folder / "maze.xml", **(TASK | task))
+
+
+def places(found: Imported) -> dict[str, np.ndarray]:
+    """Poses (4, 4) of all geoms that were taken over, by name."""
+    loaded = load(found.path)
+    data = mujoco.MjData(loaded.model)
+    mujoco.mj_kinematics(loaded.model, data)
+    poses = {}
+    for geom in np.flatnonzero(~loaded.robot_geoms):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
+        poses[loaded.model.geom(geom).name] = pose
+    poses.pop("floor")
+    return poses
+
+
+def refused(work: Callable[[], object], *words: str) -> None:
+    """Assert that work is refused in one short line that has some words."""
+    with pytest.raises(SceneError) as caught:
+        work()
+    message = str(caught.value)
+    assert "\n" not in message
+    assert len(message) < 1000
+    for word in words:
+        assert word in message, message

@@ -8,16 +8,10 @@ from functools import cache
 import numpy as np
 from discs import block, disc, scene_of
 
+from pirrht import Desirability, Estimate, FreeSpace, PathIntegral, Problem, Scene, SingleIntegrator
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.systems.single_integrator import SingleIntegrator
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +112,5 @@ def in_channel(b: float, width: float, phi: float = np.inf, length: float = 6.0,
     radius, half = 0.05, (0.5 * length, 0.25)
     walls = [block(f"wall{i}", half[0], 1.0 + side * (0.5 * width + radius + half[1]), half)
              for i, side in enumerate((-1.0, 1.0))]  # fmt: skip
-    scene = Scene(
-        name="channel", lower=np.zeros(2), upper=np.array([length, 2.0]), obstacles=tuple(walls), robot_radius=radius,
-        goal=Goal(center=np.array([0.5 + ahead, 1.0]), radius=0.1), start=np.array([0.5, 1.0, 0.0]),
-    )  # fmt: skip
+    scene = scene_of(walls, start=(0.5, 1.0), goal=(0.5 + ahead, 1.0), side=(length, 2.0), radius=radius)
     return Solved.of(scene, b, phi, [])

@@ -5,12 +5,12 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
+from discs import scene_of
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from pirrht import FreeSpace, Kind, Obstacle
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 
 RADIUS = 0.12
 
@@ -34,9 +34,5 @@ def cluttered(kind: Kind | None, seed: int = 0) -> FreeSpace:
     rng = np.random.default_rng(seed)
     kinds = list(Kind) if kind is None else [kind] * 5
     obstacles = [solid(k, f"{k.value}{i}", rng.uniform(0.8, 3.2, 2), rng) for i, k in enumerate(kinds)]
-    return FreeSpace.of(
-        Scene(
-            name="clutter", lower=np.array([-0.6, -0.4]), upper=np.array([4.5, 4.1]), obstacles=tuple(obstacles),
-            goal=Goal(center=np.array([4.3, 3.9]), radius=0.1), start=np.array([-0.4, -0.2, 0.0]), robot_radius=RADIUS,
-        )
-    )  # fmt: skip
+    ends = {"start": (-0.4, -0.2), "goal": (4.3, 3.9), "lower": (-0.6, -0.4), "side": (4.5, 4.1)}
+    return FreeSpace.of(scene_of(obstacles, **ends, radius=RADIUS))

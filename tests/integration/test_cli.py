@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mjcf_samples import FLOOR, SITES, mjcf
 
 from sim import text
 from sim.cli import main
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
-from sim.text import say, table
+from sim.text import say
 
 Run = Callable[..., tuple[int, Any]]
 
@@ -193,30 +192,6 @@ def test_estimate_reports_what_its_standard_errors_do_not_know(capsys):
         assert line in lines
 
 
-def test_sweep_records_every_combination(figures):
-    grid = ["--methods", "pi-rrht,passive", "--noise", "0.1,0.3", "--seeds", "0:2", "--jobs", "1"]
-    status, rows = figures("sweep", "slit", *grid, *SHORT)
-    assert status == 0
-    assert sorted((row["method"], row["noise"], row["seed"]) for row in rows) == [
-        (method, noise, seed) for method in ("passive", "pi-rrht") for noise in (0.1, 0.3) for seed in (0, 1)
-    ]
-    assert all(row["outcome"] == "timeout" for row in rows)
-
-
-def test_steps_of_one_length_are_asked_for_by_name(figures):
-    words = ["estimate", "slit", "--at", "2.3", "2.63", "--noise", "0.3", *SMALL]
-    values = [figures(*words, *rule)[1]["value"] for rule in ([], ["--steps", "fitted"], ["--steps", "uniform"])]
-    assert values[0] == values[1] != values[2]
-
-
-def test_a_scene_file_is_as_good_as_a_built_in_name(figures, tmp_path):
-    scene = tmp_path / "own.xml"
-    scene.write_text(mjcf(FLOOR + SITES + '<geom name="post" type="cylinder" size="0.5 0.5" pos="5 5 0.5"/>'))
-    status, plan = figures("plan", str(scene), *SMALL)
-    assert (status, plan["scene"], plan["robot"]) == (0, "own", "puck")
-    assert sorted(one["winding"] for one in plan["classes"]) in ([[-1], [0]], [[0], [1]])
-
-
 def test_without_a_package_of_the_simulation_a_command_names_the_one_that_installs_it(monkeypatch, capsys):
     real = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))
@@ -225,15 +200,6 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
 
 
 # -- narrow terminals --------------------------------------------------------------------------------------------
-
-
-def test_a_table_wider_than_the_terminal_becomes_several_that_fit():
-    header, rows = ["scene", "b", "success", "cost", "time"], [["slit", "0.1", "99", "8.4401", "4.2"]]
-    assert "\n\n" not in table(header, rows, 100)
-    parts = [part.splitlines() for part in table(header, rows, 24, keep=2).split("\n\n")]
-    assert [part[0].split() for part in parts] == [["scene", "b", "success"], ["scene", "b", "cost", "time"]]
-    assert [part[2].split() for part in parts] == [["slit", "0.1", "99"], ["slit", "0.1", "8.4401", "4.2"]]
-    assert max(len(line) for part in parts for line in part) <= 24
 
 
 def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):

@@ -11,7 +11,7 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
-from sim import system_import
+from sim import systems
 from sim.recording import export, viewer
 
 PACKAGES = ("sim", "pirrht", "rerun", "rerun_cli", "multiprocessing", "mujoco", "numpy")
@@ -84,13 +84,13 @@ def test_recordings_are_repaired_without_importing_anything_from_there(project: 
 
 def test_a_system_of_the_folder_hides_nothing_that_is_imported_later(project: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
-    monkeypatch.setattr(system_import, "_folders", set())
+    monkeypatch.setattr(systems, "_folders", set())
     (project / "tempfile_boat.py").write_text(
         "import boat_parts\nfrom sim.systems import named\ndef BOAT():\n    return named(boat_parts.NAME)\n"
     )
     (project / "boat_parts.py").write_text("NAME = 'unicycle'\n")
     (project / "boat_more.py").write_text("")
-    assert system_import.chosen("tempfile_boat:BOAT").name == "unicycle"
+    assert systems.chosen("tempfile_boat:BOAT").name == "unicycle"
     assert sys.path.index(str(project)) == len(sys.path) - 1
     assert importlib.util.find_spec("boat_more") is not None  # a module of theirs may import it when it is called
     assert executed(project) == []

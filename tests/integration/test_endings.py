@@ -11,86 +11,84 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
-from sim.cli.ending import Stopped, ended
+from sim.cli.ending import ended, unwinding
 
 
-@pytest.mark.parametrize("stop", [KeyboardInterrupt(), Stopped(signal.SIGTERM), Stopped(signal.SIGHUP)])
-def test_contexts_clean_up_while_a_signal_unwinds(stop, capsys):
+def failing(error: BaseException, number: int | None = None):
+    """A command that fails, maybe while a signal unwinds."""
+
+    def command() -> int:
+        with unwinding():
+            try:
+                if number is not None:
+                    signal.raise_signal(number)
+            finally:
+                raise error
+
+    return command
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_contexts_clean_up_while_a_signal_unwinds(number, capsys):
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     ignored, left = signal.signal(signal.SIGHUP, signal.SIG_DFL), []  # under nohup
 
     def command() -> int:
-        try:
-            signal.raise_signal(stop.number if isinstance(stop, Stopped) else signal.SIGINT)
-        finally:
-            left.append("cleaned up")
+        with unwinding():
+            try:
+                signal.raise_signal(number)
+            finally:
+                left.append("cleaned up")
         return 0
 
     before = [signal.getsignal(n) for n in numbers]
-    assert ended(command) == (stop.code if isinstance(stop, Stopped) else 130)
+    assert ended(command) == 128 + number
     assert left == ["cleaned up"]
     assert capsys.readouterr().err.count("\n") == 1
     assert [signal.getsignal(n) for n in numbers] == before
     signal.signal(signal.SIGHUP, ignored)
 
 
+@pytest.mark.parametrize(
+    ("errors", "status", "line"),
+    [  # a name of many lines; and a pipe that is found closed while a signal unwinds, as by a progress bar
+        ([OptionError("--json a\nb\x1b[2J\ud800: no")], 2, r"pirrht: --json a\nb\x1b[2J\ud800: no"),
+        ([BrokenPipeError(32, "Broken pipe"), signal.SIGTERM], 128 + signal.SIGTERM, "pirrht: terminated"),
+    ],
+)
+def test_an_error_is_one_line_and_does_not_hide_a_signal(errors, status, line, capsys):
+    assert ended(failing(*errors)) == status
+    assert capsys.readouterr().err == line + "\n"
+
+
 def test_errors_of_this_program_are_not_hidden():
     with pytest.raises(RuntimeError, match="of its own"):
-        ended(lambda: (_ for _ in ()).throw(RuntimeError("of its own")))
-
-
-def test_a_second_signal_while_the_first_is_reported_leaves_one_line(capsys, monkeypatch):
-    """It strikes before the line is written: then that of the second is."""
-    write, struck = sys.stderr.write, []
-
-    def struck_once(text: str) -> int:
-        if not struck:
-            struck.append(True)
-            raise Stopped(signal.SIGTERM)
-        return write(text)
-
-    monkeypatch.setattr(sys.stderr, "write", struck_once)
-    assert ended(lambda: (_ for _ in ()).throw(Stopped(signal.SIGTERM))) == 128 + signal.SIGTERM
-    assert capsys.readouterr().err == "pirrht: terminated\n"
+        ended(failing(RuntimeError("of its own")))
 
 
 def test_whoever_heeds_a_signal_already_goes_on_doing_so():
     heard = []
     before = signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
     try:
-        assert ended(lambda: signal.raise_signal(signal.SIGTERM) or 0) == 0
+        with unwinding():
+            signal.raise_signal(signal.SIGTERM)
     finally:
         signal.signal(signal.SIGTERM, before)
     assert heard == [signal.SIGTERM]
 
 
-def test_a_broken_pipe_that_is_not_the_output_is_reported(capsys, monkeypatch):
-    reader, writer = os.pipe()  # an output that is read
-    with os.fdopen(writer, "w") as out, monkeypatch.context() as patched:
-        patched.setattr(sys, "stdout", out)
-        error = BrokenPipeError(32, "Broken pipe", "socket of a viewer")
-        assert ended(lambda: (_ for _ in ()).throw(error)) == 2
-    os.close(reader)
+def test_a_broken_pipe_that_is_not_the_output_is_reported(capsys):
+    assert ended(failing(BrokenPipeError(32, "Broken pipe", "socket of a viewer"))) == 2
     assert capsys.readouterr().err == "pirrht: socket of a viewer: Broken pipe\n"
-
-
-def test_a_pipe_that_is_found_closed_while_a_signal_unwinds_does_not_hide_the_signal(capsys):
-    def command() -> int:
-        try:
-            raise Stopped(signal.SIGTERM)
-        finally:
-            raise BrokenPipeError(32, "Broken pipe")  # as a progress bar does that cannot be taken away
-
-    assert ended(command) == 128 + signal.SIGTERM
-    assert capsys.readouterr().err == "pirrht: terminated\n"
 
 
 HANDLED = """
 import os, signal, sys
-from sim.cli.ending import ended
+from sim.cli.ending import ended, unwinding
 def command():
     print("a line that waits in a buffer")
-    signal.raise_signal(signal.{signal})
+    with unwinding():
+        signal.raise_signal(signal.{signal})
 sys.exit(ended(command, process=True))
 """
 
@@ -104,8 +102,3 @@ def test_a_pipe_that_closes_while_a_signal_is_handled_costs_no_second_line(name)
     os.close(writer)
     assert done.returncode == 128 + getattr(signal, name)
     assert done.stderr.count("\n") == 1, done.stderr
-
-
-def test_a_line_has_no_second_one_whatever_names_it_holds(capsys):
-    assert ended(lambda: (_ for _ in ()).throw(OptionError("--json a\nb\x1b[2J\ud800: no"))) == 2
-    assert capsys.readouterr().err == "pirrht: --json a\\nb\\x1b[2J\\ud800: no\n"

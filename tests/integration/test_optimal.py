@@ -10,9 +10,11 @@ import pytest
 from sim.cli import main
 
 
-def test_run_reports_the_exact_value(tmp_path):
-    out = tmp_path / "run.json"
-    status = main(["run", "slit", "--method", "optimal", "--noise", "0.3", "--json", str(out)])
+def test_run_reports_the_exact_value_and_is_recorded(tmp_path):
+    out, record = tmp_path / "run.json", tmp_path / "run.rrd"
+    words = ["run", "slit", "--method", "optimal", "--noise", "0.3", "--json"]
+    status = main([*words, str(out), "--record", str(record)])
+    assert record.stat().st_size > 0
     result = json.loads(out.read_text())
     assert status == (0 if result["outcome"] == "goal" else 1)
     assert result["value_estimate"] == pytest.approx(9.535, abs=0.002)

@@ -37,10 +37,9 @@ def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
     scenario = prepare(name)
     tree, shares = scenario.grown_tree(), []
     for noise in (scenario.settings.noise, 0.3):
-        level = scenario.with_settings(noise=noise)
-        controller = level.driver(tree)
-        controller.begin(level.start)
-        plan = controller.plan(level.start)
+        controller = scenario.with_settings(noise=noise).driver(tree)
+        controller.begin(scenario.start)
+        plan = controller.plan(scenario.start)
         assert len(plan.references) >= 2
         shares.append(plan.estimate.class_weights)
     first = [max(weights, key=lambda each: weights[each]) for weights in shares]
@@ -48,19 +47,15 @@ def test_a_scene_has_more_than_one_way_that_noise_may_favour(name):
     assert first[0] != first[1] or second > 0.01
 
 
-ALL = ["barn", *(thorough(name) for name in PAGES if name != "barn")]
-
-
-@pytest.mark.parametrize("name", ALL)
+@pytest.mark.parametrize("name", ["barn", *(thorough(name) for name in PAGES if name != "barn")])
 def test_a_robot_reaches_the_goal_with_one_of_three_seeds_though_it_plans_seldom(name):
     tree = prepare(name).grown_tree()
     for seed in range(3):
         scenario = prepare(name, given={**SHORT, "seed": seed, "plan_seed": 0})
-        for frame in scenario.drive(scenario.plant(), scenario.driver(tree)):
-            outcome = frame.outcome
-        if outcome is Outcome.GOAL:
+        *_, last = scenario.drive(scenario.plant(), scenario.driver(tree))
+        if last.outcome is Outcome.GOAL:
             return
-    pytest.fail(f"{name}: {outcome.name} with the last seed")
+    pytest.fail(f"{name}: {last.outcome.name} with the last seed")
 
 
 def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
@@ -77,16 +72,12 @@ def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
         with image.open(tmp_path / f"{name}.webp") as still, image.open(tmp_path / f"{name}-drive.webp") as loop:
             assert still.size == (160, 90)
             assert (loop.size, loop.n_frames) == ((80, 45), 3)
-            brightness = [float(np.asarray(still.convert("L")).mean())]
-            for frame in range(loop.n_frames):
-                loop.seek(frame)
-                brightness.append(float(np.asarray(loop.convert("L")).mean()))
-        assert np.ptp(brightness) < 20.0  # all of them show the same scene
+            brightness = [float(np.asarray(one.convert("L")).mean()) for one in (still, loop)]
+        assert np.ptp(brightness) < 20.0  # both show the same scene
 
 
 def test_the_recording_in_the_documents_is_small_and_can_be_read():
     """A hosted viewer takes some 2 MB; it is a whole drive around the walls of `slit`."""
     file = ROOT / "docs" / "recordings" / "slit.rrd"
     assert file.stat().st_size < 2_000_000
-    told = read(file)
-    assert len(told.steps) > 300
+    assert len(read(file).steps) > 300

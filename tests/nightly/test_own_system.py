@@ -13,58 +13,41 @@ from repository import ROOT
 from thoroughly import thorough
 
 PAGE = (ROOT / "docs" / "own-robot.md").read_text()
+EXAMPLES = ROOT / "scripts" / "examples" / "systems"
 SMALL = ("--vertices", "100", "--samples", "20")
-
-# -- the boat of the page, registered in ten lines ---------------------------------------------------------------
-
-CLASSES = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
-HULL = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
+BOAT = ("--robot", "boat.xml", "--system", "moor:BOAT")
+WIND = ("--system", "wind:BALLOON")
+TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
+SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
+ALL = [BOAT, *(thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER))]  # 30 s of kernels
 SYSTEM = """
 from sim.systems import System
 
 BOAT = System(
-    name="boat",
-    dynamics=lambda settings: Boat(),
-    steering=lambda problem: GroundTrack(),
-    R=2 * np.eye(2),
-    heeds=(),
+    name="boat", dynamics=lambda settings: Boat(), steering=lambda problem: GroundTrack(), R=2 * np.eye(2), heeds=()
 )
 """
-BOAT = ("slit", "--robot", "boat.xml", "--system", "moor:BOAT", *SMALL)
 
 
 @pytest.fixture(scope="module")
-def moor(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the boat's hull, and a module with its classes and its system."""
-    folder = tmp_path_factory.mktemp("moor")
-    (folder / "boat.xml").write_text(HULL)
-    (folder / "moor.py").write_text(CLASSES[: CLASSES.index("loaded = load(")] + SYSTEM)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy of the examples, with the boat's hull and a module with its classes and its system."""
+    folder = Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
+    classes = next(text for text in re.findall(r"```python\n(.*?)```", PAGE, re.S) if "class Boat" in text)
+    hull = next(text for text in re.findall(r"```xml\n(.*?)```", PAGE, re.S) if 'model="boat"' in text)
+    (folder / "boat.xml").write_text(hull)
+    (folder / "moor.py").write_text(classes[: classes.index("loaded = load(")] + SYSTEM)
     return folder
 
 
-def test_a_boat_is_planned_for(moor):
-    found = reported(moor, "plan", *BOAT)
-    assert found["robot"] == "boat"
-    assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
-
-
-def test_a_boat_drives_and_is_recorded(moor):
-    found = reported(moor, "run", *BOAT, "--max-time", "0.1", "--record", "boat.rrd", status=1)
-    assert (found["outcome"], found["steps"]) == ("timeout", 10)
-    assert found["lambda"] == pytest.approx(2 * 0.1**2)
-    assert (moor / "boat.rrd").stat().st_size > 10_000
-
-
 @pytest.mark.thorough
-def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(moor):
-    words = ("--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
-    rows = reported(moor, "sweep", *BOAT, *words)
+def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(folder):
+    words = (*SMALL, "--max-time", "0.03", "--seeds", "0:2", "--jobs", "2", "-o", "runs")
+    rows = reported(folder, "sweep", "slit", *BOAT, *words)
     assert [(row["outcome"], row["error"]) for row in rows] == [("timeout", None)] * 2
-    assert json.loads((moor / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
-    without = [word for word in BOAT if word not in ("--system", "moor:BOAT")]
-    assert "was made with --system moor:BOAT and this sweep is without --system" in refused(
-        moor, "sweep", *without, *words
-    )
+    assert json.loads((folder / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
+    told = refused(folder, "sweep", "slit", "--robot", "boat.xml", *words)
+    assert "was made with --system moor:BOAT and this sweep is without --system" in told
 
 
 @pytest.mark.parametrize(
@@ -75,26 +58,11 @@ def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(mo
         ("return rng.uniform(", "return sea.uniform(", "in sample: NameError: name 'sea' is not defined; fix it"),
     ],
 )
-def test_what_fails_in_a_boats_own_code_is_told_in_one_line(moor, line, wrong, words):
-    text = (moor / "moor.py").read_text()
+def test_what_fails_in_a_boats_own_code_is_told_in_one_line(folder, line, wrong, words):
+    text = (folder / "moor.py").read_text()
     assert line in text
-    (moor / "leak.py").write_text(text.replace(line, wrong))
-    assert words in refused(moor, "plan", *[word.replace("moor:", "leak:") for word in BOAT])
-
-
-# -- the examples ------------------------------------------------------------------------------------------------
-
-EXAMPLES = ROOT / "scripts" / "examples" / "systems"
-WIND = ("--system", "wind:BALLOON")
-TUG = ("--robot", "tug.xml", "--system", "tug:TUG")
-SCOOTER = ("--robot", "unicycle", "--system", "scooter:SCOOTER")
-ALL = [thorough(words, id=words[-1].partition(":")[0]) for words in (WIND, TUG, SCOOTER)]  # 30 s of kernels each
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of the examples, since results are written next to them."""
-    return Path(shutil.copytree(EXAMPLES, tmp_path_factory.mktemp("own") / "examples"))
+    (folder / "leak.py").write_text(text.replace(line, wrong))
+    assert words in refused(folder, "plan", "slit", *[word.replace("moor:", "leak:") for word in BOAT], *SMALL)
 
 
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)
@@ -106,18 +74,8 @@ def test_an_example_takes_fewer_than_forty_lines_and_says_how_it_is_run(file):
     assert f"\n{command.group()}\n" in PAGE
 
 
-def test_numbers_of_the_tug_are_those_of_its_file():
-    """Drag is damping over mass, and the command mass over gear."""
-    text = (EXAMPLES / "tug.xml").read_text()
-    mass, gear = (float(re.search(rf'\b{name}="([\d.]+)"', text).group(1)) for name in ("mass", "gear"))
-    (damping,) = set(re.findall(r'damping="([\d.]+)"', text))
-    drag = float(re.search(r"DRAG = ([\d.]+)", (EXAMPLES / "tug.py").read_text()).group(1))
-    assert float(damping) / mass == pytest.approx(drag)
-    assert f'data="{mass / gear:g} 0  0 {mass / gear:g}"' in text
-
-
 @pytest.mark.parametrize("words", ALL)
-def test_an_example_is_planned_for_in_three_classes_drives_and_is_recorded(folder, words):
+def test_a_system_is_planned_for_in_three_classes_drives_and_is_recorded(folder, words):
     found = reported(folder, "plan", "slit", *words, "--vertices", "300")
     assert sorted(one["id"] for one in found["classes"]) == ["-1,0", "0,0", "0,1"]
     found = reported(folder, "run", "slit", *words, *SMALL, "--max-time", "0.1", "--record", "own.rrd", status=1)

@@ -16,29 +16,19 @@ import pirrht
 
 def call(*words: str | Path, cwd: Path, **environment: str) -> subprocess.CompletedProcess[str]:
     inherited = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        [sys.executable, *map(str, words)], cwd=cwd, env=inherited | environment, capture_output=True, text=True
-    )
+    known = inherited | {"PIP_DISABLE_PIP_VERSION_CHECK": "1"} | environment
+    return subprocess.run([sys.executable, *map(str, words)], cwd=cwd, env=known, capture_output=True, text=True)
 
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("wheel")
     pytest.importorskip("hatchling", reason="the wheel is built without a network")
-    pip = ("-m", "pip", "--disable-pip-version-check", "wheel", "-q")
-    built = call(*pip, "--no-deps", "--no-build-isolation", "--no-index", "-w", folder, ROOT, cwd=folder)
+    words = "-m pip wheel -q --no-deps --no-build-isolation --no-index -w"
+    built = call(*words.split(), folder, ROOT, cwd=folder)
     assert built.returncode == 0, built.stderr
     (file,) = folder.glob("pirrht-*.whl")
     return file
-
-
-@pytest.fixture(scope="module")
-def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("installed")
-    pip = ("-m", "pip", "--disable-pip-version-check", "install", "-q")
-    done = call(*pip, "--no-deps", "--no-index", "--no-compile", "--target", folder, wheel, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    return folder
 
 
 def test_a_wheel_holds_both_packages_their_models_and_the_command_and_nothing_else(wheel):
@@ -56,7 +46,11 @@ def test_a_wheel_holds_both_packages_their_models_and_the_command_and_nothing_el
     assert "pirrht = sim.cli:main" in archive.read(entry).decode()
 
 
-def test_an_installed_copy_finds_its_own_scenes_drives_and_compiles_only_once(installed, tmp_path):
+def test_an_installed_copy_finds_its_own_scenes_drives_and_compiles_only_once(wheel, tmp_path, tmp_path_factory):
+    installed = tmp_path_factory.mktemp("installed")
+    words = "-m pip install -q --no-deps --no-index --no-compile --target"
+    done = call(*words.split(), installed, wheel, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     listed = call("-m", "sim.cli", "scenes", cwd=tmp_path, PYTHONPATH=str(installed))
     assert listed.returncode == 0, listed.stderr
     assert f"files: {installed / 'sim' / 'models' / 'scenes'};" in listed.stdout

@@ -1,22 +1,22 @@
-"""One record of a run: its figures agree, add up, and say when to doubt it."""
+"""Figures of a run agree, add up, and show when to doubt it; times hold no compiling."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from numba.core import event
 
 from pirrht.control.plan import Plan
 from pirrht.outcome import Outcome
 from sim.cli import main, plan_command
 from sim.cli.parser import parser
-from sim.drive.metrics import EpisodeMetrics, Frame, Period, ending
-from sim.drive.plant import Advance
-from sim.drive.result import FIGURES, DriveResult, explained
+from sim.drive.executor import Advance
+from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan, ending
+from sim.drive.result import FIGURES, explained
 from sim.rehearsal import rehearse, small_of
 from sim.scenario import Scenario, prepare
 from sim.sweeps import runs
@@ -45,10 +45,7 @@ def enter(metrics: EpisodeMetrics, ess: float | None = None, outcome: Outcome | 
         state=np.array([1.0, 2.5]), times=np.array([0.0, 0.1]), references=(), ids=("0,0",), fallback=None,
         estimate=estimate, instead=np.zeros((1, 2)),
     )  # fmt: skip
-    return metrics.frame(Period(plan=plan, advance=advance(outcome), plan_seconds=0.001))
-
-
-# -- metrics -----------------------------------------------------------------------------------------------------
+    return metrics.frame(TimedPlan(plan=plan, plan_seconds=0.001), advance(outcome))
 
 
 def test_periods_add_up_and_the_time_is_up_in_the_one_that_reaches_it(slit: Scenario):
@@ -59,56 +56,37 @@ def test_periods_add_up_and_the_time_is_up_in_the_one_that_reaches_it(slit: Scen
     last = frames[-1]
     assert (last.end_time, last.cost, last.noisy_length) == pytest.approx((0.1, 2.5, 0.2))
     assert frames[0].clearance == pytest.approx(slit.space.clearance(slit.start))
-
-
-@pytest.mark.parametrize("outcome", [Outcome.GOAL, Outcome.COLLISION])
-def test_what_happens_in_the_last_period_counts_more_than_the_clock(outcome: Outcome):
-    assert ending(advance(outcome), 99.0, max_time=0.1) is outcome
-    assert ending(advance(), 0.08, max_time=0.1) is None
+    for outcome in (Outcome.GOAL, Outcome.COLLISION):  # counts more than the clock
+        assert ending(advance(outcome), 99.0, max_time=0.1) is outcome
     assert ending(advance(), 0.09 - 1e-12, max_time=0.1) is Outcome.TIMEOUT
 
 
-# -- the record --------------------------------------------------------------------------------------------------
-
-
-def test_every_figure_is_described_and_is_a_column_of_a_sweep():
-    described = {f.name for f in fields(DriveResult)} - {"step_ms", "deadline_misses", "real_time", "blocked"}
-    assert {figure.name for figure in FIGURES} == described
-    assert all(figure in COLUMNS for figure in FIGURES)
-    assert all(figure.text in explained() for figure in FIGURES)
-
-
-def test_a_row_holds_the_figures_of_the_json(metrics: EpisodeMetrics):
+def test_every_figure_is_described_and_a_row_holds_those_of_the_json(metrics: EpisodeMetrics):
+    assert all(figure in COLUMNS and figure.text in explained() for figure in FIGURES)
     for i in range(3):
         enter(metrics, 20.0 - i, Outcome.GOAL if i == 2 else None)
-    result = metrics.result().json()
+    result = metrics.json()
+    assert [*result] == [*(figure.name for figure in FIGURES), "step_ms", "deadline_misses", "blocked"]
     row = row_of({"scene": "slit", **result})
     assert {name: row[name] for name in result if name in row} == {k: v for k, v in result.items() if k in row}
     assert row["timing_step_max_ms"] == result["step_ms"]["max"] == pytest.approx(1.0)
     assert (result["outcome"], result["executed_class"], result["least_ess"]) == ("goal", "0,0", 18.0)
-    assert "real_time" not in result
 
 
-# -- doubt -------------------------------------------------------------------------------------------------------
-
-
-def test_weak_plans_are_counted_and_reported_once_per_stretch(metrics: EpisodeMetrics):
+def test_weak_plans_are_counted_and_reported_once_per_stretch(metrics: EpisodeMetrics, slit: Scenario):
     sizes = {0: 50.0, 10: 3.0, 11: 2.0, 12: 9.9, 60: 4.0, 400: 1.2}
     news = [enter(metrics, sizes.get(i, 50.0)).news for i in range(401)]
     assert [line for line in news if line] == [
         "3.0 effective samples at 0.10 s: the control is a guess",
         "1.2 effective samples at 4.00 s: the control is a guess",
     ]
-    result = metrics.result()
-    assert (result.doubtful_plans, result.least_ess, result.least_ess_time) == (5, 1.2, pytest.approx(4.0))
+    assert (metrics.doubtful_plans, metrics.least_ess, metrics.least_ess_time) == (5, 1.2, pytest.approx(4.0))
+    sampleless = EpisodeMetrics(slit, slit.start, period=PERIOD, max_time=10.0)
+    assert enter(sampleless).news is None
+    assert (sampleless.doubtful_plans, sampleless.least_ess) == (0, None)
 
 
-def test_policies_without_samples_are_not_doubted(metrics: EpisodeMetrics):
-    assert enter(metrics).news is None
-    assert (metrics.result().doubtful_plans, metrics.result().least_ess) == (0, None)
-
-
-def test_a_run_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
+def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     file = tmp_path / "run.json"
     words = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--max-time", "0.1", "--json", str(file)]
     assert main([*words, "--samples", "2"]) == 1
@@ -122,20 +100,18 @@ def test_a_run_says_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     assert "effective samples" not in capsys.readouterr().out
 
 
-# -- what times hold ---------------------------------------------------------------------------------------------
-
-
 def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
     wall, notice, real = SimpleNamespace(now=0.0), plan_command.notice(), plan_command.planned
-    kernel = SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))
+    happening = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=SimpleNamespace(__module__="numba.np"))})
 
     def planned(scenario: Scenario) -> Any:
-        notice.on_start(SimpleNamespace(data={"dispatcher": kernel}))
+        notice.on_start(happening)
         wall.now += 90.0
-        notice.on_end(SimpleNamespace(data={"dispatcher": kernel}))
+        notice.on_end(happening)
         return real(scenario)
 
     monkeypatch.setattr(plan_command, "time", SimpleNamespace(perf_counter=lambda: wall.now))
+    monkeypatch.setattr(event, "timer", lambda: wall.now)
     monkeypatch.setattr(plan_command, "planned", planned)
     assert plan_command.plan(parser().parse_args(["plan", "slit", "--vertices", "60"])) == 0
     assert wall.now == 90.0
@@ -158,16 +134,10 @@ def test_the_times_of_a_sweeps_runs_hold_no_compiling(monkeypatch: pytest.Monkey
     assert [(r["plan_seconds"], r["drive_seconds"]) for r in records] == [(0.0, 0.0)] * 2
 
 
-def test_a_rehearsal_that_cannot_be_prevents_nothing(slit: Scenario, monkeypatch: pytest.MonkeyPatch):
-    def fails(self: Scenario, *_: object) -> None:
-        raise ValueError("a user's own steering")
-
-    monkeypatch.setattr(Scenario, "steering", fails)
-    rehearse(slit, driving=True)
-
-
 @pytest.mark.parametrize("method", ["pi-rrht", "mppi", "optimal"])
-def test_a_rehearsal_leaves_everything_as_it_was(slit: Scenario, method: str):
+def test_a_rehearsal_leaves_everything_as_it_was_and_one_that_cannot_be_prevents_nothing(
+    slit: Scenario, method: str, monkeypatch: pytest.MonkeyPatch
+):
     scenario = slit.with_settings(method=method, samples=20, vertices=60)
     calls, tree = scenario.space.collision.calls, scenario.grown_tree()
     grown = scenario.space.collision.calls - calls
@@ -175,13 +145,16 @@ def test_a_rehearsal_leaves_everything_as_it_was(slit: Scenario, method: str):
     again = scenario.grown_tree()
     assert scenario.space.collision.calls - calls == 2 * grown
     assert runs.pack(again) == runs.pack(tree)
+    monkeypatch.setattr(Scenario, "steering", lambda self: 1 / 0)  # a user's own that fails
+    rehearse(scenario, driving=True)
 
 
 @pytest.mark.parametrize("name", ["slit", "crossing"])
 def test_a_rehearsal_plans_among_moving_bodies_where_some_move(name):
     """In a small room, with the settings' kinds of everything."""
-    small = small_of(prepare(name))
+    scenario = prepare(name)
+    small = small_of(scenario)
     driver = small.driver(small.grown_tree())
     driver.begin(small.start)
-    assert driver.path_integral.moving == small.moving == bool(prepare(name).loaded.scene.movers)
+    assert driver.path_integral.moving == small.moving == bool(scenario.loaded.scene.movers)
     assert driver.plan(small.start).estimate is not None

@@ -49,7 +49,7 @@ def test_a_crate_is_passed_once_the_controller_is_informed_of_it(seed: int, tmp_
     frames = driven(tmp_path / "room.xml", seed, informed=True)
     assert frames[-1].outcome is Outcome.GOAL
     assert {len(frame.driven_class) for frame in frames} == {2, 3}
-    result = frames[-1].metrics.result()
+    result = frames[-1].metrics
     assert result.executed_class in ("0,0", "0,0,-1", "0,0,1")
     assert result.executed_class == frames[-1].plan.favourite
     assert 0.0 < result.min_clearance < 0.3

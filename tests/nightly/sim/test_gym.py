@@ -58,16 +58,13 @@ def test_scores_are_records_of_a_sweep():
     task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
     given = (("plan_seed", 0), ("vertices", 60), ("samples", 10), ("max_time", 0.02))
     job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, task=task, given=given)
-    sweeps = runs.drive(job, runs.grown(job))
+    sweeps = runs.drive(job, runs.grown(job)) | {"scene_digest": runs.digest(job)}
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()
-        assert {name: type(value) for name, value in record.items() if name in parts.KEY} == {
-            name: type(sweeps[name]) if name != "scene_digest" else str for name in parts.KEY
-        }
+        assert all(type(record[name]) is type(sweeps[name]) for name in parts.KEY)
         assert (record["seed"], record["method"], record["outcome"]) == (seed, "steering wheel", "goal")
-        assert record["executed_class"] == "0,0"
+        assert (record["executed_class"], record["scene_digest"]) == ("0,0", sweeps["scene_digest"])
         assert parts.record_of(parts.row_of(record))["cost"] == record["cost"]
-    assert record["scene_digest"] == runs.digest(job)
 
 
 def test_wrapped_environments_and_policies_made_for_each_seed_are_scored_alike():
@@ -117,29 +114,23 @@ def test_a_report_shows_the_users_method_next_to_ours(swept, tmp_path, capsys):
     Dataset(tmp_path / "new").check({"plan_seed": 0}, {})
 
 
-def test_runs_that_are_there_are_refused_and_replaced_only_on_demand(swept):
-    gym.score(ahead, seeds=range(2), method="mine", into=swept, **FAST)
+def test_runs_that_are_there_are_refused_and_replaced_only_on_demand_and_none_is_lost_by_a_failure(swept):
     driven = []
 
     def other(x):
         driven.append(x)
         return np.array([-0.5, 0.0])
 
+    with pytest.raises(OptionError, match="seed 2"):
+        gym.score(lambda seed: ahead if seed < 2 else lambda x: x * np.nan, seeds=range(5), method="mine", anew=True,
+                  into=swept, **FAST)  # fmt: skip
+    assert sorted(mine(swept)) == [0, 1]
     with pytest.raises(OptionError, match=r"holds 1 of these runs already \(method 'mine', seed 1\).* again=True"):
         gym.score(other, seeds=[1, 2], method="mine", into=swept, **FAST)
     assert not driven  # refused before anything is driven
     scored = gym.score(other, seeds=[1, 2], method="mine", into=swept, again=True, **FAST)
     assert [mine(swept)[seed]["cost"] for seed in (1, 2)] == [r["cost"] for r in scored]
     assert sorted(mine(swept)) == [0, 1, 2]
-
-
-def test_a_policy_that_fails_loses_no_finished_run(swept):
-    def some(seed):
-        return (lambda x: np.full(2, np.nan)) if seed == 2 else ahead
-
-    with pytest.raises(OptionError, match="seed 2"):
-        gym.score(some, seeds=range(5), method="mine", anew=True, into=swept, **FAST)
-    assert sorted(mine(swept)) == [0, 1]
 
 
 @pytest.mark.parametrize(
@@ -151,39 +142,10 @@ def test_a_policy_that_fails_loses_no_finished_run(swept):
             ({"phi": 5.0}, "--phi inf and these drives are with 5.0"),
             ({"start": (1.0, 2.0)}, "--start 1.0 2.5 and these drives are with 1.0 2.0"),
             ({"goal": (5.0, 2.5, 0.2)}, "--goal"),
-            ({"radius": 0.07}, "--radius"),
             ({"robot": "unicycle"}, "--phi inf and"),
         ]
     ),
 )
 def test_runs_of_another_task_are_not_mixed_in(swept, changes, what):
-    with pytest.raises(OptionError, match="choose another folder") as caught:
+    with pytest.raises(OptionError, match=rf"{what}.*choose another folder"):
         gym.score(ahead, seeds=[0], method="mine", into=swept, **{**FAST, **changes})
-    assert what in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("action", "what"),
-    [
-        (np.zeros(3), r"seed 4, step 0: the policy returned the shape \(3,\); expected .* shape \(2,\)"),
-        (1.0, r"the policy returned the shape \(\); expected .* shape \(2,\)"),
-        ("left", r"the policy returned 'left'; expected"),
-        (np.array([1.0, np.nan]), r"seed 4, step 0: the policy returned \[1.0, nan\]; a control must be finite"),
-    ],
-)
-def test_a_policy_that_returns_no_control_is_named_with_seed_and_step(action, what: str):
-    with pytest.raises(OptionError, match=what):
-        gym.score(lambda x: action, scene="slit", seeds=[4], method="m")
-
-
-def test_actions_that_are_no_control_and_seeds_that_are_none_are_refused_and_move_nothing():
-    env = gym.Drive(**FAST)
-    env.reset()
-    for action in ([np.nan, 0.0], [1.0], 1.0):
-        with pytest.raises(OptionError, match="must be 2 finite numbers"):
-            env.step(np.array(action))
-    env.step(np.zeros(2))
-    assert env.result()["steps"] == 1
-    for seed in (-1, 0.5):
-        with pytest.raises(OptionError, match=f"seed is {seed}"):
-            gym.score(ahead, scene="slit", seeds=[seed], method="m")

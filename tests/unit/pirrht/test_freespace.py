@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from discs import scene_of
 
-from pirrht import FreeSpace, Goal, Kind, Obstacle, Scene, SceneError
+from pirrht import FreeSpace, Goal, Kind, Obstacle, SceneError
 from pirrht.geometry.field import clearance
 from pirrht.geometry.world import World
 from pirrht.jit.jit import kernel
@@ -18,10 +19,7 @@ POSTS = tuple(
     )
     for kind, at in ((Kind.BOX, (1.0, 1.0)), (Kind.CYLINDER, (2.6, 1.2)), (Kind.SPHERE, (1.8, 2.6)))
 )
-SCENE = Scene(
-    name="posts", lower=np.zeros(2), upper=np.array([4.0, 3.5]), obstacles=POSTS, start=np.array([0.3, 0.3, 0.0]),
-    goal=Goal(center=np.array([3.6, 3.0]), radius=0.2), robot_radius=0.15,
-)  # fmt: skip
+SCENE = scene_of(POSTS, start=(0.3, 0.3), goal=(3.6, 3.0, 0.2), side=(4.0, 3.5), radius=0.15, name="posts")
 TASK = {"start": np.array([3.5, 0.4, 1.0]), "goal": Goal(center=np.array([0.4, 2.9]), radius=0.3)}
 
 

@@ -1,14 +1,19 @@
-"""What objects look like at the prompt: a line each, pictures where matplotlib is."""
+"""What objects look like at the prompt and in `help`: a line each, pictures, examples that run, shapes and units."""
 
 from __future__ import annotations
 
+import doctest
+import inspect
+import re
 import sys
+from dataclasses import fields
 
 import matplotlib
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
+import pirrht
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
@@ -29,8 +34,8 @@ def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_t
     frames = list(slit.with_settings(max_time=0.02).drive(slit.plant(), controller))
     objects = [
         plan, plan.estimate, plan.estimate.rollouts, plan.references[0], plan.references[0].trajectory, slit_tree,
-        controller, slit.mppi(), slit.problem, slit.loaded.scene, slit.loaded.scene.goal, slit.space,
-        slit.space.homology, slit.sampling, slit.loaded.scene.obstacles[0], slit, slit.loaded, slit.system,
+        controller, slit.with_settings(method="mppi").driver(None), slit.problem, slit.loaded.scene, slit.space,
+        slit.loaded.scene.goal, slit.space.homology, slit.sampling, slit.loaded.scene.obstacles[0], slit, slit.loaded,
         slit.settings, frames[0], frames[0].advance,
     ]  # fmt: skip
     for shown in objects:
@@ -40,13 +45,8 @@ def test_everything_that_is_printed_is_one_short_line_with_its_name(slit, slit_t
         assert "\n" not in text
         assert len(text) <= WIDE + (len(str(slit.loaded.path)) if shown is slit.loaded else 0), text
         assert "array(" not in text
-
-
-def test_a_plan_tells_control_value_and_the_class_of_most_weight(plan):
-    said = repr(plan)
-    assert f"v {plan.estimate.value:.4g}" in said
-    assert f"3 classes, most weight {plan.favourite} (" in said
-    assert f"control ({plan.control[0]:.3g}, " in said
+    assert f"v {plan.estimate.value:.4g} +- " in repr(plan)
+    assert f"3 classes, most weight {plan.favourite} (" in repr(plan)
 
 
 def test_a_plans_picture_has_a_line_per_class_and_only_paths_that_are_samples(plan):
@@ -87,3 +87,48 @@ def test_outlines_are_convex_hulls_seen_from_above(kind):
     ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
     assert np.all(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0] > 0)  # it turns left at every corner
     assert ConvexHull(corners).volume == pytest.approx(ConvexHull(points).volume, rel=1e-9)
+
+
+# -- help ----------------------------------------------------------------------------------------------------------
+
+EXAMPLES = [pirrht, pirrht.Problem, pirrht.Goal, pirrht.Scene, pirrht.Sampling, pirrht.HomologyTree, pirrht.Controller]
+TOLD = [pirrht.Problem, pirrht.Scene, pirrht.Goal, pirrht.Obstacle, pirrht.Sampling, pirrht.Estimate, pirrht.Plan]
+UNIT = re.compile(r"\[[^]]+\]")
+
+
+@pytest.mark.parametrize("entry", [*EXAMPLES, Scenario], ids=lambda entry: entry.__name__)
+def test_the_example_in_a_docstring_gives_what_it_says(entry):
+    said = inspect.getdoc(entry)
+    example = doctest.DocTestParser().get_doctest(said, {}, entry.__name__, None, None)
+    assert example.examples
+    results = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS).run(example)
+    assert results.attempted > 0
+    assert results.failed == 0
+
+
+def attributes(entry: type) -> dict[str, str]:
+    """What a docstring's section on attributes says of each."""
+    section = re.search(r"\nAttributes:\n(.*?)(\n\n|\Z)", inspect.getdoc(entry) + "\n\n", re.S)
+    assert section
+    found = re.findall(r"^    (\w+): (.*?)(?=^    \w+: |\Z)", section[1] + "\n", re.S | re.M)
+    return dict(found)
+
+
+@pytest.mark.parametrize("entry", TOLD, ids=lambda entry: entry.__name__)
+def test_help_tells_every_field_and_no_other(entry):
+    assert list(attributes(entry)) == [field.name for field in fields(entry)]
+
+
+@pytest.mark.parametrize("entry", TOLD, ids=lambda entry: entry.__name__)
+def test_help_tells_the_shape_and_unit_of_every_array(entry):
+    told = attributes(entry)
+    plain = {"rotation", "weight", "proposal_weights", "faces", "state"}  # axes, shares and indices have no unit
+    for field in fields(entry):
+        if re.search(r"\bArray\b|NDArray", str(field.type)):
+            assert re.search(r"\((\w|\+)+,( \w+)*\)|\(\w+, \w+\)", told[field.name]), field.name
+            assert UNIT.search(told[field.name]) or field.name in plain, field.name
+
+
+@pytest.mark.parametrize("name", ["q", "phi", "temperature"])
+def test_help_tells_the_units_of_costs(name):
+    assert re.search(r"\[cost(/s)?\]", attributes(pirrht.Problem)[name])

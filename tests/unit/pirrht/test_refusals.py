@@ -1,58 +1,42 @@
-"""A system or a scene that the method cannot serve is refused by name, and told what would have worked."""
+"""Systems and scenes that the method cannot serve are refused by name; noise through inputs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from mjcf_samples import SITES, mjcf
+from by_inputs import Driven, PushedMass, around_a_disc, driven
+from discs import scene_of
 
-from pirrht import (
-    Controller,
-    Desirability,
-    Dubins,
-    Dynamics,
-    FreeSpace,
-    Goal,
-    HomologyTree,
-    OptionError,
-    Problem,
-    Sampling,
-    Scene,
-    SingleIntegrator,
-    StraightLine,
-    Unicycle,
-)
+from pirrht import Controller, Desirability, Dubins, Dynamics, FreeSpace, HomologyTree, Problem, Sampling, Unicycle
 from pirrht.arrays import Array
+from pirrht.control.baselines import straight_home
+from pirrht.errors import NotLinearlySolvable, OptionError
+from pirrht.steering.straight_line import StraightLine
+from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
-from sim.mjcf import Loaded, load
+from pirrht.systems.single_integrator import SingleIntegrator
 
-SCENE = Scene(
-    name="field", lower=np.array([0.0, -1.0]), upper=np.array([4.0, 3.0]), obstacles=(), robot_radius=0.1,
-    start=np.array([1.0, 2.0, 0.3]), goal=Goal(center=np.array([3.0, 0.0]), radius=0.2),
-)  # fmt: skip
+SCENE = scene_of(start=(1.0, 2.0, 0.3), goal=(3.0, 0.0, 0.2), lower=(0.0, -1.0), side=(4.0, 3.0))
 
 
-def system(**changes: Any) -> Dynamics:
-    """A double integrator, whose class is called Boat, but for what is changed."""
+def made(name: str, body: dict[str, Any]) -> Dynamics:
+    """A system of a class of some name, without drift and parameters unless there are some."""
 
     def twist(self: Dynamics, x: Array, rate: Array) -> Array:
         return rate
 
+    usual = {"parameters": np.zeros(0), "drift": staticmethod(no_drift), "twist": twist}
+    system: Dynamics = type(name, (Dynamics,), usual | body)()
+    return system
+
+
+def boat(**changes: Any) -> Dynamics:
+    """A double integrator, whose class is called Boat, but for what is changed."""
     m = changes.get("m", 2)
-    body = {
-        "n": 4,
-        "m": m,
-        "states": ("x", "y", "vx", "vy"),
-        "parameters": np.zeros(0),
-        "drift": staticmethod(no_drift),
-    }
-    blocks = {"control_block": np.eye(m), "diffusion_block": 0.1 * np.eye(m), "twist": twist}
-    boat: Dynamics = type("Boat", (Dynamics,), body | blocks | changes)()
-    return boat
+    blocks = {"control_block": np.eye(m), "diffusion_block": 0.1 * np.eye(m)}
+    return made("Boat", {"n": 4, "m": m, "states": ("x", "y", "vx", "vy")} | blocks | changes)
 
 
 def posed(dynamics: Dynamics, R: Any = None) -> Problem:
@@ -90,12 +74,12 @@ REFUSED = {
 def test_a_system_that_cannot_be_served_is_refused_by_its_class(case: str) -> None:
     changes, remedy = REFUSED[case]
     with pytest.raises(OptionError, match=f"^Boat: .*{remedy}") as caught:
-        posed(system(**changes))
+        posed(boat(**changes))
     assert "\n" not in str(caught.value)
 
 
 def test_a_steering_of_other_states_than_the_systems_is_refused_by_both_names() -> None:
-    problem = posed(system())
+    problem = posed(boat())
     space = FreeSpace.of(SCENE)
     tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(0))
     with pytest.raises(OptionError, match=r"^StraightLine connects states of 2 numbers and Boat has 4; .* for Boat$"):
@@ -136,7 +120,7 @@ def test_straight_lines_and_grids_refuse_what_they_do_not_know() -> None:
             out[0], out[1] = 2.0, 0.0
 
     with pytest.raises(OptionError, match=r"^straight lines steer a point .*, not Boat with n = 4 and m = 2; bring a"):
-        StraightLine.of(posed(system()))
+        StraightLine.of(posed(boat()))
     with pytest.raises(OptionError, match=r"^no grid solves the dynamics Adrift;"):
         Desirability.of(posed(Adrift()), FreeSpace.of(SCENE))
 
@@ -150,7 +134,7 @@ def test_a_plan_at_what_is_no_state_of_the_system_is_refused() -> None:
 
 
 def test_headings_states_and_bounds_follow_from_the_names_of_the_states() -> None:
-    trailer = system(n=5, states=("x", "y", "speed", "heading", "t"))
+    trailer = boat(n=5, states=("x", "y", "speed", "heading", "t"))
     assert (trailer.angles, SingleIntegrator().angles, Unicycle().angles) == ((3,), (), (2,))
     np.testing.assert_array_equal(trailer.state_of(SCENE.start), [1.0, 2.0, 0.0, 0.3, 0.0])
     np.testing.assert_array_equal(SingleIntegrator().state_of(SCENE.start), SCENE.start[:2])
@@ -171,16 +155,85 @@ def test_differences_of_headings_are_at_most_half_a_turn() -> None:
     np.testing.assert_array_equal(SingleIntegrator().difference(x[:, :2], y[:, :2]), (x - y)[:, :2])
 
 
-DOOR = '<body name="door" mocap="true" pos="5 5 0.1"><geom name="door" size="0.3"/></body>'
+# -- noise that enters through inputs ------------------------------------------------------------------------------
+
+X = np.array([0.3, -0.2, 0.7])
 
 
-@pytest.fixture
-def loaded(tmp_path: Path) -> Callable[[str], Loaded]:
-    """The door in an otherwise empty scene, with what is to stand in `<custom>`."""
+def cart(**changes: Any) -> Dynamics:
+    """A car driven by speed and turn rate, whose class is called Cart, but for what is changed."""
+    form = {"input_matrix": staticmethod(Driven.input_matrix), "input_noise": np.diag([0.5, 1.0])}
+    return made("Cart", {"n": 3, "m": 2, "states": ("x", "y", "heading")} | form | changes)
 
-    def loaded(custom: str) -> Loaded:
-        path = tmp_path / "scene.xml"
-        path.write_text(mjcf(SITES + DOOR, head=f"<custom>{custom}</custom>"))
-        return load(path)
 
-    return loaded
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"input_noise": None}, "input_noise missing; a Dynamics declares .*input_matrix, input_noise"),
+        ({"input_noise": np.eye(3)}, r"input_noise is \(3, 3\); with n = 3, m = 2 it must be \(2, 2\)"),
+        ({"input_noise": 0.5}, "input_noise is a float; it must be an array: s is constant"),
+        ({"input_noise": np.diag([0.5, 0.0])}, r"input_noise is \[\[0.5, 0.0\], .*it must have an inverse"),
+        ({"input_matrix": np.eye(2)}, r"input_matrix is \(2, 2\); with n = 3, m = 2 it must be \(3, 2\)"),
+        ({"input_matrix": "G"}, "input_matrix is a str; it must be an array or a function"),
+        ({"input_matrix": Driven.input_matrix}, r"input_matrix\(x, p, out\) cannot be called without self"),
+        ({"control_block": np.eye(2)}, "control_block belongs to the paper's form; leave it out"),
+        (
+            {"input_matrix": None, "control_block": np.eye(2), "diffusion_block": np.eye(2)},
+            "input_noise belongs to the input form; leave it out, or declare an input_matrix",
+        ),
+        (
+            {"input_matrix": None, "input_noise": None, "stratonovich": True, "control_block": np.eye(2)}
+            | {"diffusion_block": np.eye(2)},
+            "stratonovich belongs to the input form",
+        ),
+    ],
+)
+def test_an_input_form_that_is_none_is_refused_by_name(changes, told):
+    with pytest.raises(OptionError, match=f"^Cart: {told}"):
+        Problem(dynamics=cart(**changes), scene=around_a_disc(), R=np.diag([2.0, 0.5]))
+
+
+def test_noise_and_cost_without_a_common_lambda_are_refused_with_both_matrices():
+    told = r"^Cart: no lambda solves lambda R\^-1 = s s' .*R\^-1 = \[\[0.5, 0\], .*s s' = \[\[0.25, 0\], .*choose R"
+    with pytest.raises(NotLinearlySolvable, match=told):
+        Problem(dynamics=cart(), scene=around_a_disc(), R=np.diag([2.0, 2.0]))
+
+
+def test_lambda_is_what_turns_the_inverse_of_the_cost_into_the_noise():
+    s = np.array([[0.5, 0.2], [0.1, 0.4]])
+    problem = Problem(dynamics=cart(input_noise=s), scene=around_a_disc(), R=0.3 * np.linalg.inv(s @ s.T))
+    assert problem.temperature == pytest.approx(0.3)
+
+
+def test_controls_and_noise_units_turn_into_each_other_in_both_forms():
+    u = np.array([0.7, -0.3])
+    for d, x in ((Driven(), X), (PushedMass(), np.array([*X, 0.1])), (DoubleIntegrator(b=0.1), np.array([*X, 0.1]))):
+        a = d.to_noise(x, u)
+        np.testing.assert_allclose(d.noise_gain(x) @ u, a, rtol=1e-12)
+        np.testing.assert_allclose(d.input_of(x, a), u, rtol=1e-12)
+        np.testing.assert_allclose(d.B_c(x) @ a, d.G_c(x) @ u, rtol=1e-12)
+        assert d.B_c(x).shape == d.G_c(x).shape == (d.rows, d.m)
+
+
+def test_noise_acts_on_the_position_where_a_row_of_it_is_not_zero():
+    assert Driven().noisy_position
+    assert not PushedMass().noisy_position
+
+
+@pytest.mark.parametrize("stratonovich", [False, True])
+def test_a_step_goes_along_the_heading_of_its_start_or_of_its_middle(stratonovich):
+    u, dw, h = np.array([0.8, 1.5]), np.array([0.02, -0.1]), 0.1
+    d = Driven(stratonovich)
+    way, turn = h * u + np.array([0.5, 1.0]) * dw
+    heading = X[2] + (0.5 * turn if stratonovich else 0.0)
+    moved = X + np.array([way * np.cos(heading), way * np.sin(heading), turn])
+    np.testing.assert_allclose(d.step(X, u, dw, h), moved, rtol=1e-12)
+
+
+def test_the_way_home_is_priced_at_the_best_speed_along_the_heading():
+    """sqrt(2 q r) per meter, whatever turning would cost."""
+    beyond = straight_home(driven())
+    assert beyond(np.array([[0.8, -0.6, 1.0]]))[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)
+    assert straight_home(Problem(dynamics=SingleIntegrator(b=0.5), scene=around_a_disc(), R=2.0 * np.eye(2)))(
+        np.array([[0.8, -0.6]])
+    )[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)

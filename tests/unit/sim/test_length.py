@@ -21,10 +21,10 @@ def point(b: float) -> Problem:
 
 def measured(problem: Problem, path: Array, step: float = STEP, period: int = 5) -> Length:
     """A path (k, n), start included, as a run takes note of it, `period` steps at a time."""
-    length = Length(problem, path[0])
+    length = Length(path[0])
     for i in range(0, len(path) - 1, period):
         part = path[i : i + period + 1]
-        length.add(part[1:], step, float(np.hypot(*np.diff(part[:, :2], axis=0).T).sum()))
+        length.add(problem, part[1:], step, float(np.hypot(*np.diff(part[:, :2], axis=0).T).sum()))
     return length
 
 
@@ -59,24 +59,19 @@ def test_without_noise_it_is_the_length_of_the_path_and_one_that_has_not_begun_h
     angle = np.linspace(0.0, 9.0, 4000)
     circle = 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])
     assert measured(point(1e-6), circle).total == pytest.approx(4.5, rel=1e-5)
-    length = Length(point(0.3), np.zeros(2))
-    length.add(np.zeros((0, 2)), STEP, 0.0)
+    length = Length(np.zeros(2))
+    length.add(point(0.3), np.zeros((0, 2)), STEP, 0.0)
     assert length.total == length.noisy == 0.0
 
 
-@pytest.mark.parametrize("finer", [2, 5])
-def test_a_finer_physics_step_changes_the_noisy_length_only(finer: int):
+@pytest.mark.parametrize(("finer", "period"), [(2, 1), (5, 10_000)])
+def test_a_finer_physics_step_changes_the_noisy_length_only_and_the_control_period_nothing(finer: int, period: int):
     step = STEP / finer
     fine = noisy(straight(step), 0.3, np.random.default_rng(3), step)
     one, other = measured(point(0.3), fine, step), measured(point(0.3), fine[::finer])
+    assert measured(point(0.3), fine, step, period).total == one.total
     assert one.total == pytest.approx(other.total, rel=1e-9)
     assert one.noisy > 1.3 * other.noisy
-
-
-@pytest.mark.parametrize("period", [1, 7, 50, 10_000])
-def test_the_control_period_changes_nothing(period: int):
-    path = noisy(straight(), 0.2, np.random.default_rng(4))
-    assert measured(point(0.2), path, period=period).total == measured(point(0.2), path).total
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -1,25 +1,62 @@
-"""A saved tree is the tree: it answers alike and grows on alike."""
+"""A saved tree is the tree: it answers alike and grows on alike; any other file is refused with one line."""
 
 from __future__ import annotations
 
 import json
+import zipfile
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 import pytest
-from tree_files import again, assert_equal_references, assert_equal_trees, grown, packed
 
-from pirrht.errors import OptionError
+import pirrht
+from pirrht.arrays import Array
+from pirrht.errors import NoReference, OptionError
+from pirrht.planner.chain import keys_of
 from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
+from pirrht.topology.crossings import Turns
 from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
 
 
-@pytest.fixture(scope="module")
-def clutter() -> Scenario:
-    return prepare("clutter", given={"vertices": 150})
+def grown(scenario: Scenario, vertices: int) -> HomologyTree:
+    return scenario.with_settings(vertices=vertices).grown_tree()
+
+
+def packed(tree: HomologyTree) -> bytes:
+    stream = BytesIO()
+    tree_file.save(tree, stream)
+    return stream.getvalue()
+
+
+def again(tree: HomologyTree) -> HomologyTree:
+    return tree_file.load(BytesIO(packed(tree)), tree.space, tree.steering)
+
+
+def unpacked(content: bytes) -> dict[str, np.ndarray]:
+    with np.load(BytesIO(content)) as file:
+        return dict(file)
+
+
+def repacked(arrays: dict[str, np.ndarray], **changes) -> BytesIO:
+    """A file whose sums fit, whatever is in it."""
+    stream, about = BytesIO(), json.loads(str(arrays["about"])) | changes
+    np.savez(stream, **arrays | {"about": np.array(json.dumps(about))})
+    stream.seek(0)
+    return stream
+
+
+def assert_equal_references(one: HomologyTree, other: HomologyTree, x: Array) -> None:
+    assert len(one.references(x)) > 1
+    for first, second in zip(one.references(x), other.references(x), strict=True):
+        assert (first.winding, first.cost, first.length) == (second.winding, second.cost, second.length)
+        np.testing.assert_array_equal(first.signature, second.signature)
+        np.testing.assert_array_equal(first.trajectory.controls, second.trajectory.controls)
+        np.testing.assert_array_equal(first.trajectory.points, second.trajectory.points)
 
 
 @pytest.fixture(scope="module")
@@ -31,41 +68,48 @@ def saved(slit: Scenario) -> bytes:
 
 
 @pytest.mark.parametrize("name", ["slit", "clutter"])
-def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(name: str, request):
-    scenario = request.getfixturevalue(name)
+def test_what_was_saved_answers_and_grows_on_as_if_it_had_never_been_written(name: str):
+    scenario = prepare(name)
     tree = grown(scenario, 150)
     copy = again(tree)
-    assert_equal_trees(tree, copy)
+    assert packed(copy) == packed(tree)
     assert_equal_references(tree, copy, scenario.start)
     for more in (151, 400):  # past the space for 256 vertices
         tree.grow(more)
         copy.grow(more)
-        assert_equal_trees(tree, copy)
-    assert_equal_references(tree, copy, scenario.start)
+        assert packed(copy) == packed(tree)
+        assert_equal_references(tree, copy, scenario.start)
 
 
-@pytest.mark.parametrize("bits", [np.random.PCG64DXSM, np.random.MT19937, np.random.Philox, np.random.SFC64])
-def test_every_source_of_randomness_goes_on_where_it_was(slit: Scenario, bits):
-    tree = HomologyTree(slit.space, StraightLine(), rng=np.random.Generator(bits(3)))
-    tree.grow(20)
-    tree.rng.integers(5, dtype=np.int32)  # half of a word is left over
+@pytest.mark.slow
+def test_roots_at_any_velocity_survive_and_nothing_else_is_left_open():
+    scenario = prepare("slit", robot="hover", given={"vertices": 60})
+    tree = scenario.grown_tree()
     copy = again(tree)
-    np.testing.assert_array_equal(
-        tree.rng.integers(1000, size=9, dtype=np.int32), copy.rng.integers(1000, size=9, dtype=np.int32)
-    )
-    np.testing.assert_array_equal(tree.rng.random(5), copy.rng.random(5))
+    assert np.isnan(copy.states[0, 2:]).all()
+    assert packed(copy) == packed(tree)
+    assert_equal_references(tree, copy, scenario.start)
+    arrays = unpacked(packed(tree))
+    for vertex, component in ((0, 0), (len(arrays["in_goal"]) - 1, 2)):
+        states = arrays["states"].copy()
+        states[vertex, component] = np.nan
+        with pytest.raises(OptionError, match="states and costs are not numbers"):
+            tree_file.load(repacked({**arrays, "states": states}), tree.space, tree.steering)
 
 
-def test_equal_trees_are_equal_bytes_and_hold_no_pickles(slit: Scenario, saved: bytes):
+def test_equal_trees_are_equal_bytes_without_pickles_whatever_start_and_noise_are(slit: Scenario, saved: bytes):
     assert packed(grown(slit, 200)) == saved
-    with np.load(BytesIO(saved), allow_pickle=False) as file:
-        assert all(file[name].dtype != object for name in file.files)
-
-
-def test_loading_asks_neither_for_the_start_nor_for_the_noise(slit: Scenario, saved: bytes):
-    """Both may differ between the runs that share a tree."""
+    assert all(array.dtype != object for array in unpacked(saved).values())
     moved = slit.space.with_task(start=np.array([2.0, 1.0, 0.0]))
-    tree_file.load(BytesIO(saved), moved, StraightLine())
+    old = repacked(unpacked(saved) | {"size": np.zeros(5)}, format=2, version="0.31.1", checksum="0")
+    for file in (BytesIO(saved), old):
+        assert packed(tree_file.load(file, moved, StraightLine())) == saved
+
+
+def test_a_tree_with_another_source_of_randomness_is_not_saved(slit: Scenario):
+    tree = HomologyTree(slit.space, StraightLine(), rng=np.random.Generator(np.random.MT19937(3)))
+    with pytest.raises(OptionError, match="draws from MT19937"):
+        packed(tree)
 
 
 # -- command line ------------------------------------------------------------------------------------------------
@@ -90,31 +134,121 @@ def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys
 @pytest.mark.parametrize(
     ("content", "arguments", "what"),
     [
-        (None, [], "does not exist"),
-        (b"not a tree", [], "is no tree"),
-        ("saved", ["--limit", "0.7"], "limit is 0.6 there and 0.7 here"),
-        ("saved", ["--vertices", "300"], "--vertices and --tree"),
+        (None, "", "does not exist"),
+        (b"not a tree", "", "is no tree of pirrht; make one with `pirrht plan`"),
+        (b"", "", "is no tree of pirrht"),
+        (b"\x80\x04K\x01.", "", "is no tree of pirrht"),
+        ("saved", "--limit 0.7", "limit is 0.6 there and 0.7 here"),
+        ("saved", "--classes 3", "classes is 16 there and 3 here"),
+        ("saved", "--vertices 300", "--vertices and --tree"),
+        ("saved", "--robot unicycle", "robot radius is 0.1 there"),
+        ("saved", "--radius 0.05", "robot radius is 0.1 there and 0.05 here"),
+        ("saved", "--goal 5 2.5 0.2", "there and [5.0, 2.5, 0.2] here"),
     ],
 )
 def test_a_tree_that_does_not_fit_ends_with_one_line(saved, tmp_path: Path, capsys, content, arguments, what: str):
     file = tmp_path / "tree.npz"
     if content is not None:
         file.write_bytes(saved if content == "saved" else content)
-    assert cli.main(["run", "slit", "--tree", str(file), *arguments]) == 2
+    assert cli.main(["run", "slit", "--tree", str(file), *arguments.split()]) == 2
     error = capsys.readouterr().err.strip()
     assert what in error
     assert len(error.splitlines()) == 1
 
 
-def test_an_old_tree_stays_until_the_new_one_is_whole(slit: Scenario, saved: bytes, tmp_path: Path, monkeypatch):
-    file = tmp_path / "tree.npz"
-    file.write_bytes(saved)
+# -- damage ------------------------------------------------------------------------------------------------------
 
-    def full(*_):
-        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("os.replace", full)
-    with pytest.raises(OptionError, match="No space left"):
-        tree_file.save(grown(slit, 20), file)
-    assert file.read_bytes() == saved
-    assert [p.name for p in tmp_path.iterdir()] == ["tree.npz"]
+def damaged(content: bytes, rng: np.random.Generator) -> bytes:
+    """With bits flipped, bytes replaced, a piece left out or doubled, or cut off."""
+    kind, at, end = rng.integers(5), *np.sort(rng.integers(len(content), size=2)).tolist()
+    if kind < 3:
+        return (content[:end], content[:at] + content[end:], content[:end] + content[at:])[kind]
+    changed = bytearray(content)
+    for place in rng.integers(len(content), size=int(rng.integers(1, 9))):
+        changed[place] = rng.integers(256) if kind == 3 else changed[place] ^ 1 << int(rng.integers(8))
+    return bytes(changed)
+
+
+def answer(file: BytesIO, scenario: Scenario) -> tuple[HomologyTree | None, str]:
+    """The tree in a file, or why it is refused."""
+    try:
+        return tree_file.load(file, scenario.space, StraightLine()), ""
+    except OptionError as error:
+        return None, str(error)
+
+
+@pytest.mark.parametrize("packing", ["compressed", "plain"])
+def test_a_damaged_file_is_refused_with_one_line_or_is_the_tree(slit: Scenario, saved: bytes, packing: str):
+    """Or what was hit does not matter, such as a time stamp."""
+    whole = saved if packing == "compressed" else repacked(unpacked(saved)).getvalue()
+    rng, refused = np.random.default_rng(len(packing)), 0
+    for _ in range(240):
+        tree, said = answer(BytesIO(damaged(whole, rng)), slit)
+        refused += tree is None
+        assert tree is None or packed(tree) == saved
+        assert "\n" not in said
+    assert refused > 120
+
+
+def test_a_tree_whose_sums_fit_a_wrong_number_is_refused_or_ends(slit: Scenario, saved: bytes):
+    """What a hostile file has sums for is still a tree that answers and grows."""
+    rng, refused = np.random.default_rng(0), 0
+    for _ in range(160):
+        arrays = unpacked(saved)
+        name = sorted(arrays.keys() - {"about"})[rng.integers(len(arrays) - 1)]
+        raw = arrays[name].reshape(-1).view(np.uint8)
+        raw[rng.integers(len(raw))] ^= 1 << int(rng.integers(8))
+        tree, said = answer(repacked(arrays), slit)
+        refused += tree is None
+        assert "\n" not in said
+        if tree is not None:
+            tree.grow(tree.size + 5)
+            with suppress(NoReference):
+                assert tree.references(slit.start)
+    assert refused > 40
+
+
+@pytest.mark.parametrize(
+    ("changes", "what"),
+    [
+        ({"format": 99, "version": "7.0"}, rf"pirrht 7.0 in format 99; this is {pirrht.__version__}"),
+        ({"rng": {"bit_generator": "MT19937"}}, "damaged tree"),
+        ({"draws": None}, "damaged tree"),
+        ({"belongs": 3}, "grown for another task: workspace is None there"),
+    ],
+)
+def test_a_record_that_is_none_is_refused(slit: Scenario, saved: bytes, changes, what: str):
+    with pytest.raises(OptionError, match=what):
+        tree_file.load(repacked(unpacked(saved), **changes), slit.space, StraightLine())
+
+
+def test_a_circle_among_parents_is_refused(slit: Scenario, saved: bytes):
+    arrays = unpacked(saved)
+    below = int(np.argmax((arrays["parent"][:, 0] >= 0) & ~arrays["in_goal"][arrays["head"][arrays["parent"][:, 0]]]))
+    edge = int(arrays["parent"][below, 0])
+    above = int(arrays["head"][edge])
+    back = int(np.flatnonzero((arrays["tail"] == above) & (arrays["head"] == below))[0])
+    arrays["edge_cost"][[edge, back]] = 0.0
+    arrays["cost"][below, 0] = arrays["cost"][above, 0]
+    turns = Turns(arrays["edge_first"], arrays["edge_marker"], arrays["edge_turn"])
+    key = keys_of(turns, slit.space.homology.hash_weights)[back]
+    slot = int(np.flatnonzero(arrays["key"][above] == arrays["key"][below, 0] + key)[0])
+    arrays["parent"][above, slot] = back
+    with pytest.raises(OptionError, match="damaged tree"):
+        tree_file.load(repacked(arrays), slit.space, StraightLine())
+
+
+def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Scenario, saved: bytes, monkeypatch):
+    header, declared = BytesIO(), BytesIO()  # 8 TB in front of 8 bytes
+    np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (10**12,)})
+    with zipfile.ZipFile(declared, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("cost.npy", header.getvalue() + bytes(8))
+    pickled = repacked(unpacked(saved) | {"tail": np.array([None], dtype=object)})
+    for content in (header, declared, pickled):
+        content.seek(0)
+        with pytest.raises(OptionError, match="is no tree of pirrht"):
+            tree_file.load(content, slit.space, StraightLine())
+    assert answer(BytesIO(saved), slit)[0] is not None
+    monkeypatch.setattr(tree_file, "TUNING", TUNING._replace(file_bytes=1 << 10))
+    assert "is no tree of pirrht" in answer(BytesIO(saved), slit)[1]

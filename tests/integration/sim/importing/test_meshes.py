@@ -16,24 +16,21 @@ from sim.mjcf import load
 TASK = {"start": (1.0, 1.0), "goal": (3.5, 3.5, 0.3)}
 
 
+WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
+
+
 @pytest.fixture
 def angle(tmp_path: Path) -> Path:
     """Two walls as one mesh."""
-    walls = [
-        trimesh.creation.box(bounds=[(0, 0, 0), (4, 0.2, 1)]),
-        trimesh.creation.box(bounds=[(0, 0.3, 0), (0.2, 4, 1)]),
-    ]
-    path = tmp_path / "angle.obj"
-    trimesh.util.concatenate(walls).export(path)
-    return path
+    trimesh.util.concatenate([trimesh.creation.box(bounds=wall) for wall in WALLS]).export(tmp_path / "angle.obj")
+    return tmp_path / "angle.obj"
 
 
 @pytest.fixture
 def ring(tmp_path: Path) -> Path:
     """A torus so large that planes of its own faces do not cut it into a hundred convex parts."""
-    path = tmp_path / "ring.obj"
-    trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(path)
-    return path
+    trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(tmp_path / "ring.obj")
+    return tmp_path / "ring.obj"
 
 
 def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
@@ -41,10 +38,9 @@ def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
     scene = load(imported.path).scene
     assert (imported.geoms, imported.obstacles) == (2, 2)
     np.testing.assert_allclose([*scene.lower, *scene.upper], [0, 0, 4, 4], atol=1e-6)
-    reaches = [np.abs(solid.rotation) @ solid.size for solid in scene.obstacles]
-    extents = [[*(o.position - r), *(o.position + r)] for o, r in zip(scene.obstacles, reaches, strict=True)]
-    expected = [[0, 0, 0, 4, 0.2, 1], [0, 0.3, 0, 0.2, 4, 1]]
-    np.testing.assert_allclose(sorted(np.round(extents, 5).tolist()), expected, atol=1e-5)
+    reaches = [(o.position, np.abs(o.rotation) @ o.size) for o in scene.obstacles]
+    extents = [[*(at - reach), *(at + reach)] for at, reach in reaches]
+    np.testing.assert_allclose(sorted(np.round(extents, 5).tolist()), np.reshape(WALLS, (2, 6)), atol=1e-5)
 
 
 def test_coacd_itself_parts_a_mesh(ring, tmp_path):

@@ -10,9 +10,9 @@ import pytest
 from drives import Drive
 
 from sim.cli import main
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording import export
-from sim.recording.columns import COLUMNS, described
+from sim.recording.columns import described
 
 FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
 
@@ -74,26 +74,6 @@ def test_both_formats_hold_the_same_columns_with_units_and_settings(drive, table
         np.testing.assert_array_equal(packed[name], values)
     assert json.loads(parquet.schema.metadata[b"pirrht"]) == about["settings"]
     assert (about["settings"]["scene"], about["settings"]["seed"]) == ("slit", 0)
-
-
-def test_help_describes_every_column(capsys):
-    with pytest.raises(SystemExit):
-        main(["export", "--help"])
-    said = capsys.readouterr().out
-    for column in COLUMNS:
-        assert f"  {column.name} " in said
-        assert column.text in said
-        assert f"[{column.unit}]" in said or not column.unit
-
-
-def test_a_car_has_a_heading_and_one_control(tmp_path):
-    small = ["--vertices", "80", "--samples", "20", "--noise", "0.1", "--max-time", "0.3"]
-    record = str(tmp_path / "a.rrd")
-    assert main(["run", "slit", "--robot", "unicycle", *small, "--record", record]) == 1
-    table = export.table(export.read(tmp_path / "a.rrd"))
-    assert {"heading", "end_heading", "control_1", "noise_1"} <= table.keys()
-    assert not {"control_2", "noise_2", "exact_value"} & table.keys()
-    assert all(described(name).text for name in table)
 
 
 @pytest.mark.parametrize("share", [0.45, 0.7, 0.99])

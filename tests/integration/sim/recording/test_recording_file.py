@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import gc
 import os
-import signal
 import sys
-import time
 
 import pytest
-from rerun import recording_stream
 
 from pirrht.errors import OptionError
 from sim.cli import main
 from sim.recording.options import Sinks
-from sim.recording.stream import Stream
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
 
@@ -45,6 +40,7 @@ def test_a_pipe_is_refused_by_name_before_the_plan(tmp_path, capsys, planned):
         (["--view"], "display"),
         (["--record-lift", "3"], "slit has the obstacles 1 to 2"),
         (["--record-hz", "0"], "--record-hz"),
+        (["--record-hz", "nan"], "--record-hz"),
         (["--record", "x" * 300], "too long"),
         (["--record", os.fsdecode(b"b\xff.rrd")], "not UTF-8"),
         (["--record", "no/a.rrd"], "does not exist"),
@@ -67,23 +63,3 @@ def test_a_viewer_that_is_not_installed_is_refused(tmp_path, monkeypatch):
     monkeypatch.setenv("RERUN_CLI_PATH", str(tmp_path / "rerun"))
     with pytest.raises(OptionError, match="--serve: there is no viewer"):
         Sinks(serve=True).check()
-
-
-def test_ctrl_c_while_a_stream_is_made_is_only_an_interruption(monkeypatch):
-    made, complaints = recording_stream.bindings.new_recording, []
-
-    def interrupted(**options):
-        signal.raise_signal(signal.SIGINT)
-        time.sleep(0.1)
-        return made(**options)
-
-    monkeypatch.setattr(recording_stream.bindings, "new_recording", interrupted)
-    monkeypatch.setattr(sys, "unraisablehook", complaints.append)
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            Stream("application", "id", orderly=True)
-        gc.collect()
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert not complaints

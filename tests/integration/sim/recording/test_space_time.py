@@ -13,9 +13,8 @@ from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.plotting.ground import MOMENTS, outline
-from sim.recording.layout import layout
 from sim.recording.options import Look
-from sim.recording.reasons import Surroundings, reasons, words_of
+from sim.recording.reasons import reasons, words_of
 from sim.recording.spacetime import SpaceTime
 from sim.recording.subject import Subject
 
@@ -51,17 +50,8 @@ def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
     start = drive.scene.start[:2]
     drive.controller.begin(start)
     plan, integral = drive.controller.plan(start), drive.controller.path_integral
-    found = reasons(plan, integral, Surroundings(drive.scene, ()), words_of(plan, integral, ()))
+    found = reasons(plan, integral, (), words_of(plan, integral, ()))
     assert {reason.where for reason in found} - {""} == {"crosser"}
-
-
-def subject_of(drive: Drive, **look) -> Subject:
-    integral = drive.controller.path_integral
-    return Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(**look), settings={})
-
-
-def tabs(subject: Subject) -> list[str]:
-    return [tab.name for tab in layout(subject, live=False).root_container.contents]
 
 
 def rise(drive: Drive) -> float:
@@ -129,19 +119,14 @@ def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
     np.testing.assert_allclose(heights, rise(drive) * np.array(times), atol=1e-5)
 
 
-def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for(recorded):
-    _, drive, _ = recorded
-    assert tabs(subject_of(drive)) == ["Drive", "Why", "Space-time", "About"]
-    assert tabs(subject_of(drive, lift=(1,))) == ["Drive", "Why", "Space-time", "Tree", "About"]
-    assert tabs(subject_of(Drive())) == ["Drive", "Why", "Tree", "About"]
-
-
 def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_path):
     world = body("b", 'type="box" size=".3 .1 .2"', "2 2 0.1")
     drive = Moving(moving_scene(tmp_path, world, rows("b", "0 2 2 0  0.4 3 2 3", repeat=True)))
     logged = []
     stream = SimpleNamespace(log=lambda path, *rest: logged.append((path, rest[-1])))
-    shown = SpaceTime(stream, subject_of(drive), ClassColors())
+    integral = drive.controller.path_integral
+    subject = Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(), settings={})
+    shown = SpaceTime(stream, subject, ClassColors())
     for time in (1.3, 1.9, 3.2):
         shown._reach(time, (0, 0.0))
     tubes = [picture for path, picture in logged if path == "/spacetime/bodies/b"]

@@ -20,24 +20,14 @@ from closed_forms import (
     strip_space,
     within,
 )
-from discs import disc
+from discs import disc, scene_of
 from scipy.integrate import solve_bvp
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 from thoroughly import first
-from unit.pirrht.estimation.test_path_integral import around_nothing
 
+from pirrht import Dubins, Dynamics, Estimate, FreeSpace, Outcome, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.rollouts.cpu import kernels_for
-from pirrht.steering.dubins import Dubins
-from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.unicycle import Unicycle
 
 # -- closed forms ------------------------------------------------------------------------------------------------
 
@@ -84,17 +74,6 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
     assert within([e.control for e in found], -speed * away)
     if guide == "open-loop":
         assert within(values, value)
-
-
-@pytest.mark.parametrize("b", [0.3, 0.5])
-@pytest.mark.parametrize("radius", [0.1, 0.3])
-def test_at_the_default_step_the_rim_of_a_disc_costs_nothing(radius, b):
-    """psi over 24 seeds within 3 standard errors of 0.2 % or less, and within 0.5 %, of the Bessel functions."""
-    found, _, value, _ = around_disc(b, radius, Sampling(samples=4000), led=False)
-    share = np.exp(np.array([e.log_psi for e in found]) + value / annulus(b, radius)[0].temperature)
-    assert share.std(ddof=1) / np.sqrt(SEEDS) < 0.002
-    assert share.mean() == pytest.approx(1.0, abs=0.005)
-    assert within(share, 1.0)
 
 
 # -- rates and blocks that depend on the state -------------------------------------------------------------------
@@ -250,28 +229,13 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
     assert weighing.std() < 0.95 * killing.std()
 
 
-def test_exit_at_step_ends_samples_the_chain_that_the_grid_solves(slit):
-    """A third of a step's noise before the goal's rim; a finer first step is off by 40 standard errors of v there.
-
-    Seed 3, 20 000 samples: v within 4 standard errors, which are 0.0016, and so the control, 0.009.
-    """
-    chain = slit.with_settings(noise=0.3, exit="endpoint", period=0.01)
-    truth, x = chain.truth(), chain.space.scene.goal.center - np.array([0.4, 0.0])
-    integral, rollouts = around_nothing(chain, x, samples=20_000)
-    found = integral.estimate(rollouts)
-    assert abs(found.value - truth.value(x)) < 4.0 * found.value_error < 0.01
-    assert np.all(np.abs(found.control - truth.control(x)) < 4.0 * found.control_error)
-
-
 # -- collisions that cost much -----------------------------------------------------------------------------------
 
 
 def test_weights_stay_finite_where_collisions_cost_a_million_lambda():
     """A unicycle before a post, its goal straight behind it, around the Dubins curves past the post."""
-    scene = Scene(
-        name="car", lower=np.array([-1.0, -3.0]), upper=np.array([5.0, 3.0]), obstacles=(disc("post", 2.0, 0.0, 0.3),),
-        goal=Goal(center=np.array([4.0, 0.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
+    ends = {"start": (0.0, 0.0), "goal": (4.0, 0.0, 0.4), "lower": (-1.0, -3.0), "side": (5.0, 3.0)}
+    scene = scene_of([disc("post", 2.0, 0.0, 0.3)], **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1), phi=1000.0)
     assert problem.temperature == pytest.approx(0.0009)
     assert problem.phi / problem.temperature > 1e6

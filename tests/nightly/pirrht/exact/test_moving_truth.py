@@ -7,18 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block, disc
+from discs import block, disc, scene_of
 from moving import SCENES, START, moved
-from moving_samples import sampled_log_psi
-from scipy.stats import norm
 from thoroughly import first, thorough
 
-from pirrht import FreeSpace, Goal, Problem, Scene, SingleIntegrator, Unicycle
-from pirrht.errors import OptionError
-from pirrht.exact.boundaries import meet_boundaries, surroundings_of
-from pirrht.exact.desirability import Desirability
-from pirrht.exact.discrete_point import smooth, step_of, taps_along
-from pirrht.exact.grid import Equation, frame_at
+from pirrht import Desirability, FreeSpace, OptionError, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.geometry.obstacle import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3
@@ -39,16 +32,7 @@ SHARES = {  # the same; in front, through the gap, and between, below, above
 
 def room(*movers: Mover, goal: tuple[float, float] = (4.3, 0.6), radius: float = 0.2, standing: tuple = ()) -> Scene:
     """5 x 3 m, for a robot so large that the grid is coarse."""
-    return Scene(
-        name="room",
-        lower=np.zeros(2),
-        upper=np.array([5.0, 3.0]),
-        obstacles=standing,
-        goal=Goal(center=np.array(goal), radius=0.3),
-        start=np.array([0.6, 1.5, 0.0]),
-        robot_radius=radius,
-        movers=movers,
-    )
+    return scene_of(standing, start=(0.6, 1.5), goal=(*goal, 0.3), side=(5.0, 3.0), radius=radius, movers=movers)
 
 
 def solved(scene: Scene, b: float = 0.3, phi: float = np.inf, q: float = 1.0, **options: float) -> Desirability:
@@ -84,33 +68,6 @@ def test_before_a_wall_at_constant_speed_a_path_pays_what_girsanov_says(speed):
         rate = math.sqrt(drift**2 + 2.0 * q / (grid.problem.temperature * b * b)) - drift
         assert -grid.log_psi(x, 0.4) == pytest.approx(rate * z, rel=5e-3, abs=5e-3)
         assert grid.control(x, 0.4) == pytest.approx([-(b**2) * rate, 0.0], rel=0.01, abs=0.01)
-
-
-@pytest.mark.parametrize("speed", [0.5, -0.5])
-def test_whom_a_moving_wall_leaves_alive_is_known_in_closed_form(speed):
-    """E[exp(k X_T); not met] of a Brownian path beside a wall of speed c: tilted, its drift is k b^2 - c."""
-    b, steps, dt, k = 0.3, 12, 0.03, 8.0
-    T = steps * dt
-    wall = moved("wall", [(0.0, 2.0, 1.5, 0.0), (T, 2.0 + speed * T, 1.5, 0.0)], block("wall", 0.0, 0.0, (0.1, 2.0)))
-    scene = room(wall)
-    step = step_of(dt, Equation(b, 0.0, math.inf, 0.0))
-    h = 0.04
-    frame = frame_at(np.zeros(2), h, scene.goal)
-    walls = surroundings_of(scene, frame, step.cutoff, 1.0)
-    x = h * np.arange(126)
-    now = np.broadcast_to((k * x)[:, None], (126, 76)).copy()
-    now[x < 2.3 + speed * T + 1e-9] = -np.inf
-    taps = taps_along(126, 0.0, h, 0.0, 5.0, step), taps_along(76, 0.0, h, 0.0, 3.0, step)
-    for n in range(steps - 1, -1, -1):
-        out = smooth(now, np.ones_like(now), *taps, 0.0)
-        meet_boundaries(walls, step, n * dt, now, out)
-        now = out
-    z = x - 2.3
-    some = (z > 0.02) & (z < 0.6)
-    drift, s = k * b * b - speed, b * math.sqrt(T)
-    alive = norm.cdf((z + drift * T) / s) - np.exp(-2.0 * drift * z / b**2) * norm.cdf((drift * T - z) / s)
-    exact = k * x + 0.5 * k * k * b * b * T + np.log(alive, where=some, out=np.zeros(126))
-    assert now[some, 37] == pytest.approx(exact[some], abs=0.01)
 
 
 @pytest.mark.parametrize(("phi", "accuracy"), [(np.inf, 1e-3), thorough(3.0, 2e-3)])
@@ -156,22 +113,18 @@ def test_a_motion_that_starts_over_is_one_of_many_rows():
 
 
 @pytest.mark.parametrize(
-    ("options", "message"),
+    ("dynamics", "options", "message"),
     [
-        ({"dt": 0.1}, "leave out dt"),
-        ({"spacing": 0.5}, "too coarse"),
+        (SingleIntegrator(b=0.3), {"dt": 0.1}, "leave out dt"),
+        (SingleIntegrator(b=0.3), {"spacing": 0.5}, "too coarse"),
+        (Unicycle(), {}, "Unicycle among moving obstacles; it takes SingleIntegrator"),
     ],
 )
-def test_what_the_march_cannot_do_is_refused_with_what_it_can(options, message):
-    with pytest.raises(OptionError, match=message):
-        solved(room(crosser()), **options)
-
-
-def test_a_car_among_moving_bodies_is_refused_by_name():
+def test_what_the_march_cannot_do_is_refused_with_what_it_can(dynamics, options, message):
     scene = room(crosser())
-    problem = Problem(dynamics=Unicycle(), scene=scene, R=np.eye(1))
-    with pytest.raises(OptionError, match="Unicycle among moving obstacles; it takes SingleIntegrator"):
-        Desirability.of(problem, FreeSpace.of(scene))
+    problem = Problem(dynamics=dynamics, scene=scene, R=np.eye(dynamics.m))
+    with pytest.raises(OptionError, match=message):
+        Desirability.of(problem, FreeSpace.of(scene), **options)
 
 
 @pytest.mark.parametrize("b", first([0.2, 0.1, 0.3]))
@@ -189,21 +142,6 @@ def test_values_and_shares_are_those_of_an_independent_march(name, b):
         assert shares.get(winding, 0.0) == pytest.approx(share, abs=0.03)
 
 
-@pytest.mark.thorough
-@pytest.mark.parametrize("b", first([0.2, 0.3]))
-def test_among_oblique_ways_and_a_turning_bar_psi_is_what_plain_simulation_says(b):
-    grid, rng = solved(SCENES["oblique"](), b), np.random.default_rng(7)
-    judged = 0
-    while judged < 4:
-        x, t = rng.uniform([0.1, 0.1], [4.9, 4.9]), rng.uniform(0.0, 4.0)
-        if not 0.3 < grid.value(x, t) < np.inf:
-            continue
-        log_psi, error = sampled_log_psi(grid, x, t, 600)
-        assert error < 0.1
-        assert grid.log_psi(x, t) == pytest.approx(log_psi, abs=4.0 * error)
-        judged += 1
-
-
 def test_a_passage_between_bodies_that_slide_past_each_other_has_two_walls():
     """They are longer than the workspace, so that what they leave, 0.12 m for the robot's centre, stays as it is."""
 
@@ -214,11 +152,8 @@ def test_a_passage_between_bodies_that_slide_past_each_other_has_two_walls():
             for side, y in ((1.0, 0.86), (-1.0, 0.14))
         ]  # fmt: skip
         solids = tuple(solid for wall in walls for solid in wall.at(0.0))
-        return Scene(
-            name="corridor", lower=np.zeros(2), upper=np.array([3.0, 1.0]), robot_radius=0.1,
-            obstacles=() if speed else solids, movers=tuple(walls) if speed else (),
-            goal=Goal(center=np.array([2.5, 0.5]), radius=0.05), start=np.array([0.5, 0.5, 0.0]),
-        )  # fmt: skip
+        parts = {"movers": tuple(walls)} if speed else {"obstacles": solids}
+        return scene_of(**parts, start=(0.5, 0.5), goal=(2.5, 0.5, 0.05), side=(3.0, 1.0))
 
     x = np.array([[0.4, 0.5], [1.0, 0.46], [1.6, 0.53], [2.2, 0.5], [2.9, 0.48]])
     moving, still = solved(corridor(0.4), 0.2), solved(corridor(0.0), 0.2, spacing=0.01)

@@ -7,15 +7,12 @@ import math
 import numpy as np
 import pytest
 from discs import scattered
+from trees import grown
 
+from pirrht import FreeSpace, OptionError, Problem, SingleIntegrator
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.steering.double_integrator import Cubics, MassSteering, optimum
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.single_integrator import SingleIntegrator
 
 MASS = MassSteering(q=1.0, r=2.0, top=2.0)
 
@@ -73,8 +70,7 @@ def test_motions_end_where_they_should_and_cost_the_integral_of_their_accelerati
 def test_a_tree_of_masses_finds_the_classes_of_points_and_pulls_their_paths_taut():
     space = FreeSpace.of(scattered(2))
     problem = Problem(dynamics=DoubleIntegrator(b=0.1), scene=space.scene, R=2.0 * np.eye(2))
-    tree = HomologyTree(space, MassSteering.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(600)
+    tree = grown(space, MassSteering.of(problem), 600)
     x = np.array([*space.scene.start[:2], 0.0, 0.0])
     rough = {reference.winding: reference for reference in tree.references(x, shortened=False)}
     for reference in tree.references(x):

@@ -12,7 +12,6 @@ from rerun.chunk import RrdReader
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from sim.cli import main
-from sim.drive.truth import ExactReference
 from sim.recording.static import CONTROL
 from sim.recording.truth_view import OPTIMUM
 from sim.recording.writer import AHEAD
@@ -27,12 +26,11 @@ def recorded(tmp_path_factory):
     """A recording with its exact solution, frames, and figures."""
     file, drive = tmp_path_factory.mktemp("truth") / "slit.rrd", Drive()
     grid, frames = Desirability.of(drive.controller.problem, drive.space), []
-    exact = ExactReference(grid)
     with drive.recorder(file, truth=True) as recorder:
-        for frame in timed(drive.frames()):
-            recorder.log(frame, truth=exact.add(frame.plan))
+        for frame in timed(drive.frames(grid=grid)):
+            recorder.log(frame, truth=frame.truth)
             frames.append(frame)
-    return file, grid, frames, exact.result()
+    return file, grid, frames, frames[-1].metrics.truth
 
 
 def test_the_optimal_control_is_a_second_arrow_of_another_colour_and_the_same_scale(recorded):
@@ -99,9 +97,9 @@ def test_runs_under_the_exact_law_among_moving_obstacles_cost_what_it_predicts_a
     truth = Desirability.of(scenario.problem, scenario.space)
     v, costs = float(truth.value(scenario.start)), []
     for seed in range(24):
-        one, exact = scenario.with_settings(seed=seed), ExactReference(truth)
-        for frame in one.drive(one.plant(), one.driver(truth=truth)):
-            assert exact.add(frame.plan).distance(frame.plan.control) < 1e-9
+        one = scenario.with_settings(seed=seed)
+        for frame in one.drive(one.plant(), one.driver(truth=truth), grid=truth):
+            assert frame.truth.distance(frame.plan.control) < 1e-9
         costs += [frame.cost] if frame.outcome is Outcome.GOAL else []
     assert len(costs) >= 21
     assert np.mean(costs) == pytest.approx(v, abs=3.0 * np.std(costs) / np.sqrt(len(costs)) + 0.01 * v)

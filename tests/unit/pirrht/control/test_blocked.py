@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from discs import disc
+from discs import disc, scene_of
 from moving import moved
 
+from pirrht import Dynamics, FreeSpace, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.control.blocked import Brake, BrakeSettings
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 
 RADIUS, WITHIN = 0.2, 0.2
 MOVING = {
@@ -30,11 +25,7 @@ MOVING = {
 
 def room(*movers: Mover) -> Scene:
     """4 m by 3 m without anything that stands."""
-    return Scene(
-        name="room", lower=np.zeros(2), upper=np.array([4.0, 3.0]), obstacles=(),
-        goal=Goal(center=np.array([3.6, 1.5]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), robot_radius=RADIUS,
-        movers=movers,
-    )  # fmt: skip
+    return scene_of(start=(0.6, 1.5), goal=(3.6, 1.5, 0.3), side=(4.0, 3.0), radius=RADIUS, movers=movers)
 
 
 def walker(*rows: tuple[float, float, float]) -> Mover:

@@ -4,22 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from wider import Wider
+from trees import grown
 
-from pirrht import (
-    Controller,
-    FreeSpace,
-    HomologyTree,
-    OptionError,
-    Problem,
-    Sampling,
-    Scene,
-    SingleIntegrator,
-    StraightLine,
-)
-from pirrht.proposals.proposal import ProposalControl
-from pirrht.rollouts.tables import LawRows
+from pirrht import Controller, FreeSpace, OptionError, Problem, Sampling, Scene, SingleIntegrator, StraightLine
+from pirrht.proposals.proposal import ProposalControl, Wrapped
+from pirrht.rollouts.tables import LawRows, ProposalTables
 from sim.scenario import prepare
+
+
+class Wider(Wrapped):
+    """Feedback around a guide under wider noise."""
+
+    def __init__(self, lead: ProposalControl, scale: float) -> None:
+        super().__init__(lead)
+        self.scale = scale
+
+    def pack(self, leads: ProposalTables, h: int) -> None:
+        """Write the law of the feedback with a covariance of scale^2 times its own."""
+        super().pack(leads, h)
+        modes, n = self.guide.modes.shape[1], len(self.guide.metric)
+        law = LawRows.of(leads, h, n, modes)
+        law.deviation[:] *= self.scale
+        law.inverse[:] /= self.scale
+        law.log_det[:] += modes * np.log(self.scale)
 
 
 def wider(x: np.ndarray, default: ProposalControl) -> ProposalControl | None:
@@ -53,8 +60,7 @@ def driver(**options) -> Controller:
     scene = Scene.from_boxes(WALLS, **TASK)
     problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(200)
+    tree = grown(space, StraightLine.of(problem), 200)
     return Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1), **options)
 
 

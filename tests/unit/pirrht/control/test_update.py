@@ -7,22 +7,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from thoroughly import thorough
+from trees import grown
 
-from pirrht import (
-    Controller,
-    Dubins,
-    FreeSpace,
-    HomologyTree,
-    OptionError,
-    Problem,
-    Sampling,
-    Scene,
-    SceneError,
-    SingleIntegrator,
-    StraightLine,
-    Unicycle,
-)
+from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, SingleIntegrator, StraightLine, Unicycle
 from pirrht.arrays import Array
+from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.collision import Collision
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]
@@ -43,8 +32,7 @@ def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300, method
         problem = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0)
         steering, sampling = Dubins.of(problem), Sampling(samples=100)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(vertices)
+    tree = grown(space, steering, vertices)
     return Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(1))
 
 

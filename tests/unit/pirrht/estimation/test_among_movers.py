@@ -4,27 +4,21 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from discs import block, disc
+from discs import block, disc, scene_of
 from moving import SCENES, hall, moved
+from thoroughly import thorough
+from trees import grown
 
+from pirrht import Controller, Desirability, FreeSpace, Outcome, PathIntegral, Problem, Sampling, Scene, StraightLine
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.outcome import Outcome
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import InTime
-from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 
 
@@ -41,12 +35,9 @@ def held(integral: PathIntegral, x: Array, control: Array, count: int, time: flo
 
 
 def walled(speed: float) -> Scene:
-    wall = moved("wall", [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)],
-                 block("wall", 0.0, 0.0, (0.1, 1.5)))  # fmt: skip
-    return Scene(
-        name="walled", lower=np.zeros(2), upper=np.array([5.0, 3.0]), obstacles=(), robot_radius=0.2,
-        goal=Goal(center=np.array([4.3, 0.6]), radius=0.3), start=np.array([0.6, 1.5, 0.0]), movers=(wall,),
-    )  # fmt: skip
+    rows = [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)]
+    wall = moved("wall", rows, block("wall", 0.0, 0.0, (0.1, 1.5)))
+    return scene_of(start=(0.6, 1.5), goal=(4.3, 0.6, 0.3), side=(5.0, 3.0), radius=0.2, movers=(wall,))
 
 
 @pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
@@ -91,11 +82,6 @@ def test_the_key_of_a_sampled_path_is_that_of_its_winding():
     assert len(seen) > 4
 
 
-def jumper() -> Mover:
-    """A disc that sweeps along and starts over where a path may be."""
-    return moved("jumper", [(0.0, 2.0, 2.5, 0.0), (0.55, 2.0, 4.5, 0.0)], disc("disc", 0.0, 0.0, 0.3), repeat=True)
-
-
 def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all():
     integral = sampler(SCENES["crossing"]())
     times = integral.steps(3.0)
@@ -120,8 +106,7 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
     for one in (scene, shut):
         problem, space = Problem(dynamics=SingleIntegrator(b=0.3), scene=one, R=2.0 * np.eye(2)), FreeSpace.of(one)
         steering = InTime() if one.movers else StraightLine.of(problem)
-        tree = HomologyTree(space, steering, limit=0.8, rng=np.random.default_rng(1))
-        tree.grow(400)
+        tree = grown(space, steering, 400, seed=1)
         sampling = Sampling(samples=1000, threads=1)
         plans.append((Controller(problem, space, tree, sampling, rng=np.random.default_rng(2)), bool(one.movers)))
     rng = np.random.default_rng(8)
@@ -136,3 +121,62 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
         error = math.hypot(among.value_error, alone.value_error)
         assert abs(among.value - alone.value) < 4.0 * error + 3e-3 * alone.value, x
         assert among.ess > 0.5 * alone.ess, x
+
+
+# -- against grids -------------------------------------------------------------------------------------------------
+
+
+@cache
+def known(name: str, b: float) -> Desirability:
+    scene = SCENES[name]()
+    problem = Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2))
+    return Desirability.of(problem, FreeSpace.of(scene))
+
+
+JUDGED = [(name, b) if (name, b) == ("crossing", 0.2) else thorough(name, b) for name in SCENES for b in (0.2, 0.3)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "b"), JUDGED)
+def test_plans_value_is_that_of_the_grid_at_random_states_and_times(name, b):
+    """2000 samples per class at 8 states, seed 5: 4 standard errors and 0.3 %, all within 1 %; one may lack a class.
+
+    A tree of 800 vertices that is aimed at a state does not find every dash through a gap that is about to close.
+    """
+    truth, space, rng, off = known(name, b), FreeSpace.of(SCENES[name]()), np.random.default_rng(5), []
+    tree = grown(space, InTime(), 400, seed=1)
+    sampling = Sampling(samples=2000, threads=1)
+    one = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(2))
+    while len(off) < 8:
+        x, t = rng.uniform([0.3, 0.3], [4.5, 4.7]), float(rng.uniform(0.0, 2.0))
+        if not truth.value(x, t) < 14.0 or np.hypot(*(x - space.scene.goal.center)) < 0.5:
+            continue
+        one.begin(x, t)
+        found, value = [one.plan(x) for _ in range(2)][1].estimate, truth.value(x, t)
+        assert found is not None
+        error = abs(found.value - value)
+        off.append(0.0 if error < 4.0 * found.value_error + 3e-3 * value and error < 0.01 * value else error / value)
+    assert np.count_nonzero(off) <= 1, off
+
+
+@pytest.mark.slow
+def test_close_to_the_goal_the_control_is_that_of_the_grid():
+    """Where paths arrive, and walls are near, before a guide's law or a mean over 0.4 s has told the control: it was
+    off by 0.8 % along the rim, or 0.8 % too weak towards it. Mean over 6 states and both directions, seed 7.
+    """
+    truth, space, off = known("closing_door", 0.3), FreeSpace.of(SCENES["closing_door"]()), []
+    tree = grown(space, InTime(), 100, seed=1)
+    sampling = Sampling(samples=20_000, threads=1, first=0.01)
+    one, goal = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(7)), space.scene.goal
+    for angle, beyond in ((1.4, 0.28), (1.0, 0.36), (0.8, 0.33), (-1.4, 0.28), (-1.0, 0.36), (-0.8, 0.33)):
+        outward = np.array([np.cos(angle), np.sin(angle)])
+        x = goal.center + (goal.radius + beyond) * outward
+        one.begin(x, 2.1)
+        found = one.plan(x).estimate
+        assert found is not None
+        around = np.array([-outward[1], outward[0]]) * np.sign(angle)
+        error = found.control - truth.control(x, 2.1)
+        off.append([(error @ side, math.hypot(*(side * found.control_error))) for side in (outward, around)])
+    means, errors = np.array(off).mean(axis=0)[:, 0], np.sqrt(np.sum(np.array(off)[:, :, 1] ** 2, axis=0)) / len(off)
+    assert np.all(np.abs(means) < 3.0 * errors), (means, errors)
+    assert np.all(errors < 0.003)

@@ -2,38 +2,23 @@
 
 from __future__ import annotations
 
+import discs
 import numpy as np
 import pytest
 from benchmarks.scenes import scene_of
+from discs import disc
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 from thoroughly import thorough
 
-from pirrht import FreeSpace, Goal, Kind, Obstacle, Problem, Scene, SingleIntegrator
-from pirrht.exact.desirability import Desirability
+from pirrht import Desirability, FreeSpace, Problem, Scene, SingleIntegrator
 from pirrht.exact.grid import Domain
 
 
-def disc() -> Scene:
+def beside_a_disc() -> Scene:
     """A grid point of the default spacing at b = 0.1 lies 9 micrometers off the disc, at (3.73, 2.37)."""
-    return Scene(
-        name="disc",
-        lower=np.zeros(2),
-        upper=np.full(2, 5.0),
-        obstacles=(
-            Obstacle(
-                name="disc",
-                kind=Kind.CYLINDER,
-                size=np.array([0.515644, 0.4, 0.0]),
-                position=np.array([3.27335, 2.928797, 0.4]),
-                rotation=np.eye(3),
-            ),
-        ),
-        goal=Goal(center=np.array([4.347, 2.948]), radius=0.18),
-        start=np.array([0.703, 0.895, 0.0]),
-        robot_radius=0.206,
-        robot_height=0.206,
-    )
+    post = disc("disc", 3.27335, 2.928797, 0.515644)
+    return discs.scene_of([post], start=(0.703, 0.895), goal=(4.347, 2.948, 0.18), side=5.0, radius=0.206)
 
 
 def exact(scene: Scene, b: float, spacing: float | None = None) -> Desirability:
@@ -82,7 +67,7 @@ def differences(domain: Domain, b: float, lower: np.ndarray, upper: np.ndarray, 
 )
 def test_where_grid_points_touch_walls_the_value_is_that_of_finite_differences(which, b, h, lower, upper):
     """Differences at two spacings, extrapolated; the grid is right to 0.5 % of v or 0.001."""
-    scene = disc() if which == "disc" else scene_of(int(which))
+    scene = beside_a_disc() if which == "disc" else scene_of(int(which))
     grid = exact(scene, b)
     low, high, domain = np.array(lower), np.array(upper), Domain.of(grid.space)
     coarse, fine = (differences(domain, b, low, high, step) for step in (h, 0.5 * h))

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
 
 RADIUS, HEIGHT, HALF = 0.12, 0.1, 2.5
 MILLIMETRE = 1e-3
@@ -81,17 +81,7 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
 
 
 def among(*obstacles: Obstacle, half: float = HALF) -> Collision:
-    scene = Scene(
-        name="test",
-        lower=np.full(2, -half),
-        upper=np.full(2, half),
-        obstacles=obstacles,
-        goal=Goal(center=np.zeros(2), radius=0.1),
-        start=np.zeros(3),
-        robot_radius=RADIUS,
-        robot_height=HEIGHT,
-    )
-    return Collision(scene.world, scene.footprint)
+    return Collision(Workspace(np.full(2, -half), np.full(2, half), obstacles), Footprint(RADIUS, HEIGHT))
 
 
 def mixed(rng: np.random.Generator) -> Collision:
@@ -114,19 +104,6 @@ def test_distances_are_those_of_mujoco(kind, tilted):
         assert found[outside] == pytest.approx(gaps[outside] + RADIUS, abs=1e-5)
         assert np.all(found[gaps < -RADIUS - MILLIMETRE] == 0)
         assert collision.obstacle_distance(0, points) == pytest.approx(found, abs=1e-5)
-
-
-@every_kind
-@every_solid
-def test_free_poses_are_those_without_contact_in_mujoco(kind, tilted):
-    rng = np.random.default_rng(2)
-    for _ in range(20):
-        oracle, obstacle = random_solid(kind, tilted, rng)
-        points = rng.uniform(-1.5, 1.5, (100, 2))
-        free = among(obstacle).free(points)
-        depths = np.array([oracle.deepest_contact(point) for point in points])
-        assert np.all(depths[free] > -MILLIMETRE)
-        assert np.all(oracle.gaps(points[~free]) < MILLIMETRE)
 
 
 @every_kind

@@ -1,17 +1,20 @@
-"""Passages: the gaps that are known in closed form are found, where they are and as wide as they are."""
+"""Passages are found and as wide as they are; starts within margins and covered goals are fitted to walls."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
-from discs import block, scattered, scene_of
+from discs import block, disc, scattered, scene_of
+from trees import grown
 
+from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.geometry.scene import Scene
 
 RADIUS = 0.1
 
@@ -83,3 +86,75 @@ def test_what_is_found_is_free_and_as_wide_as_fcl_says_narrowest_first(seed: int
     np.testing.assert_allclose(space.collision.clearance(found.place), 0.5 * found.width - RADIUS, atol=3e-3)
     assert np.all(space.collision.free(found.axis[:, :2]))
     np.testing.assert_array_equal(found.axis[: found.count, :2], found.place)
+
+
+# -- margins and covered goals -------------------------------------------------------------------------------------
+
+MARGIN = 0.2
+POCKET = [block("left", 1.0, 3.7, (1.0, 0.5)), block("right", 1.0, 2.3, (1.0, 0.5))]  # 0.4 m wide, open at x = 2
+
+
+def beside_wall(start: tuple[float, float] = (2.0, 1.2), **more) -> Scene:
+    scene = scene_of([block("wall", 2.5, 0.5, (2.0, 0.5))], start=start, goal=(5.5, 3.0), radius=0.1 + MARGIN)
+    return replace(scene, margin=MARGIN, **more)
+
+
+def pocket() -> Scene:
+    return replace(scene_of(POCKET, start=(0.5, 3.0), goal=(5.0, 1.0), radius=0.1 + MARGIN), margin=MARGIN)
+
+
+def shelf(*, center: tuple[float, float], radius: float, pillar: float | None = None) -> Scene:
+    solid = disc("pillar", *center, pillar) if pillar else block("shelf", 5.0, 2.0, (0.5, 0.8))
+    return replace(scene_of([solid], start=(0.5, 2.0), goal=center), goal=Goal(center=np.array(center), radius=radius))
+
+
+def line(space: FreeSpace) -> Array:
+    """The cheapest reference from the start, as points a centimetre apart or less (k, 2) [m]."""
+    corners = grown(space, StraightLine(), 300).references(space.scene.start[:2])[0].trajectory.points
+    return np.concatenate([np.linspace(a, b, 500) for a, b in zip(corners, corners[1:], strict=False)])
+
+
+@pytest.mark.parametrize("scene", [beside_wall(), pocket()], ids=["beside a wall", "in a pocket"])
+def test_a_reference_leads_out_of_the_margin_and_keeps_it_from_there_on(scene: Scene) -> None:
+    space = FreeSpace.of(scene)
+    (waiver,) = space.scene.waivers
+    points = line(space)
+    full = Collision(scene.world, scene.footprint).clearance(points)
+    outside = np.hypot(*(points - scene.start[:2]).T) > waiver.radius
+    assert full[0] < 0.0 < full[-1]
+    assert full[outside].min() > -1e-9
+    assert full.min() > -MARGIN + 1e-3
+
+
+@pytest.mark.parametrize("scene", [beside_wall(), pocket()], ids=["beside a wall", "in a pocket"])
+def test_clearance_with_a_waiver_changes_no_faster_than_places_do_and_the_field_stays_below_it(scene: Scene) -> None:
+    space, rng = FreeSpace.of(scene), np.random.default_rng(1)
+    around = scene.start[:2] + rng.uniform(-1.5, 1.5, (3000, 2))
+    around = around[np.all((around > 0.0) & (around < 6.0), axis=1)]
+    near = np.clip(around + rng.normal(0.0, 0.02, around.shape), 0.0, 6.0)
+    here, there = space.collision.clearance(around), space.collision.clearance(near)
+    counts = np.minimum(here, there) > -0.05  # in obstacles clearance is one number
+    assert np.all((np.abs(here - there) <= np.hypot(*(around - near).T) + 1e-9)[counts])
+    sampled = np.empty(len(around))
+    clearances(space.field, around, sampled)
+    free = here > 0.0
+    assert np.all(sampled[free] <= here[free] + 1e-6)
+    assert np.median(here[free] - sampled[free]) < 0.02
+
+
+def test_a_start_that_touches_is_refused_whatever_the_margin() -> None:
+    with pytest.raises(SceneError, match=r"start \(2, 1.05\) is in .* of radius 0.1 \(it lacks 0.05 m"):
+        FreeSpace.of(beside_wall((2.0, 1.05)))
+
+
+def test_a_partly_covered_goal_becomes_the_disc_in_its_free_part() -> None:
+    goal = FreeSpace.of(shelf(center=(4.6, 2.0), radius=0.4)).scene.goal
+    np.testing.assert_allclose(goal.center, (4.35, 2.0), atol=0.02)
+    assert goal.radius == pytest.approx(0.15, abs=0.02)
+
+
+def test_a_goal_that_is_free_in_its_centre_stays_as_it_is_and_one_that_is_covered_is_refused() -> None:
+    scene = shelf(center=(4.3, 2.0), radius=0.4)
+    assert FreeSpace.of(scene).scene.goal is scene.goal
+    with pytest.raises(SceneError, match="everywhere in its disc"):
+        FreeSpace.of(shelf(center=(5.0, 2.0), radius=0.4))

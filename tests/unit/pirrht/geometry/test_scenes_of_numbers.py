@@ -1,4 +1,4 @@
-"""Scenes from plain numbers are those that files describe, and hold what was given and nothing else."""
+"""Scenes and motions from plain numbers are those that files describe, and hold what was given and nothing else."""
 
 from __future__ import annotations
 
@@ -7,20 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from trees import grown
 
-from pirrht import (
-    Controller,
-    FreeSpace,
-    HomologyTree,
-    Problem,
-    Sampling,
-    Scene,
-    SceneError,
-    SingleIntegrator,
-    StraightLine,
-)
+from pirrht import Controller, FreeSpace, Kind, Obstacle, Problem, Sampling, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
+from pirrht.geometry.obstacle import Motion, Mover
+from pirrht.geometry.rectangles import cover, union
+from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 
 ROOM = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.4, 0.25), "robot_radius": 0.15}
@@ -73,8 +70,7 @@ def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_f
     plans = []
     for scene in (made, read):
         problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2 * np.eye(2)), FreeSpace.of(scene)
-        tree = HomologyTree(space, StraightLine.of(problem), rng=np.random.default_rng(0))
-        tree.grow(200)
+        tree = grown(space, StraightLine.of(problem), 200, limit=0.6)
         controller = Controller(problem, space, tree, Sampling(samples=50), rng=np.random.default_rng(1))
         plans.append(controller.plan(scene.start[:2]))
     one, other = plans
@@ -133,3 +129,74 @@ def test_what_cannot_be_a_scene_is_refused_in_one_line(made, words: str):
     with pytest.raises(SceneError, match=words) as caught:
         made()
     assert "\n" not in str(caught.value)
+
+
+# -- cells ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("picture", "count"),
+    [
+        (("###", "###"), 1),
+        (("...", "..."), 0),
+        ((".#.", "###", ".#."), 2),
+        (("#..", "#..", "###"), 2),
+        (("#####", "#...#", "#...#", "#####"), 4),
+        (("#.#", ".#.", "#.#"), 5),
+    ],
+)
+def test_simple_shapes_take_as_few_as_they_can(picture: tuple[str, ...], count: int):
+    assert len(cover(np.array([[c == "#" for c in row] for row in picture]))) == count
+
+
+@settings(max_examples=60)
+@given(cells=arrays(np.bool_, st.tuples(st.integers(1, 14), st.integers(1, 14))))
+def test_any_set_of_cells_survives_as_rectangles(cells):
+    pieces = cover(cells)
+    np.testing.assert_array_equal(union(pieces, cells.shape) > 0, cells)
+    runs = np.sum(np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(int), axis=1) == 1)
+    assert len(pieces) <= runs  # no more than rows cut at every gap
+    assert np.all(pieces[:, ::2] < pieces[:, 1::2])
+
+
+# -- motions -------------------------------------------------------------------------------------------------------
+
+ROWS = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [3.0, 1.0, 2.0, 1.0]])
+
+
+def test_a_pose_lies_between_its_rows_and_a_body_stands_still_after_the_last():
+    motion = Motion(rows=ROWS)
+    np.testing.assert_allclose(
+        motion.pose(np.array([-1.0, 0.5, 2.0, 9.0])), [[0, 0, 0], [0.5, 0, 0], [1, 1, 0.5], [1, 2, 1]]
+    )
+    assert motion.last == 3.0
+
+
+def test_a_motion_that_starts_over_has_the_period_of_its_last_row():
+    motion = Motion(rows=ROWS, repeat=True)
+    times = np.linspace(0.1, 2.9, 7)
+    np.testing.assert_allclose(motion.pose(times + 6.0), motion.pose(times), atol=1e-12)
+    assert np.isinf(motion.last)
+
+
+def test_the_solids_of_a_body_turn_and_move_with_it():
+    solid = Obstacle(name="o", kind=Kind.BOX, size=np.ones(3), position=np.array([1.0, 0.0, 0.2]), rotation=np.eye(3))
+    quarter = Motion(rows=np.array([[0.0, 2.0, 3.0, 0.5 * np.pi]]))
+    (there,) = Mover(name="m", solids=(solid,), motion=quarter).at(5.0)
+    np.testing.assert_allclose(there.position, [2.0, 4.0, 0.2], atol=1e-12)
+    np.testing.assert_allclose(there.rotation @ [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rows", "repeat", "words"),
+    [
+        ([[0.5, 0, 0, 0]], False, "must be at 0"),
+        ([[0, 0, 0, 0], [1, 0, 0, 0], [1, 1, 0, 0]], False, "row 3 of a motion is at 1 s after one at 1 s"),
+        ([[0, 0, 0, 0], [1, np.nan, 0, 0]], False, "row 2"),
+        ([[0, 0, 0]], False, "a yaw"),
+        ([[0, 0, 0, 0]], True, "two or more"),
+    ],
+)
+def test_rows_that_are_no_motion_are_refused(rows, repeat, words):
+    with pytest.raises(SceneError, match=words):
+        Motion(rows=np.array(rows, dtype=float), repeat=repeat)

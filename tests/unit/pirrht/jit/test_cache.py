@@ -1,15 +1,18 @@
-"""Kernels on disk: named by what they compute, found by the next process, compiled anew where a file is not whole."""
+"""Kernels on disk: named by what they compute, found by the next process, and run only where nobody else wrote them."""
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from repository import environment
 
+from pirrht.jit import cache
 from pirrht.jit.cache import identity
 from pirrht.jit.jit import DISABLED
 
@@ -38,28 +41,6 @@ def named(source: str) -> str | None:
     return identity(scope["drift"])  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("edit", [("SPEED =", "\n\n# a comment\nSPEED ="), ("A helper.", "What it does.")])
-def test_neither_place_nor_docstring_is_part_of_a_name(edit: tuple[str, str]):
-    assert named(SYSTEM) is not None
-    assert named(SYSTEM) == named(SYSTEM.replace(*edit))
-
-
-@pytest.mark.parametrize(
-    "edit",
-    [
-        ("1.5", "1.6"),
-        ("[1.0, 2.0]", "[1.0, 2.5]"),
-        ("SPEED * x", "SPEED + x"),
-        ("math.cos", "math.sin"),
-        ("out[0]", "out[1]"),
-        ("    first: float\n    second", "    second: float\n    first"),
-    ],
-)
-def test_whatever_a_function_reads_is_part_of_its_name(edit: tuple[str, str]):
-    source = SYSTEM.replace(*edit).replace("first: float\n    first", "second: float\n    first")
-    assert named(SYSTEM) != named(source)
-
-
 TUNED = """
 from enum import IntEnum
 from typing import NamedTuple
@@ -86,17 +67,26 @@ def drift(x):
 @pytest.mark.parametrize(
     ("edit", "same"),
     [
+        (("SPEED =", "\n\n# a comment\nSPEED ="), True),
+        (("A helper.", "What it does."), True),
+        (("1.5", "1.6"), False),
+        (("[1.0, 2.0]", "[1.0, 2.5]"), False),
+        (("SPEED * x", "SPEED + x"), False),
+        (("math.cos", "math.sin"), False),
+        (("out[0]", "out[1]"), False),
+        (("    first: float\n    second: float", "    second: float\n    first: float"), False),
         (("Tuning()", "Tuning(share=0.5)"), True),
         (("share: float = 0.5", "share: float = 0.25"), False),
         (("Tuning()", "Tuning(most=4)"), False),
-        (("(1.0, 2.0)", "(1.0, 2.5)"), False),
+        (("(1.0, 2.0)\n", "(1.0, 2.5)\n"), False),
         (("LAST = 2", "LAST = 1"), False),
         (("slice(1, 3)", "slice(2, 3)"), False),
     ],
 )
-def test_values_of_records_enumerations_and_slices_are_part_of_a_name(edit: tuple[str, str], same: bool):
-    assert named(TUNED) is not None
-    assert (named(TUNED) == named(TUNED.replace(*edit))) is same
+def test_a_name_is_of_whatever_a_function_reads_and_of_neither_place_nor_docstring(edit: tuple[str, str], same: bool):
+    (source,) = (text for text in (SYSTEM, TUNED) if edit[0] in text)
+    assert named(source) is not None
+    assert (named(source) == named(source.replace(*edit))) is same
 
 
 @pytest.mark.parametrize("value", ["object()", "[1.0]", "__import__('os')"])
@@ -223,3 +213,80 @@ def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(users: User
     assert said == ALL
     assert len(told) == 1
     assert "NUMBA_CACHE_DIR" in told[0]
+
+
+# -- kernels of somebody else --------------------------------------------------------------------------------------
+
+KEY = "kernels.four-0123"
+NOBODY = 65534
+ROOT = pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
+
+
+class Trap:
+    """Leaves a file where it is unpickled."""
+
+    def __init__(self, mark: Path) -> None:
+        self.mark = mark
+
+    def __reduce__(self):
+        return os.mkdir, (str(self.mark),)
+
+
+@pytest.fixture
+def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of kernels in which there is one that runs code when it is loaded."""
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path / "kernels")
+    monkeypatch.setattr(cache, "_warned", set())
+    before = os.umask(0)  # a user who lets everybody write: not to what is run
+    try:
+        cache.save(KEY, Trap(tmp_path / "ran"))
+    finally:
+        os.umask(before)
+    return tmp_path / "kernels"
+
+
+def given_away(path: Path) -> None:
+    os.chown(path, NOBODY, NOBODY)
+
+
+def opened(path: Path) -> None:
+    path.chmod(0o777)
+
+
+def shared(path: Path) -> None:
+    path.chmod(0o775)
+
+
+def linked(path: Path) -> None:
+    path.rename(path.with_name("elsewhere"))
+    path.symlink_to("elsewhere")
+    os.lchown(path, NOBODY, NOBODY)
+
+
+@pytest.mark.parametrize("which", ["folder", "file"])
+@pytest.mark.parametrize(
+    "done", [opened, shared, pytest.param(given_away, marks=ROOT), pytest.param(linked, marks=ROOT)]
+)
+def test_what_others_may_have_written_is_not_run_and_one_line_says_so(
+    kernels: Path, tmp_path: Path, caplog, which: str, done: Callable[[Path], None]
+):
+    done({"folder": kernels, "file": kernels / KEY}[which])
+    assert cache.load(KEY, lambda found: found) is None
+    cache.save(KEY, 1.0)
+    assert not (tmp_path / "ran").exists()
+    assert len(caplog.messages) == (which != "file" or done is not linked)  # a link is replaced without a word
+    assert all("another user may" in line for line in caplog.messages)
+    if which == "file":
+        assert cache.load(KEY, lambda found: found) == 1.0  # replaced by what was compiled
+    else:
+        assert not cache.kept()
+
+
+def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: Path, monkeypatch):
+    monkeypatch.setattr(cache.numba.config, "CACHE_DIR", str(tmp_path))  # as .numba_config.yaml does
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
+    cache.folder.cache_clear()
+    try:
+        assert cache.folder() == tmp_path / "mine" / "pirrht" / "kernels"
+    finally:
+        cache.folder.cache_clear()

@@ -68,16 +68,6 @@ def test_normals_drawn_abreast_are_those_drawn_one_after_the_other():
         assert np.array_equal(abreast, normals(13, 1, 160, first=7)[0])
 
 
-@pytest.mark.slow
-def test_the_first_eight_moments_are_those_of_a_normal():
-    """4 million numbers of seed 12; each moment within 4 standard errors."""
-    x = normals(12, 2000, 2000).ravel()
-    exact = {1: 0, 2: 1, 3: 0, 4: 3, 5: 0, 6: 15, 7: 0, 8: 105}
-    for k, moment in exact.items():
-        power = x**k
-        assert abs(power.mean() - moment) < 4 * power.std() / np.sqrt(len(x)), k
-
-
 def test_the_logarithm_is_within_the_rounding_of_its_numbers():
     u = np.concatenate([2.0 ** -np.arange(33.0), np.random.default_rng(0).random(20_000)]).astype(np.float32)
     exact = np.log(u.astype(float))

@@ -1,35 +1,25 @@
-"""What kernels are told of bodies that move is what FCL says of the bodies as they stand then."""
+"""What kernels know of moving obstacles is what FCL says, whatever was queried before."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from discs import block, disc
-from moving import SCENES, as_mesh, hall, moved
+from moving import SCENES, busy
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Scene, Workspace
+from pirrht.geometry.world import NEVER, WALL
+from pirrht.jit.jit import kernel
 from pirrht.moving.collision import MovingObstacles
 from pirrht.moving.distances import disc_of, fastest_of, moving_clearance
+from pirrht.moving.exits import LISTING, SEEN, Watch, sweep, walls, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 
 EVERYWHERE = np.full(2, np.inf)
-
-
-def busy() -> Scene:
-    """Bodies of one and two solids that turn, one of which starts over elsewhere and one where it ends."""
-    way = [(0.0, 1.5, 1.5, 0.3), (0.4, 2.0, 1.2, 1.0), (1.1, 2.5, 2.4, -1.0)]
-    lap = [(0.0, 4.0, 1.0, 0.0), (0.5, 4.6, 1.6, 2.0), (0.9, 4.0, 1.0, 6.283185307179586)]
-    ell = block("ell", 0.2, 0.0, (0.1, 0.4), yaw=0.3), disc("end", -0.3, 0.1, 0.2)
-    bodies = [
-        moved("once", way, *ell),
-        moved("again", way, as_mesh(block("box", 0.1, 0.2, (0.15, 0.3))), repeat=True),
-        moved("around", lap, block("bar", 0.0, 0.0, (0.5, 0.05)), repeat=True),
-    ]
-    return hall("busy", bodies)
 
 
 def truth(scene: Scene, place: Array, time: float) -> float:
@@ -88,3 +78,76 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
             assert lower <= max(truth(replace(world, movers=(mover,)), place, time), 0.0) + 1e-9
             for row in alone.walls(*place, time, 0.8):
                 assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
+
+
+# -- along paths ---------------------------------------------------------------------------------------------------
+
+
+@kernel
+def _watch(moving):  # type: ignore[no-untyped-def]
+    return watch(moving)
+
+
+@kernel
+def _walls(moving, notes, x, y, t, within, out):  # type: ignore[no-untyped-def]
+    return walls(moving, notes, x, y, t, within, out)
+
+
+def near_walls(traffic: MovingObstacleArrays, notes: Watch, x: Array, t: float, within: float) -> tuple[Array, float]:
+    out = np.empty((traffic.J, WALL))
+    count, until = _walls(traffic, notes, x[0], x[1], t, within, out)
+    return out[:count], until
+
+
+@pytest.mark.parametrize("onward", [True, False])
+def test_what_a_path_knows_from_before_leaves_out_no_body_that_is_near(onward):
+    """Along a random way, in either direction of time, with and without what earlier queries have left."""
+    world, rng = busy(), np.random.default_rng(2)
+    traffic, kept, found = MovingObstacleArrays.of(world), 0, 0
+    crowds = [MovingObstacles([mover], world.footprint) for mover in world.movers]
+    notes = _watch(traffic)
+    assert notes.listing.shape == (LISTING,)
+    x, t = np.array([3.5, 2.0]), 0.0 if onward else 4.0
+    for _ in range(400):
+        x, t = np.clip(x + rng.normal(0.0, 0.1, 2), 1.0, 4.5), t + (1.0 if onward else -1.0) * rng.uniform(0.0, 0.02)
+        within, before = rng.uniform(0.1, 1.0), notes.listing[SEEN]
+        rows, until = near_walls(traffic, notes, x, t, within)
+        kept += notes.listing[SEEN] == before
+        afresh, change = near_walls(traffic, _watch(traffic), x, t, within)
+        np.testing.assert_allclose(rows, afresh, atol=1e-9)
+        assert until == pytest.approx(change)
+        assert until > t
+        assert len(rows) == sum(crowd.clearance(x, t) < within - 1e-6 for crowd in crowds) or np.any(
+            [abs(crowd.clearance(x, t) - within) < 1e-3 for crowd in crowds]
+        )
+        found += len(rows)
+    assert kept > 100
+    assert found > 40
+
+
+RESTART = 1.1  # when one of them is suddenly elsewhere [s]
+
+
+def test_a_straight_way_is_met_where_fcl_says():
+    world, rng = busy(), np.random.default_rng(0)
+    traffic, crowd, met = MovingObstacleArrays.of(world), MovingObstacles(world.movers, world.footprint), 0
+    notes = _watch(traffic)
+    for _ in range(300):
+        a, t, dt = rng.uniform([1.0, 0.5], [5.0, 3.5]), rng.uniform(0.0, 2.0), rng.uniform(0.05, 0.3)
+        b = a + rng.uniform(-0.3, 0.3, 2)
+        if crowd.clearance(a, t) < 2e-3:
+            continue
+        share = sweep(traffic, notes, (a[0], a[1], b[0], b[1], 0.0), t, dt, 1.0)
+        found = share < NEVER
+        right = crowd.meets(a, t, b, t + dt)
+        met += right
+        if found != right:  # by a hair, or where a body is gone that has been there
+            times = np.linspace(0.0, 1.0, 400)
+            least = min(crowd.clearance(a + s * (b - a), t + s * dt) for s in times)
+            assert abs(least) < 2e-3
+            continue
+        if right:
+            entered = crowd.clearance(a + share * (b - a), t + share * dt)
+            assert entered == pytest.approx(0.0, abs=0.02) or abs(math.remainder(share * dt + t, RESTART)) < 1e-5
+            assert not crowd.meets(a, t, a + 0.9 * share * (b - a), t + 0.9 * share * dt)
+    assert met > 12

@@ -1,23 +1,30 @@
-"""The tree grows while the robot drives: by counts, so that a seed still means a result."""
+"""The tree is what a search of its finished graph gives, draws in passages first, and grows by counts."""
 
 from __future__ import annotations
 
+import heapq
 import json
 
 import numpy as np
 import pytest
+from discs import block, disc, scattered, scene_of
+from numpy.typing import NDArray
+from trees import grown
 
-from pirrht.planner.tree import HomologyTree
+from pirrht import Dubins, FreeSpace, HomologyTree, Scene, Steering, StraightLine
+from pirrht.planner.expand import PassageSampler
+from pirrht.planner.graph import ROOT, Graph, class_at
+from pirrht.topology.crossings import Turns
 from sim.cli import main
 from sim.drive import episode
 from sim.scenario import Scenario, prepare
 
-FEW = {"vertices": 60, "samples": 20, "noise": 0.2}
+SMALL = {"vertices": 60, "samples": 20, "noise": 0.2}
 
 
 @pytest.fixture(scope="module")
 def small() -> Scenario:
-    return prepare("slit", given=FEW)
+    return prepare("slit", given=SMALL)
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +95,141 @@ def test_what_cannot_grow_is_refused(capsys):
     message = capsys.readouterr().err
     assert "--grow is -1" in message
     assert "--method passive has no tree" in message
+
+
+# -- passages first ------------------------------------------------------------------------------------------------
+
+FEW = 300  # vertices
+
+
+@pytest.fixture(scope="module")
+def double_slit() -> FreeSpace:
+    """A wall from border to border with two slits of 1.25 robot diameters."""
+    blocks = [block("below", 5.0, 2.0, (0.25, 2.0)), block("middle", 5.0, 5.0, (0.25, 0.75)),
+              block("above", 5.0, 8.0, (0.25, 2.0))]  # fmt: skip
+    return FreeSpace.of(scene_of(blocks, start=(0.5, 5.0), goal=(9.5, 5.0), side=10.0))
+
+
+def tree_of(space: FreeSpace, seed: int) -> HomologyTree:
+    return HomologyTree(space, StraightLine(), limit=0.8, rng=np.random.default_rng(seed))
+
+
+def has_vertex(tree: HomologyTree) -> np.ndarray:
+    """Which passages have a vertex in their middle, (P,)."""
+    vertices = {tuple(x) for x in tree.states[: tree.size, :2].tolist()}
+    return np.array([tuple(place) in vertices for place in tree.passages.place.tolist()])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_few_vertices_find_both_slits_whatever_the_seed(double_slit: FreeSpace, seed: int):
+    tree = tree_of(double_slit, seed)
+    tree.grow(FEW)
+    assert len(tree.lengths(np.array([0.5, 5.0]))) == 2
+    assert has_vertex(tree).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_open_passage_gets_a_vertex(seed: int):
+    tree = tree_of(FreeSpace.of(scattered(seed)), seed)
+    tree.grow(FEW)
+    assert tree.passages.count > 3
+    assert has_vertex(tree).all()
+
+
+def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_period():
+    states = np.random.default_rng(0).random((100, 2))
+    offers = PassageSampler(states)
+    for first in (0, 64, 5):
+        many = offers.together(first)
+        drawn = [offers.at(first + k) for k in range(many)]
+        offered = [tuple(x) for x in drawn if x is not None]
+        assert len(offered) <= (many + 1) // 2
+        assert len(offered) == len(set(offered))
+    assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))
+
+
+# -- a search of the finished graph --------------------------------------------------------------------------------
+
+Class = tuple[int, ...]
+
+CASES = [
+    (steering, classes)
+    for steering in (StraightLine(), Dubins(rho=0.4))
+    for classes in (1, 3, 8, 0)
+    if classes or isinstance(steering, StraightLine)
+]
+
+
+def posts() -> Scene:
+    """Five posts between start and goal, the goal in reach of many draws."""
+    spots = [(1.6, 2.0), (2.9, 3.2), (3.0, 1.1), (4.2, 2.3), (1.5, 3.7)]
+    obstacles = [disc(f"post{i}", *spot, 0.2) for i, spot in enumerate(spots)]
+    return scene_of(obstacles, start=(0.5, 2.4), goal=(5.3, 2.5, 0.35), side=(6.0, 4.6))
+
+
+@pytest.fixture(scope="module")
+def space() -> FreeSpace:
+    return FreeSpace.of(posts())
+
+
+def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
+    """Classes and costs that the tree keeps at a vertex."""
+    gr = tree.graph
+    return {tuple(class_at(gr, vertex, s)): float(gr.cost[vertex, s]) for s in range(gr.nodes[vertex])}
+
+
+def added(gr: Graph, edge: int) -> NDArray[np.int64]:
+    """Whole turns (M,) that prepending an edge adds."""
+    return Turns(gr.edge_first, gr.edge_marker, gr.edge_turn).dense(edge, gr.straight.shape[1])
+
+
+def searched(tree: HomologyTree) -> list[dict[Class, float]]:
+    """Label-setting search of the finished graph: the K cheapest allowed classes settle at every vertex."""
+    gr, size = tree.graph, tree.size
+    entering: list[list[int]] = [[] for _ in range(size)]
+    for e in range(int(gr.size[1])):
+        entering[gr.head[e]].append(e)
+    settled: list[dict[Class, float]] = [{} for _ in range(size)]
+    none = (0,) * tree.space.homology.M
+    queue: list[tuple[float, int, Class]] = [(0.0, v, none) for v in range(size) if tree.in_goal[v]]
+    heapq.heapify(queue)
+    while queue:
+        cost, v, turns = heapq.heappop(queue)
+        full = tree.classes and len(settled[v]) >= tree.classes
+        if turns in settled[v] or full:
+            continue
+        settled[v][turns] = cost
+        for e in entering[v]:
+            u = int(gr.tail[e])
+            longer = tuple(int(k) for k in np.array(turns) + added(gr, e))
+            if not tree.in_goal[u] and np.all(np.abs(gr.straight[u] + longer) <= tree.limit):
+                heapq.heappush(queue, (cost + float(gr.edge_cost[e]), u, longer))
+    return settled
+
+
+@pytest.mark.parametrize(("steering", "classes"), CASES)
+def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering: Steering, classes: int) -> None:
+    tree = grown(space, steering, 150, seed=4, classes=classes)
+    expected = searched(tree)
+    for v in range(tree.size):
+        kept = nodes(tree, v)
+        assert kept.keys() == expected[v].keys()
+        for turns, cost in kept.items():
+            assert cost == pytest.approx(expected[v][turns], abs=1e-9)
+    if 0 < classes < 8:
+        assert tree.graph.pruned[0] > 0
+    assert tree.node_count > tree.size or classes == 1
+
+
+@pytest.mark.parametrize(("steering", "classes"), CASES)
+def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
+    tree = grown(space, steering, 150, seed=4, classes=classes)
+    gr = tree.graph
+    for v in range(tree.size):
+        for slot in range(int(gr.nodes[v])):
+            e, turns = gr.parent[v, slot], class_at(gr, v, slot)
+            parent = 0.0 if e == ROOT else nodes(tree, int(gr.head[e]))[tuple(turns - added(gr, e))] + gr.edge_cost[e]
+            assert (e == ROOT) == tree.in_goal[v]
+            assert e == ROOT or gr.tail[e] == v
+            assert gr.cost[v, slot] == pytest.approx(parent, abs=1e-9)
+            assert gr.key[v, slot] == tree.space.homology.key(turns)

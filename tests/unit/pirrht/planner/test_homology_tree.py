@@ -2,31 +2,22 @@
 
 from __future__ import annotations
 
-from functools import cache
-
 import numpy as np
 import pytest
+from discs import scene_of
+from trees import grown
 
+from pirrht import FreeSpace, HomologyTree, OptionError, Reference, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
 from pirrht.planner.graph import class_at
-from pirrht.planner.references import Reference
-from pirrht.planner.shorten import shorten
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
 EXACT = {"0,0": 8.4, "-1,0": 8.67746, "0,1": 8.67746}  # cost of the taut paths, from their geometry
 
 
-def tree_in(space: FreeSpace, *, seed: int = 0, vertices: int = 300, **options) -> HomologyTree:
-    tree = HomologyTree(space, StraightLine(), rng=np.random.default_rng(seed), **options)
-    tree.grow(vertices)
-    return tree
+def tree_in(space: FreeSpace, *, vertices: int = 300, limit: float = 0.6, **options) -> HomologyTree:
+    return grown(space, StraightLine(), vertices, limit=limit, **options)
 
 
 def by_class(references: list[Reference]) -> dict[str, Reference]:
@@ -53,23 +44,6 @@ def test_taut_paths_cost_what_their_geometry_says(slit: Scenario, slit_tree: Hom
         assert reference.cost == pytest.approx(EXACT[name], rel=0.005)
         assert reference.cost > EXACT[name] - 1e-6
         assert reference.cost == pytest.approx(2.0 * reference.length)
-
-
-def test_the_exact_cost_of_the_ways_around_is_that_of_tangents_and_arcs():
-    """From (1, 2.5) around both corners of the upper wall at 0.1 m, and into the disc of 0.3 m at (5.5, 2.5)."""
-    start, goal, r = np.array([1.0, 2.5]), np.array([5.5, 2.5]), 0.1
-    corners = np.array([[2.6, 2.85], [4.2, 2.85]])
-
-    def leg(point: Array, corner: Array) -> tuple[float, float]:
-        """Tangent from a point to the circle above a corner: length, and slope angle."""
-        gap = corner - point
-        d = float(np.hypot(*gap))
-        return float(np.sqrt(d * d - r * r)), float(np.arctan2(gap[1], abs(gap[0])) + np.arcsin(r / d))
-
-    (up, rise), (down, fall) = leg(start, corners[0]), leg(goal, corners[1])
-    length = up + rise * r + 1.6 + fall * r + down - 0.3
-    assert 2.0 * length == pytest.approx(EXACT["-1,0"], abs=1e-5)
-    assert pytest.approx(EXACT["0,0"]) == 2.0 * (4.5 - 0.3)
 
 
 def test_asking_leaves_the_tree_unchanged(slit: Scenario):
@@ -130,21 +104,6 @@ def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Sc
         assert wide[name].cost == pytest.approx(narrow[name].cost, rel=0.01)
 
 
-@pytest.mark.parametrize("classes", [1, 2, 16])
-def test_a_vertex_keeps_its_cheapest_classes(slit: Scenario, classes: int):
-    unlimited = tree_in(slit.space, limit=1.1, classes=0, vertices=250)
-    capped = tree_in(slit.space, limit=1.1, classes=classes, vertices=250)
-    np.testing.assert_array_equal(capped.states[:250], unlimited.states[:250])
-    all_costs, costs = unlimited.graph, capped.graph
-    for v in range(250):
-        everything = np.sort(all_costs.cost[v, : all_costs.nodes[v]])
-        kept = np.sort(costs.cost[v, : costs.nodes[v]])
-        np.testing.assert_allclose(kept, everything[:classes], atol=1e-9)
-    assert len(capped.references(slit.start)) == min(classes, len(unlimited.references(slit.start)))
-    assert unlimited.graph.pruned[0] == 0
-    assert (capped.graph.pruned[0] > 0) == (classes < all_costs.nodes[:250].max())
-
-
 @pytest.mark.parametrize(
     "wrong", [{"limit": 0.0}, {"limit": -1.0}, {"limit": np.nan}, {"classes": -1}], ids=["zero", "less", "nan", "K"]
 )
@@ -156,26 +115,6 @@ def test_what_cannot_limit_is_refused(slit: Scenario, wrong: dict[str, float]):
 # -- polishing ---------------------------------------------------------------------------------------------------
 
 
-@cache
-def posts() -> FreeSpace:
-    """Nine posts between start and goal."""
-    rng = np.random.default_rng(3)
-    spots = [(1.5 + 1.2 * i, 0.9 + 1.2 * j) for i in range(3) for j in range(3)]
-    return FreeSpace.of(
-        Scene(
-            name="posts", lower=np.zeros(2), upper=np.array([6.0, 4.2]), robot_radius=0.1,
-            goal=Goal(center=np.array([5.3, 2.1]), radius=0.3), start=np.array([0.5, 2.1, 0.0]),
-            obstacles=tuple(
-                Obstacle(
-                    name=f"post{i}", kind=Kind.CYLINDER, size=np.array([rng.uniform(0.1, 0.3), 0.2, 0.0]),
-                    position=np.array([*spot, 0.1]), rotation=np.eye(3),
-                )
-                for i, spot in enumerate(spots)
-            ),
-        )
-    )  # fmt: skip
-
-
 def dense(points: Array) -> Array:
     """Points at most 5 mm apart along a polyline."""
     pieces = [
@@ -185,32 +124,11 @@ def dense(points: Array) -> Array:
     return np.vstack(pieces)
 
 
-def check_shortened(space: FreeSpace, tree: HomologyTree, x: Array) -> float:
-    """Check every reference of a state; how much the longest shortening saves."""
-    saved = 0.0
-    steering = tree.steering
-    for reference in tree.references(x, shortened=False):
-        short = shorten(reference.path, steering, tree.checker)
-        assert short.length.sum() <= reference.path.length.sum() + 1e-9
-        points = np.vstack(short.points(0.02))
-        np.testing.assert_allclose(points[0], x[:2], atol=1e-9)
-        assert np.hypot(*(points[-1] - space.scene.goal.center)) <= space.scene.goal.radius + 1e-6
-        assert space.homology.winding(points) == reference.winding
-        assert np.all(space.collision.clearance(dense(points)) > 0)
-        saved = max(saved, 1.0 - short.length.sum() / reference.path.length.sum())
-        again = shorten(short, steering, tree.checker)
-        assert again.length.sum() <= short.length.sum() + 1e-9
-    return saved
-
-
 # -- where there is nothing to do --------------------------------------------------------------------------------
 
 
 def test_without_obstacles_there_is_one_straight_class():
-    scene = Scene(
-        name="empty", lower=np.zeros(2), upper=np.full(2, 5.0), obstacles=(), robot_radius=0.1,
-        goal=Goal(center=np.array([4.0, 4.0]), radius=0.2), start=np.array([1.0, 0.0001, 0.0]),
-    )  # fmt: skip
+    scene = scene_of(start=(1.0, 0.0001), goal=(4.0, 4.0, 0.2), side=5.0)
     tree = tree_in(FreeSpace.of(scene), vertices=50)
     (reference,) = tree.references(np.array([1.0, 1.0]))
     assert reference.id == "-"

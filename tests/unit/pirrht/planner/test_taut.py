@@ -1,27 +1,21 @@
-"""References pulled taut: free, of the same class, as short as can be, and every corner touches something."""
+"""References are as short as can be: free, of their class, taut; by our own shortening and by that of any steering."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 from discs import block, disc, scattered, scene_of
+from trees import grown
 
+from pirrht import Dubins, FreeSpace, Reference, Scene, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
-from pirrht.planner.references import Reference
 from pirrht.planner.shorten import taut_polyline
-from pirrht.planner.tree import HomologyTree
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.straight_line import StraightLine
 
 RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
 TOUCHES = 0.01  # clearance of a corner [m]
-
-
-def grown(space: FreeSpace, seed: int = 0, vertices: int = 500) -> HomologyTree:
-    tree = HomologyTree(space, StraightLine(), limit=0.8, rng=np.random.default_rng(seed))
-    tree.grow(vertices)
-    return tree
 
 
 def line_of(reference: Reference) -> Array:
@@ -36,7 +30,7 @@ def length(points: Array) -> float:
 @pytest.mark.parametrize("seed", range(8))
 def test_every_corner_of_a_taut_reference_touches_something(seed: int):
     space = FreeSpace.of(scattered(seed))
-    for reference in grown(space, seed).references(space.scene.start[:2]):
+    for reference in grown(space, StraightLine(), 500, seed=seed).references(space.scene.start[:2]):
         points = line_of(reference)
         assert np.all(space.collision.segments_free(points[:-1], points[1:]))
         assert space.homology.winding(points) == reference.winding
@@ -64,7 +58,70 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
     space = FreeSpace.of(scene_of([disc("pillar", 3.0, 3.0, radius)], start=(0.5, 3.0), goal=(5.5, 3.0)))
     inflated, far = radius + RADIUS, 2.5
     whole = 2.0 * (np.sqrt(far**2 - inflated**2) + inflated * np.arcsin(inflated / far))
-    references = grown(space).references(space.scene.start[:2])
+    references = grown(space, StraightLine(), 500).references(space.scene.start[:2])
     assert len(references) == 2
     for reference in references:
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
+
+
+# -- a steering method of the user's -------------------------------------------------------------------------------
+
+
+class Foreign(Steering):
+    """What a user writes: the methods that must be there, in NumPy, and none that are compiled."""
+
+    def __init__(self, own: Any) -> None:
+        self.own, self.n, self.speed, self.cost_per_meter = own, own.n, own.speed, own.cost_per_meter
+
+    def distance(self, tails: Array, heads: Array) -> Array:
+        return self.own.distance(tails, heads)
+
+    def connect(self, tails: Array, heads: Array) -> Any:
+        return self.own.connect(tails, heads)
+
+    def controls(self, heading: Array, curvature: Array) -> Array:
+        return self.own.controls(heading, curvature)
+
+    def sample(self, scene: Scene, rng: np.random.Generator) -> Array:
+        return self.own.sample(scene, rng)
+
+    def roots(self, goal: Array) -> Array:
+        return self.own.roots(goal)
+
+
+def by_class(references: list[Reference]) -> dict[tuple[int, ...], Reference]:
+    return {reference.winding: reference for reference in references}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_straight_lines_of_a_foreign_steering_are_as_taut_as_our_own(seed: int):
+    space = FreeSpace.of(scattered(seed))
+    x = space.scene.start[:2]
+    foreign, own = (grown(space, s, 150).references(x) for s in (Foreign(StraightLine()), StraightLine()))
+    shared = by_class(foreign).keys() & by_class(own).keys()
+    assert len(shared) >= 2
+    for winding in shared:
+        assert by_class(foreign)[winding].length == pytest.approx(by_class(own)[winding].length, rel=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+def test_curves_of_a_foreign_steering_are_pulled_taut_by_its_own_connections(seed: int):
+    """Free, of the same class, never longer, and hardly longer than what is made for Dubins curves."""
+    space = FreeSpace.of(scattered(seed))
+    car = Dubins(rho=0.4)
+    tree = grown(space, Foreign(car), 250)
+    x = space.scene.start[:3]
+    rough, fine = tree.references(x, shortened=False), by_class(tree.references(x))
+    special = grown(space, car, 250).references(x)
+    assert len(rough) >= 2
+    for before in rough:
+        after = fine[before.winding]
+        points = after.trajectory.points
+        assert after.length <= before.length * (1 + 1e-9)
+        assert space.collision.clearance(points).min() > -1e-3
+        assert space.homology.winding(points) == before.winding
+    lengths = {reference.winding: reference.length for reference in special}
+    ratios = [fine[w].length / lengths[w] for w in fine.keys() & lengths.keys()]
+    assert np.median(ratios) < 1.02
+    assert max(ratios) < 1.15

@@ -11,21 +11,14 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import batch_of
-from discs import disc
+from discs import disc, scene_of
 from guides import best, valid
+from trees import grown
 
+from pirrht import Dubins, FreeSpace, PathIntegral, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Scene
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
-from pirrht.systems.unicycle import Unicycle
 
 
 @cache
@@ -33,15 +26,12 @@ def case(
     post: bool, b: float, goal: float
 ) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
     """Problem, free space and the shortened references at the start; passing the post on the right is cheaper."""
-    scene = Scene(
-        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]),
-        obstacles=(disc("post", 2.2, 0.1, 0.5),) if post else (),
-        goal=Goal(center=np.array([goal, 0.0]), radius=0.4), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
+    posts = [disc("post", 2.2, 0.1, 0.5)] if post else []
+    ends = {"start": (0.0, 0.0), "goal": (goal, 0.0, 0.4), "lower": (-1.0, -3.0), "side": (6.0, 3.0)}
+    scene = scene_of(posts, **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(300)
+    tree = grown(space, Dubins.of(problem), 300)
     return problem, space, tuple((r.trajectory, r.winding) for r in tree.references(scene.start))
 
 

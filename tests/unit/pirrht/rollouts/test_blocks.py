@@ -9,11 +9,9 @@ import pytest
 from batches import batch_of
 from thoroughly import first
 
+from pirrht import HomologyTree, PathIntegral, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.path import any_path
@@ -74,12 +72,3 @@ def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
     few, many = drawn(source, slit_tree, [5, 1, 1]).paths, drawn(source, slit_tree, [300, 1, 1]).paths
     for name in Paths._fields:
         np.testing.assert_array_equal(getattr(few, name)[:5], getattr(many, name)[:5], err_msg=name)
-
-
-def test_threads_change_nothing(slit, slit_tree):
-    one, two = (
-        drawn(path_integral(slit.problem, slit.space, replace(slit.sampling, threads=t)), slit_tree, [200, 200, 200])
-        for t in (1, 2)
-    )
-    for name in Paths._fields:
-        np.testing.assert_array_equal(getattr(one.paths, name), getattr(two.paths, name), err_msg=name)

@@ -10,17 +10,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from discs import disc, scene_of
+from trees import grown
 
+from pirrht import Dubins, FreeSpace, HomologyTree, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.dubins import Dubins
-from pirrht.systems.unicycle import Unicycle
 
 STEP = 0.1
 
@@ -28,18 +23,11 @@ STEP = 0.1
 @cache
 def case(b: float) -> tuple[Problem, FreeSpace, HomologyTree]:
     """A car in front of a post, and the goal behind it."""
-    post = Obstacle(
-        name="post", kind=Kind.CYLINDER, size=np.array([0.4, 0.2, 0.0]), position=np.array([2.2, -0.2, 0.1]),
-        rotation=np.eye(3),
-    )  # fmt: skip
-    scene = Scene(
-        name="post", lower=np.array([-1.0, -3.0]), upper=np.array([6.0, 3.0]), obstacles=(post,),
-        goal=Goal(center=np.array([4.0, -0.6]), radius=0.3), start=np.zeros(3), robot_radius=0.15,
-    )  # fmt: skip
+    ends = {"start": (0.0, 0.0), "goal": (4.0, -0.6, 0.3), "lower": (-1.0, -3.0), "side": (6.0, 3.0)}
+    scene = scene_of([disc("post", 2.2, -0.2, 0.4)], **ends, radius=0.15)
     problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
     space = FreeSpace.of(scene)
-    tree = HomologyTree(space, Dubins.of(problem), limit=0.8, rng=np.random.default_rng(0))
-    tree.grow(300)
+    tree = grown(space, Dubins.of(problem), 300)
     return problem, space, tree
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from discs import scene_of
 from windings_by_angle import turns_of_curve
 
+from pirrht import Dubins, FreeSpace, Unicycle
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import TWO_PI, Curves
-from pirrht.geometry.scene import Goal, Scene
+from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.planner.shorten import shorten
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
-from pirrht.systems.unicycle import Unicycle
 
 CAR = Dubins(V=1.5, rho=0.8)
 
@@ -136,13 +134,6 @@ def test_the_tape_drives_the_unicycle_to_the_head() -> None:
         assert np.hypot(*(path.points[-1] - head[:2])) < 1e-8
 
 
-def plain() -> Scene:
-    return Scene(
-        name="plain", lower=np.zeros(2), upper=np.ones(2) * 9, obstacles=(), start=np.ones(3),
-        robot_radius=0.1, goal=Goal(center=np.ones(2) * 8, radius=0.3),
-    )  # fmt: skip
-
-
 @pytest.mark.parametrize("circles", [1.0, 2.0, 5.0, 1.0 - 1e-12, 1.0 + 1e-12])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
@@ -164,7 +155,7 @@ def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> None:
     """Turn towards the goal point and go straight: nothing shorter reaches the disc."""
-    space, rng = FreeSpace.of(plain()), np.random.default_rng(seed)
+    space, rng = FreeSpace.of(scene_of(start=(1.0, 1.0), goal=(8.0, 8.0, 0.3), side=9.0)), np.random.default_rng(seed)
     goal = space.scene.goal
     states = np.vstack([rng.uniform([3, 3, -3], [5, 5, 3], (4, 3)), [*goal.center, 1.0]])
     checker = EdgeChecker.of(space, CAR)
@@ -175,3 +166,32 @@ def test_polishing_finds_the_optimum_where_nothing_is_in_the_way(seed: int) -> N
     short = shorten(path, CAR, checker).length.sum()
     assert path.length.sum() > 1.2 * best
     assert best - 1e-5 <= short <= best * (1.0 + 1e-3)
+
+
+def fine(start: Array, curvature: Array, length: Array, spacing: float) -> Array:
+    points, pose = [start[:2]], tuple(start)
+    for kappa, total in zip(curvature, length, strict=True):
+        steps = int(np.ceil(total / spacing))
+        points += [np.array(along(*pose, kappa, total * i / steps)[:2]) for i in range(1, steps + 1)]
+        pose = along(*pose, kappa, total)
+    return np.array(points)
+
+
+def test_signatures_of_turning_curves_equal_those_of_fine_polylines() -> None:
+    rng = np.random.default_rng(12)
+    tails, heads = pairs(30, 13, span=3.0)
+    curves = CAR.connect(tails, heads)
+    for i in range(30):
+        line = fine(curves.start[i], curves.curvature[i], curves.length[i], 2e-3)
+        middle = line[rng.integers(len(line), size=12)]
+        markers = np.vstack([rng.uniform(-4, 4, (20, 2)), middle + rng.normal(0, 0.05, (12, 2))])
+        markers = markers[np.array([np.hypot(*(line - m).T).min() for m in markers]) > 4e-3]
+        seen = np.unwrap(np.arctan2(*(line[:, None] - markers).transpose(2, 0, 1)[::-1]), axis=0)
+        # The paper's contour integral, by the midpoint rule.
+        offset = 0.5 * (line[1:] + line[:-1])[:, None] - markers
+        step = np.diff(line, axis=0)[:, None]
+        integrand = (offset[..., 0] * step[..., 1] - offset[..., 1] * step[..., 0]) / (offset**2).sum(axis=-1)
+        out = np.empty(len(markers))
+        turns_of_curve(curves.start[i], curves.curvature[i], curves.length[i], markers, out)
+        np.testing.assert_allclose(out, (seen[-1] - seen[0]) / TWO_PI, atol=1e-9)
+        np.testing.assert_allclose(out, integrand.sum(axis=0) / TWO_PI, atol=0.05)

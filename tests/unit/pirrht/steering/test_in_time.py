@@ -10,15 +10,13 @@ from discs import block, disc
 from moving import SCENES, as_mesh, hall, moved
 from thoroughly import thorough
 
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene, Workspace
-from pirrht.problem import Problem
+from pirrht.moving.collision import MovingObstacles
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.systems.rover import Rover
-from pirrht.systems.single_integrator import SingleIntegrator
 
 GOAL = np.array([[5.5, 2.5, np.nan]])
 
@@ -40,17 +38,12 @@ def edges(seed: int, count: int) -> tuple[np.ndarray, np.ndarray]:
     return tails, tails + step
 
 
-def fcl_free(scene: Scene, path: np.ndarray) -> bool:
+def fcl_free(scene: Scene, crowd: MovingObstacles, path: np.ndarray) -> bool:
     """Whether FCL finds a robot free everywhere on a way (6,), asked every 2 ms."""
-    standing = Collision(scene.world, scene.footprint)
-    for s in np.linspace(0.0, 1.0, max(2, math.ceil((path[5] - path[2]) / 2e-3))):
-        x, y, t = path[:3] + s * (path[3:] - path[:3])
-        solids = tuple(solid for mover in scene.movers for solid in mover.at(t))
-        moving = Collision(Workspace(np.full(2, -np.inf), np.full(2, np.inf), solids), scene.footprint)
-        place = np.array([[x, y]])
-        if standing.clearance(place)[0] <= 0.0 or moving.distance(place)[0] <= scene.robot_radius:
-            return False
-    return True
+    shares = np.linspace(0.0, 1.0, max(2, math.ceil((path[5] - path[2]) / 2e-3)))[:, None]
+    places = path[:3] + shares * (path[3:] - path[:3])
+    standing = Collision(scene.world, scene.footprint).clearance(places[:, :2])
+    return bool(np.all(standing > 0.0)) and all(crowd.clearance(place[:2], float(place[2])) > 0.0 for place in places)
 
 
 THOROUGH = thorough(tumbling)
@@ -63,13 +56,14 @@ def test_edges_never_collide_and_only_what_nearly_collides_is_refused(scene):
     tails, heads = edges(3, 160)
     motions = steering.connect(tails, heads)
     judged = EdgeChecker.of(space, steering).inspect(motions, np.zeros(len(tails), dtype=bool))
+    crowd = MovingObstacles(space.scene.movers, space.scene.footprint)
     possible, counts = np.isfinite(motions.cost), [0, 0]
     for i in np.flatnonzero(possible):
         path = motions.path[i]
         if np.hypot(*(path[3:5] - space.scene.goal.center)) < 1.0:
             continue
         counts[int(judged.status[i] == FREE)] += 1
-        assert fcl_free(space.scene, path) == (judged.status[i] == FREE)
+        assert fcl_free(space.scene, crowd, path) == (judged.status[i] == FREE)
     assert min(counts) > 5
 
 

@@ -5,53 +5,38 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from discs import block, scene_of
+from discs import disc as cylinder
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.geometry.scene import Kind, Obstacle
 from pirrht.topology.obstacles import components
 
 RADIUS, HEIGHT = 0.2, 0.1
 OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])
 
 
-def solid(kind, size, position, rotation=None, name="solid", height=HEIGHT):
+def solid(kind, size, position, rotation):
     corners = OCTAHEDRON * size
     return Obstacle(
-        name=name,
-        kind=kind,
-        size=np.array(size, dtype=float),
-        position=np.array([*position, height], dtype=float),
-        rotation=np.eye(3) if rotation is None else rotation.as_matrix(),
-        vertices=corners if kind is Kind.MESH else None,
+        name="solid", kind=kind, size=np.array(size), position=np.array([*position, HEIGHT]),
+        rotation=rotation.as_matrix(), vertices=corners if kind is Kind.MESH else None,
         faces=ConvexHull(corners).simplices.astype(np.int64) if kind is Kind.MESH else None,
-    )
+    )  # fmt: skip
 
 
 def box(x0, x1, y0, y1, name="box"):
-    return solid(Kind.BOX, [(x1 - x0) / 2, (y1 - y0) / 2, 0.3], [(x0 + x1) / 2, (y0 + y1) / 2], name=name)
+    return block(name, (x0 + x1) / 2, (y0 + y1) / 2, ((x1 - x0) / 2, (y1 - y0) / 2))
 
 
-def disc(x, y, radius=0.075, name="disc"):
-    return solid(Kind.CYLINDER, [radius, 0.3, 0], [x, y], name=name)
+def disc(x, y, radius=0.075):
+    return cylinder("disc", x, y, radius)
 
 
-def scene_of(*obstacles, half=(5.0, 5.0), radius=RADIUS):
-    return Scene(
-        name="test",
-        lower=-np.array(half),
-        upper=np.array(half),
-        obstacles=obstacles,
-        goal=Goal(center=np.zeros(2), radius=0.1),
-        start=np.zeros(3),
-        robot_radius=radius,
-        robot_height=HEIGHT,
-    )
-
-
-def found(*obstacles, **workspace):
-    scene = scene_of(*obstacles, **workspace)
+def found(*obstacles, half=5.0, radius=RADIUS):
+    scene = scene_of(obstacles, start=(0, 0), goal=(0, 0), lower=(-half, -half), side=half, radius=radius)
     return components(Collision(scene.world, scene.footprint))
 
 
@@ -134,4 +119,4 @@ def test_upright_solids_are_joined_exactly_if_the_robot_is_wider_than_their_gap(
             continue
         tried += 1
         for robot, count in ((0.5 * gap * 1.001, 1), (0.5 * gap * 0.999, 2)):
-            assert len(found(*pair, half=(9, 9), radius=robot)) == count, pair
+            assert len(found(*pair, half=9.0, radius=robot)) == count, pair

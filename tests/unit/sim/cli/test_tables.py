@@ -16,10 +16,14 @@ from sim.scenario import prepare
 TEMPERATURE, VALUE = 0.1, 9.0
 
 
+def planned(scene: str) -> tuple[Any, Any]:
+    scenario = prepare(scene, given={"vertices": 200})
+    return scenario, scenario.references(scenario.grown_tree())
+
+
 def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
-    scenario = prepare("crossing", given={"vertices": 200})
-    references = scenario.references(scenario.grown_tree())
-    head, _, *rows = class_table(references, None, scenario.homology).splitlines()
+    scenario, references = planned("crossing")
+    head, _, *rows = class_table(references, scenario.homology).splitlines()
     assert "bodies" in head
     known = {row["id"]: row["bodies"] for row in classes_json(references, scenario.homology)}
     assert known == {"0": ["crosser: before"], "1": ["crosser: behind"]}
@@ -27,17 +31,15 @@ def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
 
 
 def test_classes_of_a_static_scene_are_reported_by_h():
-    scenario = prepare("slit", given={"vertices": 100})
-    references = scenario.references(scenario.grown_tree())
-    assert class_table(references, None, scenario.homology) == class_table(references)
+    scenario, references = planned("slit")
+    assert class_table(references, scenario.homology) == class_table(references)
     assert class_table(references).splitlines()[0].endswith("H")
     assert "bodies" not in classes_json(references, scenario.homology)[0]
 
 
 @pytest.mark.parametrize("made", [run_json, estimate_json])
 def test_json_names_what_each_number_of_a_winding_stands_for(made):
-    scenario = prepare("pincer", given={"vertices": 200})
-    references = scenario.references(scenario.grown_tree())
+    scenario, references = planned("pincer")
     found = made(scenario, references, {} if made is run_json else [])
     assert all(len(row["winding"]) == len(found["obstacles"]) + len(found["movers"]) for row in found["classes"])
     assert found["movers"] == [mover.name for mover in scenario.loaded.scene.movers]
@@ -46,10 +48,8 @@ def test_json_names_what_each_number_of_a_winding_stands_for(made):
 
 def estimate(*, ess: float = 100.0, heavy: bool = False, own: float = 100.0, weight: float = 1.0) -> Any:
     """An estimate of one class that has so many effective samples, and such a weight."""
-    doubtful, by_class = ess < 10.0, ({"0,0": own}, {"0,0": weight})
-    return SimpleNamespace(
-        value=VALUE, ess=ess, doubtful=doubtful, heavy_tailed=heavy, class_ess=by_class[0], class_weights=by_class[1]
-    )
+    weights = {"class_ess": {"0,0": own}, "class_weights": {"0,0": weight}}
+    return SimpleNamespace(value=VALUE, ess=ess, doubtful=ess < 10.0, heavy_tailed=heavy, **weights)
 
 
 GOOD, HEAVY, LOST = estimate(), estimate(heavy=True), estimate(own=1.0, weight=0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -62,6 +63,15 @@ def planned():
     return drive, plan, {key(r.winding): name for r, name in zip(plan.references, plan.ids, strict=True)}
 
 
+def test_samples_without_weight_are_drawn_and_not_seen(planned):
+    """Of a plan whose earlier samples have all the weight: nothing is divided by it."""
+    drive, plan, _ = planned
+    weightless = replace(plan.estimate, weight=np.zeros_like(plan.estimate.weight))
+    found = strokes.fans(drive.controller.path_integral, weightless, plan.classes, points=400, everything=False)
+    assert found
+    assert all(len(fan.opacity) and not fan.opacity.any() for fan in found.values())
+
+
 def test_the_average_way_of_a_class_is_free_and_of_that_class(planned):
     drive, plan, names = planned
     ways = strokes.mean_paths(drive.controller.path_integral, plan.estimate, names)
@@ -80,11 +90,16 @@ def test_methods_have_colours_that_no_early_class_has():
     assert len({method_color(k) for k in range(9)} - classes) == 9
 
 
+def among(scene: str, vertices: int, *ids: str):
+    """A scene of moving obstacles, its references of these ids, and how each passes them."""
+    scenario = prepare(scene, given={"vertices": vertices})
+    references = {one.id: one for one in scenario.references(scenario.grown_tree()) if one.id in ids}
+    return scenario, references, {name: sides(one, scenario.homology) for name, one in references.items()}
+
+
 def test_ways_among_moving_obstacles_are_named_by_whether_they_pass_before_or_behind():
     """The crosser goes up: above it a path passes before it, below it behind it."""
-    scenario = prepare("crossing", given={"vertices": 200})
-    references = {one.id: one for one in scenario.references(scenario.grown_tree()) if one.id in ("0", "1")}
-    passed = {name: sides(one, scenario.homology) for name, one in references.items()}
+    scenario, references, passed = among("crossing", 200, "0", "1")
     motion = scenario.loaded.scene.movers[0].motion
     for name, one in references.items():
         t, x, y = one.path.knots[:, 2], one.path.knots[:, 0], one.path.knots[:, 1]
@@ -97,9 +112,7 @@ def test_ways_among_moving_obstacles_are_named_by_whether_they_pass_before_or_be
 
 def test_bodies_that_rest_are_passed_left_or_right():
     """The discs of `pincer` have met when the robot comes by below or above them."""
-    scenario = prepare("pincer", given={"vertices": 300})
-    references = {one.id: one for one in scenario.references(scenario.grown_tree())}
-    passed = {name: sides(references[name], scenario.homology) for name in ("0,0", "1,0", "0,-1")}
+    scenario, references, passed = among("pincer", 300, "0,0", "1,0", "0,-1")
     assert passed == {"0,0": ("before",) * 2, "1,0": ("right of",) * 2, "0,-1": ("left of",) * 2}
     assert passing(references["1,0"], scenario.homology) == ["low: right of it", "high: right of it"]
     words = worded({name: references[name].winding for name in passed}, np.zeros(0), (), ("low", "high"), None, passed)

@@ -13,8 +13,7 @@ from pirrht.geometry.scene import Workspace
 from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
-from sim.drive.executor import Executor
-from sim.drive.plant import Advance, Analytic
+from sim.drive.executor import Advance, Plant
 from sim.mjcf import load
 
 EVERYWHERE = np.full(2, np.inf)
@@ -27,7 +26,7 @@ def pair(folder, world: str, custom: str, period: float, *, robot="puck", b=QUIE
     return loaded, both(loaded, problem_of(loaded, dynamics), period)
 
 
-def still(plant: Executor | Analytic):
+def still(plant: Plant):
     return hold(*np.zeros(2 if len(plant.state) == 2 else 1))
 
 
@@ -44,8 +43,10 @@ def test_mujocos_bodies_are_at_every_physics_step_where_their_motions_say_across
     world = body("spin", 'type="box" size=".2 .1 .2" pos=".1 0 0"', "-3 2 0.3", more=f'euler="0 0 {yaw:.12f}"')
     world += '<body name="post" mocap="true" pos="5 5 0.1"><geom name="post" size=".1"/></body>'
     world += body("slide", 'type="cylinder" size=".1 .1"', "3 -2 0.1")
-    loaded, (plant, _) = pair(tmp_path, world, rows("spin", SPIN, repeat=True) + rows("slide", SLIDE), 7 * STEP)
-    queried, data, heights = [], plant.data, {"spin": 0.3, "slide": 0.1}
+    world += body("tilt", 'type="box" size=".3 .2 .05"', "9 0 0.1", more='euler="20 0 0"')
+    custom = rows("spin", SPIN, repeat=True) + rows("slide", SLIDE) + rows("tilt", "0 9 0 0  0.1 9 0 3")
+    loaded, (plant, _) = pair(tmp_path, world, custom, 7 * STEP)
+    queried, data, heights = [], plant.data, {"spin": 0.3, "slide": 0.1, "tilt": 0.1}
 
     def control(x: Array, s: float) -> Array:
         queried.append(plant.time)
@@ -53,31 +54,23 @@ def test_mujocos_bodies_are_at_every_physics_step_where_their_motions_say_across
             x, y, yaw = mover.motion.pose(plant.time)
             there = data.body(mover.name)
             np.testing.assert_array_equal(there.xpos, [x, y, heights[mover.name]])
-            np.testing.assert_allclose(np.sign(there.xquat @ quat(yaw)) * there.xquat, quat(yaw), atol=1e-12)
+            if mover.name != "tilt":
+                np.testing.assert_allclose(np.sign(there.xquat @ quat(yaw)) * there.xquat, quat(yaw), atol=1e-12)
             [geom] = mover.at(plant.time)
             np.testing.assert_allclose(data.geom(mover.name).xpos, geom.position, atol=1e-12)
             np.testing.assert_allclose(data.geom(mover.name).xmat.reshape(3, 3), geom.rotation, atol=1e-9)
         return np.zeros(2)
 
     # 0.7 s: two laps and more; poses are computed 64 steps at a time
-    assert all(advance.outcome is None for advance in driven(plant, control, 0, 50))
-    np.testing.assert_array_equal(queried, STEP * np.arange(350))
+    for begin in (0.0, 1.0):
+        queried.clear()
+        plant.reset(np.zeros(2), time=begin)
+        assert all(advance.outcome is None for advance in driven(plant, control, 0, 50))
+        np.testing.assert_allclose(queried, begin + STEP * np.arange(350), atol=1e-12)
     np.testing.assert_array_equal(data.body("post").xpos, [5, 5, 0.1])
 
 
-def test_a_tilted_body_turns_about_the_vertical_and_keeps_its_tilt(tmp_path):
-    world = body("tilt", 'type="box" size=".3 .2 .05"', "2 0 0.1", more='euler="20 0 0"')
-    loaded, (plant, _) = pair(tmp_path, world, rows("tilt", "0 2 0 0  0.1 2 0 3"), 50 * STEP)
-    flat = plant.data.geom("tilt").xmat.reshape(3, 3).copy()
-    driven(plant, still(plant), 0, 1)
-    c, s = np.cos(3.0), np.sin(3.0)
-    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    np.testing.assert_allclose(plant.data.geom("tilt").xmat.reshape(3, 3), turn @ flat, atol=1e-12)
-    [solid] = loaded.scene.movers[0].at(0.1)
-    np.testing.assert_allclose(solid.rotation, turn @ flat, atol=1e-12)
-
-
-def hit(plant: Executor | Analytic, periods: int = 200) -> tuple[float, Advance]:
+def hit(plant: Plant, periods: int = 200) -> tuple[float, Advance]:
     """The time of the collision of a robot that rests at the origin."""
     plant.reset(np.zeros(3))
     rng = np.random.default_rng(0)
@@ -118,24 +111,14 @@ def test_a_robot_smaller_than_its_footprint_is_run_over_when_its_own_shape_is(tm
     assert 0.05 < gap < 0.05 + loaded.scene.robot_radius
 
 
-@pytest.mark.parametrize("robot", ["puck", "unicycle"])
 @pytest.mark.parametrize("x", [1.0, 1.1, 1.23])
-def test_a_fast_thin_body_does_not_pass_through_the_robot_within_a_step(tmp_path, robot, x):
+def test_a_fast_thin_body_does_not_pass_through_the_robot_within_a_step(tmp_path, x):
     """300 m/s are 0.6 m a step: on either side of the robot and never in it, at the ends of steps."""
     world, custom = body("b", 'type="box" size=".002 3 .2"', f"{x} 0 0.1"), rows("b", f"0 {x} 0 0  0.01 {x - 3} 0 0")
-    loaded, plants = pair(tmp_path, world, custom, STEP, robot=robot)
+    loaded, plants = pair(tmp_path, world, custom, STEP)
     reach = loaded.scene.robot_radius + 0.002
     for plant in plants:
         assert (x - reach) / 300 - 1e-9 <= hit(plant)[0] <= (x + reach) / 300 + STEP
-
-
-def test_a_fast_thin_body_that_misses_the_robots_own_shape_has_not_met_it(tmp_path):
-    """It cuts the footprint, a ball around the unicycle, where the unicycle has nothing."""
-    world, custom = body("b", 'type="box" size=".002 .002 .2"', "1 0.149 0.1"), "0 1 0.149 0  0.01 -2 0.149 0"
-    loaded, (plant, analytic) = pair(tmp_path, world, rows("b", custom), 0.02, robot="unicycle")
-    assert loaded.scene.robot_radius > 0.149
-    assert driven(plant, hold(0.0), 0, 1)[0].outcome is None
-    assert driven(analytic, hold(0.0), 0, 1)[0].outcome is Outcome.COLLISION
 
 
 DISC, BOX = 'type="cylinder" size=".3 .2"', 'type="box" size=".1 3 .2"'
@@ -164,22 +147,6 @@ def test_periods_of_any_length_make_the_same_run(tmp_path):
         )
         np.testing.assert_array_equal(one, many)
         assert long.time == pytest.approx(short.time, abs=1e-12)
-
-
-def test_the_clock_starts_at_a_resets_time_and_runs_while_controls_are_queried(tmp_path):
-    _, plants = pair(tmp_path, body("b", DISC, "9 9 0.1"), rows("b", "0 9 9 0  2 5 9 0"), 0.1, b=0.1)
-    for plant in plants:
-        for begin in (0.0, 1.0):
-            plant.reset(np.zeros(2), time=begin)
-            assert plant.time == begin
-            times = []
-            for _ in range(3):
-                driven(plant, lambda x, s, p=plant, t=times: t.append((p.time, s)) or np.zeros(2), 0, 1)
-            now, since = np.array(times).T
-            np.testing.assert_allclose(now, begin + STEP * np.arange(150), atol=1e-12)
-            np.testing.assert_allclose(since, np.tile(STEP * np.arange(50), 3))
-            if isinstance(plant, Executor):
-                np.testing.assert_allclose(plant.data.body("b").xpos, [9 - 2 * (begin + 0.3), 9, 0.1])
 
 
 def test_a_body_passes_through_static_obstacles_and_others_as_if_nothing_were_there(tmp_path):

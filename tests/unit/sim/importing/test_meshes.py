@@ -1,4 +1,7 @@
-"""Meshes become convex parts that fill what the mesh fills, and no more."""
+"""Meshes become convex parts that fill what the mesh fills, and no more.
+
+COLLADA files give the triangles that Gazebo draws: units and nodes count, the up axis does not.
+"""
 
 from __future__ import annotations
 
@@ -11,81 +14,62 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
+from sdf_samples import refused
+from trimesh.triangles import area
 
-from pirrht.errors import SceneError
-from sim.importing.meshes import CONCAVE, MeshKey, Parts, split
+from sim.importing.meshes import CONCAVE, read_collada, split
 from sim.importing.solids import as_box
 
-
-def ring() -> trimesh.Trimesh:
-    return trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
-
-
-def parts(mesh: trimesh.Trimesh, path: Path, **more) -> Parts:
-    mesh.export(path)
-    return split(MeshKey(path, **more))
-
-
-def volume(found: Parts) -> float:
-    return sum(trimesh.convex.convex_hull(v).volume for v in found.vertices)
+RING = trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
+SHELL = trimesh.creation.box((6, 4, 2))  # walls without thickness, and neither floor nor ceiling
+SHELL.update_faces(np.abs(SHELL.face_normals[:, 2]) < 0.5)
+OPEN = trimesh.creation.box((1, 1, 1))  # a box without a bottom
+OPEN.update_faces(OPEN.face_normals[:, 2] > -0.5)
+INWARD = RING.copy()
+INWARD.invert()
+TWO = trimesh.util.concatenate([trimesh.creation.box(bounds=[(x, 0, 0), (x + 1, 1, 1)]) for x in (0, 5)])
 
 
-@pytest.mark.parametrize("suffix", ["stl", "obj"])
-def test_a_ring_of_walls_leaves_its_inside_free(tmp_path, suffix):
-    mesh = ring()
-    found = parts(mesh, tmp_path / f"ring.{suffix}")
-    assert len(found.vertices) == 6
-    assert volume(found) == pytest.approx(mesh.volume, rel=1e-5)
-    assert found.rough == 0
+def volume(parts: list[np.ndarray]) -> float:
+    return sum(trimesh.convex.convex_hull(v).volume for v in parts)
 
 
-def test_normals_that_point_inward_and_mirroring_scales_change_nothing(tmp_path):
-    mesh = ring()
-    for scale in ((1.0, 1.0, 1.0), (-1.0, 1.0, 1.0)):
-        mesh.invert()
-        found = parts(mesh, tmp_path / "ring.stl", scale=scale)
-        assert volume(found) == pytest.approx(abs(mesh.volume), rel=1e-5)
-
-
-def test_what_does_not_hang_together_is_separate(tmp_path):
-    boxes = [trimesh.creation.box((1, 1, 1), trimesh.transformations.translation_matrix((x, 0, 0))) for x in (0, 5)]
-    found = parts(trimesh.util.concatenate(boxes), tmp_path / "two.stl", scale=(2.0, 1.0, 1.0))
-    assert sorted(float(v[:, 0].mean().round(6)) for v in found.vertices) == [0.0, 10.0]
-    assert volume(found) == pytest.approx(4.0)
-
-
-def test_walls_without_thickness_become_plates_around_free_space(tmp_path):
-    shell = trimesh.creation.box((6, 4, 2))
-    shell.update_faces(np.abs(shell.face_normals[:, 2]) < 0.5)  # neither floor nor ceiling
-    found = parts(shell, tmp_path / "shell.stl")
-    assert len(found.vertices) == 4
-    assert volume(found) < 0.05
-
-
-def test_a_box_without_a_bottom_is_a_box(tmp_path):
-    box = trimesh.creation.box((1, 1, 1))
-    box.update_faces(box.face_normals[:, 2] > -0.5)
-    assert volume(parts(box, tmp_path / "box.stl")) == pytest.approx(1.0)
+@pytest.mark.parametrize(
+    ("mesh", "name", "options", "count", "filled"),
+    [
+        (RING, "a.stl", {}, 6, RING.volume),
+        (RING, "a.obj", {}, 6, RING.volume),
+        (RING, "a.stl", {"hull": True}, 1, RING.convex_hull.volume),
+        (RING, "a.stl", {"scale": (-1.0, 1.0, 1.0)}, 6, RING.volume),
+        (INWARD, "a.stl", {}, 6, RING.volume),
+        (TWO, "a.stl", {"scale": (2.0, 1.0, 1.0), "centred": True}, 2, 4.0),
+        (SHELL, "a.stl", {}, 4, 0.04),
+        (OPEN, "a.stl", {}, 1, 1.0),
+    ],
+)
+def test_parts_fill_what_the_mesh_fills(tmp_path, mesh, name, options, count, filled):
+    mesh.export(tmp_path / name)
+    found, rough = split(tmp_path / name, **options)
+    assert len(found) == count
+    assert rough == 0
+    assert volume(found) == pytest.approx(filled, rel=1e-5)
 
 
 def test_round_shapes_are_within_the_tolerance(tmp_path):
     torus = trimesh.creation.torus(1.0, 0.2)
-    found = parts(torus, tmp_path / "torus.stl")
-    assert found.rough == 0
+    torus.export(tmp_path / "torus.stl")
+    found, rough = split(tmp_path / "torus.stl")
+    assert rough == 0
     assert abs(volume(found) - torus.volume) < CONCAVE * torus.area
-    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found.vertices)
-
-
-def test_a_hull_is_what_is_asked_for(tmp_path):
-    assert len(parts(ring(), tmp_path / "ring.stl", hull=True).vertices) == 1
+    assert not any(trimesh.convex.convex_hull(v).contains([[0, 0, 0]])[0] for v in found)
 
 
 def test_meshes_too_intricate_are_hulls_that_are_reported(tmp_path):
-    rng = np.random.default_rng(0)
-    many = trimesh.Trimesh(rng.uniform(-1, 1, (3600, 3)), np.arange(3600).reshape(-1, 3), process=False)
-    found = parts(many, tmp_path / "many.stl")
-    assert len(found.vertices) == 1
-    assert found.rough > 0.5
+    corners = np.random.default_rng(0).uniform(-1, 1, (3600, 3))
+    trimesh.Trimesh(corners, np.arange(3600).reshape(-1, 3), process=False).export(tmp_path / "many.stl")
+    found, rough = split(tmp_path / "many.stl")
+    assert len(found) == 1
+    assert rough > 0.5
 
 
 @given(
@@ -127,9 +111,88 @@ BAD = [
 @pytest.mark.parametrize(("name", "data", "words"), BAD)
 def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
-    with pytest.raises(SceneError) as caught:
-        split(MeshKey(tmp_path / name))
-    message = str(caught.value)
-    assert words in message
-    assert name in message
-    assert "\n" not in message
+    refused(lambda: split(tmp_path / name), name, words)
+
+
+CORNERS = "0 0 0  1 0 0  1 1 0  0 1 0"
+QUADS = '<polylist count="1">{inputs}<vcount>4</vcount><p>0 7 1 7 2 7 3 7</p></polylist>'
+PRIMITIVES = [
+    '<triangles count="2">{inputs}<p>0 7 1 7 2 7 0 7 2 7 3 7</p></triangles>',
+    QUADS,
+    '<polygons count="1">{inputs}<p>0 7 1 7 2 7 3 7</p></polygons>',
+    '<trifans count="1">{inputs}<p>0 7 1 7 2 7 3 7</p></trifans>',
+    '<tristrips count="1">{inputs}<p>0 7 1 7 3 7 2 7</p></tristrips>',
+]
+INPUTS = '<input semantic="VERTEX" source="#v" offset="0"/><input semantic="NORMAL" source="#n" offset="1"/>'
+
+
+SCENE = """<library_visual_scenes><visual_scene id="a">{}</visual_scene></library_visual_scenes>
+<scene><instance_visual_scene url="#a"/></scene>"""
+GEOMETRY = """<geometry id="{name}" name="{name} mesh"><mesh>
+<source id="s"><float_array id="f">{corners}</float_array>
+<technique_common><accessor source="#f" stride="3"/></technique_common></source>
+<vertices id="v"><input semantic="POSITION" source="#s"/></vertices>{primitive}</mesh></geometry>"""
+DOCUMENT = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+<asset><unit meter="{unit}"/><up_axis>Y_UP</up_axis></asset>
+<library_geometries>{geometries}</library_geometries>{scene}</COLLADA>"""
+
+
+def document(primitive: str = QUADS, nodes: str = "", unit: str = "1", corners: str = CORNERS) -> str:
+    known = {"corners": corners, "primitive": primitive.format(inputs=INPUTS)}
+    geometries = "".join(GEOMETRY.format(name=name, **known) for name in ("g", "h")[: 2 if nodes else 1])
+    return DOCUMENT.format(unit=unit, geometries=geometries, scene=SCENE.format(nodes) if nodes else "")
+
+
+def read(tmp_path: Path, text: str, name: str = "") -> np.ndarray:
+    (tmp_path / "a.dae").write_text(text)
+    return read_collada(tmp_path / "a.dae", name)
+
+
+@pytest.mark.parametrize("polygons", PRIMITIVES)
+def test_every_kind_of_polygon_becomes_triangles(tmp_path, polygons):
+    triangles = read(tmp_path, document(polygons))
+    assert triangles.shape == (2, 3, 3)
+    assert area(triangles).sum() == pytest.approx(1.0)
+    np.testing.assert_array_equal(triangles[..., 2], 0)  # Y_UP in the file is not obeyed
+
+
+def test_units_and_transforms_of_nested_nodes_apply(tmp_path):
+    nodes = (
+        "<node><translate>100 0 0</translate><node><rotate>0 0 1 90</rotate><scale>2 1 1</scale>"
+        '<instance_geometry url="#g"/></node></node>'
+        '<node><matrix>1 0 0 0  0 1 0 500  0 0 1 0  0 0 0 1</matrix><instance_geometry url="#g"/></node>'
+    )
+    triangles = read(tmp_path, document(nodes=nodes, unit="0.01"))
+    first, second = triangles[:2].reshape(-1, 3), triangles[2:].reshape(-1, 3)
+    np.testing.assert_allclose([first.min(axis=0), first.max(axis=0)], [[0.99, 0, 0], [1, 0.02, 0]], atol=1e-12)
+    np.testing.assert_allclose([second.min(axis=0), second.max(axis=0)], [[0, 5, 0], [0.01, 5.01, 0]], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["left", "h", "h mesh"])
+def test_one_part_is_read_by_the_name_of_its_node_or_geometry(tmp_path, name):
+    nodes = (
+        '<node name="left"><translate>3 0 0</translate><instance_geometry url="#h"/></node>'
+        '<node name="right"><instance_geometry url="#g"/></node>'
+    )
+    assert read(tmp_path, document(nodes=nodes), name)[..., 0].min() == 3.0
+    assert not len(read(tmp_path, document(nodes=nodes), "middle"))
+
+
+LOOP = '<node id="n"><instance_node url="#n"/></node>'
+DOUBLING = "".join(f'<node id="n{k}">' + f'<instance_node url="#n{k + 1}"/>' * 2 + "</node>" for k in range(60))
+MALFORMED = [
+    document(nodes=LOOP),
+    document(nodes=DOUBLING + '<node id="n60"/>'),
+    document(QUADS.replace("3 7<", "9 7<")),
+    document(QUADS.replace("3 7<", "-1 7<")),
+    document(corners="a b c"),
+    document(corners="0 0"),
+    document(QUADS.replace("<vcount>4", "<vcount>5")),
+    document(unit="long"),
+    document(nodes='<node><instance_geometry url="#nothing"/></node>'),
+]
+
+
+@pytest.mark.parametrize("text", MALFORMED)
+def test_malformed_files_are_refused_in_one_line(tmp_path, text):
+    refused(lambda: read(tmp_path, text), "a.dae")

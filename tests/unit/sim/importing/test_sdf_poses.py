@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from sim.importing.sdf_poses import Scope, transform
+from sim.importing.sdf import Frames
+from sim.importing.solids import transform
 
 lengths = st.lists(st.floats(-50.0, 50.0), min_size=3, max_size=3)
 angles = st.lists(st.floats(-7.0, 7.0), min_size=3, max_size=3)
@@ -50,6 +51,7 @@ def test_a_pose_relative_to_a_frame_composes_and_its_inverse_leads_home(first, s
     frames = f'<frame name="a"><pose>{" ".join(f"{v:.17g}" for v in first)}</pose></frame>'
     for name, matrix in (("b", b), ("home", np.linalg.inv(a))):
         frames += f'<frame name="{name}">{written(matrix)}</frame>'
-    scope = Scope.of_world(ET.fromstring(f"<world>{frames}</world>"), Path("maze.world"))
-    np.testing.assert_allclose(scope.resolve("b"), a @ b, atol=1e-9)
-    np.testing.assert_allclose(scope.resolve("home"), np.eye(4), atol=1e-9)
+    world = ET.fromstring(f"<world>{frames}</world>")
+    found = Frames(world, Path("maze.world"))
+    np.testing.assert_allclose(found.resolve("b", world), a @ b, atol=1e-9)
+    np.testing.assert_allclose(found.resolve("home", world), np.eye(4), atol=1e-9)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, model, sdf
+from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, model, refused, sdf
 
 from pirrht.errors import SceneError
 from sim.importing.scene_file import import_world
@@ -15,8 +15,8 @@ CHAIN = "".join(f'<frame name="f{k}"><pose relative_to="f{k + 1}"/></frame>' for
 BAD_WORLDS = [
     (sdf(model(link(collision(GEOMETRY.format(MESH))))), "sofa.dae"),
     (sdf(model(link(collision(GEOMETRY.format("<heightmap/>"))))), "<heightmap>"),
-    (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"c"'),
-    (sdf(model(link(collision("")))), '"c"'),
+    (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"m::l::c"'),
+    (sdf(model(link(collision("")))), '"m::l::c"'),
     (sdf("<include><uri>model://sofa</uri></include>"), "model://sofa"),
     (sdf("<include/>"), "<uri>"),
     (sdf("<include><uri>https://example.org/sofa</uri></include>"), "no model on this machine"),
@@ -29,8 +29,8 @@ BAD_WORLDS = [
     (sdf(model("<include><uri>model://desk</uri></include>")), "model://desk"),
     (sdf('<x:include xmlns:x="http://www.w3.org/2001/XInclude" href="a.sdf"/>'), "include"),
     (sdf('<population name="cans"/>'), '"cans"'),
-    (sdf(model("<pose>0 0 0 1.57 0 0</pose>" + link(collision(PLANE)), name="wall")), '"wall::l"'),
-    (sdf(model("<pose>0 0 1 0 0 0</pose>" + link(collision(PLANE)), name="deck")), '"deck::l"'),
+    (sdf(model("<pose>0 0 0 1.57 0 0</pose>" + link(collision(PLANE)), name="wall")), '"wall::l::c"'),
+    (sdf(model("<pose>0 0 1 0 0 0</pose>" + link(collision(PLANE)), name="deck")), '"deck::l::c"'),
     (sdf(ball("").replace("<radius>0.4</radius>", "")), "<radius>"),
     *((sdf(ball("").replace("0.4", bad)), f"'{bad}'; write 1 positive") for bad in ("-0.4", "inf", "1e-320", "wide")),
     (sdf(ball("<pose>1e308 0 0 0 0 0</pose>")), "none beyond 1e+06"),
@@ -67,12 +67,7 @@ BAD_WORLDS = [
 @pytest.mark.parametrize(("text", "element"), BAD_WORLDS)
 def test_a_bad_world_is_refused_in_one_line_and_nothing_is_written(text, element, tmp_path):
     (tmp_path / "maze.xml").write_text("what was here before")
-    with pytest.raises(SceneError) as caught:
-        imported(tmp_path, text)
-    message = str(caught.value)
-    assert "\n" not in message
-    assert "maze.world" in message
-    assert element in message
+    refused(lambda: imported(tmp_path, text), "maze.world", element)
     assert (tmp_path / "maze.xml").read_text() == "what was here before"
     assert sorted(p.name for p in tmp_path.iterdir()) == ["maze.world", "maze.xml"]
 
@@ -98,10 +93,7 @@ BAD_TASKS = [
 @pytest.mark.parametrize(("task", "word"), BAD_TASKS)
 def test_a_bad_task_is_refused_with_the_option_to_add(task, word, tmp_path):
     ground = model(link(collision(PLANE.format(size="100 100"))), name="ground")
-    with pytest.raises(SceneError) as caught:
-        imported(tmp_path, sdf(ground + ball("<pose>4 2 0 0 0 0</pose>")), **task)
-    assert word in str(caught.value)
-    assert "maze.world" in str(caught.value)
+    refused(lambda: imported(tmp_path, sdf(ground + ball("<pose>4 2 0 0 0 0</pose>")), **task), "maze.world", word)
     assert not list(tmp_path.glob("*.xml"))
 
 

@@ -5,18 +5,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
-from mjcf_samples import FLOOR, GOAL, SITES, SPACE, START, mjcf, refusal
+from mjcf_samples import FLOOR, GOAL, SITES, SPACE, mjcf, refusal
 
 from pirrht.geometry.scene import Kind, Scene
-from sim.mjcf import load, robot_names, scene_names
-
-
-@pytest.mark.parametrize("scene", scene_names())
-def test_every_built_in_scene_loads_with_the_robot_it_is_meant_for(scene):
-    loaded = load(scene)
-    assert loaded.scene.name == scene
-    solids = [*loaded.scene.obstacles, *(solid for mover in loaded.scene.movers for solid in mover.solids)]
-    assert loaded.obstacle_geoms.sum() == len(solids)
+from sim.mjcf import load, robot_names
 
 
 @pytest.mark.parametrize("robot", robot_names())
@@ -38,18 +30,18 @@ def rebuilt(scene: Scene) -> mujoco.MjModel:
     """The plain values turned into a flat MuJoCo model, obstacle i as geom i, last the robot's sphere."""
     spec = mujoco.MjSpec()
     for i, obstacle in enumerate(scene.obstacles):
-        quaternion = np.zeros(4)
-        mujoco.mju_mat2Quat(quaternion, obstacle.rotation.ravel())
-        kind = getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}")
-        pose = {"type": kind, "pos": obstacle.position, "quat": quaternion}
+        x, y = obstacle.rotation.T[:2]
+        geom = spec.worldbody.add_geom(pos=obstacle.position)
+        geom.alt.type, geom.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, [*x, *y]
+        geom.type = getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}")
         if obstacle.vertices is None:
-            spec.worldbody.add_geom(size=obstacle.size, **pose)
+            geom.size = obstacle.size
         else:
             spec.add_mesh(name=f"mesh{i}", uservert=obstacle.vertices.ravel())
-            spec.worldbody.add_geom(meshname=f"mesh{i}", **pose)
+            geom.meshname = f"mesh{i}"
     body = spec.worldbody.add_body(pos=[0, 0, scene.robot_height])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
-    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 1, 0])
+    for axis in ([1, 0, 0], [0, 1, 0]):
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[scene.robot_radius, 0, 0])
     return spec.compile()
 
@@ -110,27 +102,23 @@ def test_an_obstacle_is_what_would_collide_at_the_height_of_the_robot(write, geo
     assert len(loaded.scene.obstacles) == counts
 
 
-def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write):
+@pytest.mark.parametrize("robot", robot_names())
+def test_the_robot_touches_neither_floor_nor_slab_nor_beam(write, robot):
     world = FLOOR + '<geom type="box" size="9 9 0.5" pos="5 5 -0.5"/><geom type="box" size="9 9 0.5" pos="5 5 0.7"/>'
-    for robot in robot_names():
-        radius = 0.1 if robot in ("puck", "hover", "rover") else 0.15
-        model = load(write(mjcf(SITES + world)), robot=robot, radius=radius).model
-        data = mujoco.MjData(model)
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-        mujoco.mj_forward(model, data)
-        touched = {model.geom(g).name for g in data.contact.geom.ravel()}
-        assert all(name.startswith("robot/") for name in touched)  # wheels stand on their own ground
+    radius = 0.1 if robot in ("puck", "hover", "rover") else 0.15
+    model = load(write(mjcf(SITES + world)), robot=robot, radius=radius).model
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    touched = {model.geom(g).name for g in data.contact.geom.ravel()}
+    assert all(name.startswith("robot/") for name in touched)  # wheels stand on their own ground
 
 
-def test_without_a_workspace_the_floor_is_the_border(write):
-    scene = load(write(mjcf(GOAL.replace("9 9", "4 4") + START + FLOOR))).scene
+def test_without_a_workspace_the_floor_is_the_border_and_the_x_axis_of_the_start_is_the_heading(write):
+    turned = '<body euler="0 0 30"><site name="start" pos="2 0 0" euler="0 0 90"/></body>'
+    scene = load(write(mjcf(GOAL.replace("9 9", "4 4") + turned + FLOOR))).scene
     np.testing.assert_allclose([*scene.lower, *scene.upper], [-6, -7, 6, 7])
-
-
-def test_the_x_axis_of_the_start_is_the_heading(write):
-    world = GOAL + SPACE + '<body euler="0 0 30"><site name="start" pos="2 0 0" euler="0 0 90"/></body>'
-    start = load(write(mjcf(world))).scene.start
-    np.testing.assert_allclose(start, [np.sqrt(3), 1, 2 * np.pi / 3])
+    np.testing.assert_allclose(scene.start, [np.sqrt(3), 1, 2 * np.pi / 3])
 
 
 def test_start_goal_and_radius_of_the_caller_win(write):
@@ -144,7 +132,7 @@ def test_start_goal_and_radius_of_the_caller_win(write):
     assert load(path, start=(2, 3), radius=0.2).scene.robot_radius == 0.2
 
 
-def test_the_puck_sits_on_the_floor_at_any_radius():
+def test_a_puck_grows_with_its_radius_and_another_robot_keeps_its_body():
     loaded = load("slit", radius=0.2)
     assert loaded.scene.robot_height == pytest.approx(0.2)
     np.testing.assert_allclose(loaded.model.geom("robot/footprint").pos, [0, 0, 0.2])
@@ -152,9 +140,6 @@ def test_the_puck_sits_on_the_floor_at_any_radius():
     puck = loaded.model.mesh("robot/puck").id
     first, count = loaded.model.mesh_vertadr[puck], loaded.model.mesh_vertnum[puck]
     assert np.hypot(*loaded.model.mesh_vert[first : first + count, :2].T).max() == pytest.approx(0.2, abs=1e-3)
-
-
-def test_another_robot_keeps_its_body_at_any_radius():
     small, large = (load("slit", robot="unicycle", radius=r) for r in (0.15, 0.2))
     assert (small.scene.robot_radius, large.scene.robot_radius) == (0.15, 0.2)
     np.testing.assert_allclose(small.model.geom("robot/bumper").size, large.model.geom("robot/bumper").size)

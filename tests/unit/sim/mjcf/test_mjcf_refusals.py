@@ -40,7 +40,7 @@ BAD_SCENES: list[tuple[str | bytes, str]] = [
     (custom("numeric", "nois", "1"), '"pirrht_nois"'),
     (custom("numeric", "dt", "1 2"), '"pirrht_dt"'),
     (custom("numeric", "radius", "0"), "radius"),
-    (custom("text", "a", "b"), "and pirrht_about"),
+    (custom("text", "a", "b"), "pirrht_robot, pirrht_about"),
     (custom("text", "robot", "bike"), "bike"),
     (mjcf(SITES, head='<option timestep="0"/>'), "timestep"),
     (mjcf(SITES + '<geom blob="1" size="1"/>'), "blob"),
@@ -60,6 +60,12 @@ def test_a_bad_scene_is_refused_with_its_file_and_element(write, text, element, 
     assert element in message
     assert "scene" in message
     assert not (tmp_path / "MUJOCO_LOG.TXT").exists()
+
+
+def test_a_robot_file_that_keeps_the_conventions_is_read_and_one_by_another_ending_is_not(write):
+    loaded = load("slit", robot=write(robot_mjcf(), "machine.xml"))
+    assert (loaded.robot, loaded.scene.robot_radius) == ("machine", 0.1)
+    assert "rename" in refusal("slit", robot=write(robot_mjcf(), "machine.mjcf"))
 
 
 BAD_ROBOTS = [
@@ -98,11 +104,6 @@ def test_a_bad_robot_is_refused_with_its_file_and_element(write, changes, elemen
     assert "machine.xml" in message
 
 
-def test_a_robot_file_that_keeps_the_conventions_is_read(write):
-    loaded = load("slit", robot=write(robot_mjcf(), "machine.xml"))
-    assert (loaded.robot, loaded.scene.robot_radius) == ("machine", 0.1)
-
-
 @pytest.mark.parametrize(
     ("scene", "options", "word"),
     [
@@ -120,7 +121,3 @@ def test_a_robot_file_that_keeps_the_conventions_is_read(write):
 )
 def test_a_bad_request_is_refused_in_one_line(scene, options, word):
     assert word in refusal(scene, **options)
-
-
-def test_a_file_by_another_ending_is_refused(write):
-    assert "rename" in refusal(write(mjcf(SITES), "scene.mjcf"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drives import Drive
 
-from sim.recording.reasons import BORDER, Reason, Surroundings, fate, page, reasons, sentence, share, words_of
+from sim.recording.reasons import BORDER, Reason, fate, page, reasons, sentence, share, touched, words_of
 from sim.recording.subject import called
 
 WALLS = ("upper wall", "lower wall")
@@ -16,7 +16,7 @@ WALLS = ("upper wall", "lower wall")
 
 def explained(drive, plan):
     integral = drive.controller.path_integral
-    found = reasons(plan, integral, Surroundings(drive.scene, WALLS), words_of(plan, integral, WALLS))
+    found = reasons(plan, integral, WALLS, words_of(plan, integral, WALLS))
     return {reason.name: reason for reason in found}
 
 
@@ -63,8 +63,7 @@ def test_what_samples_hit_is_the_wall_beside_their_way(planned):
 def test_a_robot_touches_the_nearest_solid_or_the_border():
     drive = Drive()
     points = np.array([(3.0, 2.95), (3.0, 2.06), (3.0, 4.99), (0.01, 1.0)])
-    found = Surroundings(drive.scene, WALLS).nearest((), points, np.zeros(4))
-    assert found == ["upper wall", "lower wall", BORDER, BORDER]
+    assert touched(drive.space, WALLS, (), points, np.zeros(4)) == ["upper wall", "lower wall", BORDER, BORDER]
 
 
 def test_names_that_are_missing_or_used_twice_give_way_to_the_number_on_the_map():
@@ -118,5 +117,3 @@ def test_the_page_tells_of_a_fallback_and_of_too_few_samples(planned):
     assert "Only 3.0 effective samples: a guess" in page(weak, list(found.values()), 0.0)
     known = replace(lost, fallback=None, exact=8.5)
     assert "Exact value 8.50" in page(known, [], 0.0)
-    alone = replace(next(iter(found.values())), value=8.25, error=float("inf"))
-    assert "8.25 by one sample" in page(plan, [alone], 0.0)

@@ -1,4 +1,4 @@
-"""The exact solution in a recording: what is painted on the floor, the optimal field, and psi class by class."""
+"""The exact solution in a recording: what is painted on the floor, and psi class by class."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from drives import Drive, columns
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
-from sim.drive.truth import Truth
+from sim.drive.metrics import Truth
 from sim.recording import truth_view
 from sim.recording.options import Look
 from sim.recording.recorder import Recorder, Sinks
@@ -54,7 +54,6 @@ def test_of_a_robot_with_a_heading_the_best_one_counts():
 
     grid = SimpleNamespace(problem=SimpleNamespace(dynamics=SimpleNamespace(angles=(2,))), value=value)
     np.testing.assert_allclose(truth_view.values(grid, np.zeros((3, 2)), 0.0), 0.0, atol=1e-12)
-    np.testing.assert_allclose(truth_view.directions(grid, np.zeros((3, 2)), 0.0), [(0.0, 1.0)] * 3, atol=1e-12)
 
 
 def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_does_not_tell_them_apart(solved):
@@ -69,7 +68,7 @@ def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_do
     assert truth_view.shares_of(grid, bare, 0.0) == {"-": pytest.approx(1.0)}
 
 
-def test_a_recording_with_a_truth_has_floor_field_and_exact_shares(solved, tmp_path):
+def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_path):
     _, grid = solved
     drive, file = Drive(), tmp_path / "a.rrd"
     integral = drive.controller.path_integral
@@ -78,5 +77,5 @@ def test_a_recording_with_a_truth_has_floor_field_and_exact_shares(solved, tmp_p
         for frame in drive.frames(0.02):
             recorder.log(frame, truth=Truth.at(grid, frame.plan.state))
     static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
-    assert {truth_view.VALUE, truth_view.FIELD} <= static
+    assert truth_view.VALUE in static
     assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]

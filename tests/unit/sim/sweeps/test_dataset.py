@@ -6,8 +6,7 @@ import numpy as np
 from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
 from sim.sweeps import dataset as module
-from sim.sweeps.dataset import Dataset
-from sim.sweeps.manifests import wished
+from sim.sweeps.dataset import Dataset, wished
 from sim.sweeps.parts import COLUMNS, key_of, record_of, row_of
 
 

@@ -1,4 +1,4 @@
-"""The table of equations names homes that exist, and tests that exist."""
+"""Documents name files, packages, equations' homes and tests that exist."""
 
 from __future__ import annotations
 
@@ -30,3 +30,24 @@ def test_every_row_has_a_home():
     rows = [row for row in TABLE.splitlines() if row.startswith("| ") and not row.startswith("| what")]
     assert len(rows) > 50
     assert all(re.search(r"`[a-z_.0-9]+:[\w.]+`", row) or "*Twice by need*" in row for row in rows)
+
+
+# -- architecture --------------------------------------------------------------------------------------------------
+
+PAGE = (ROOT / "docs" / "architecture.md").read_text()
+
+
+def test_files_of_the_page_exist():
+    named = re.findall(r"`([\w/]+\.py)`", PAGE)
+    assert len(named) > 20
+    for name in named:
+        assert (ROOT / name if name.startswith(("sim/", "tests/", "scripts/")) else ROOT / "pirrht" / name).exists(), (
+            name
+        )
+
+
+def test_the_picture_has_every_package():
+    picture = PAGE.split("```")[1]
+    for package in (ROOT / "pirrht").iterdir():
+        if (package / "__init__.py").exists():
+            assert f"{package.name}/" in picture, package.name

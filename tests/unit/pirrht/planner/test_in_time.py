@@ -1,4 +1,4 @@
-"""Trees in space and time: which ways they find past bodies that move, and that those are what they say."""
+"""Trees and taut paths in space and time, against closed forms, dynamic programming and FCL."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
+from trees import grown
 
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, Homology, HomologyTree, OptionError, Reference
 from pirrht.moving.collision import MovingObstacles
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
+from pirrht.planner.shorten import resume, shorten
+from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import Legs
 from sim.tree_file import load, save
 
 START = np.array([1.0, 2.5, 0.0])
@@ -26,10 +27,8 @@ WAYS = {  # classes that matter
 }
 
 
-def grown(space: FreeSpace, seed: int, vertices: int = 250, steering: InTime | None = None) -> HomologyTree:
-    tree = HomologyTree(space, steering or InTime(), limit=0.8, rng=np.random.default_rng(seed))
-    tree.grow(vertices)
-    return tree
+def in_time(space: FreeSpace, seed: int, vertices: int = 250) -> HomologyTree:
+    return grown(space, InTime(), vertices, seed=seed)
 
 
 def collides(space: FreeSpace, found: Reference) -> bool:
@@ -44,7 +43,7 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
     """Before and behind; through the gap and around; between, below and above: within a hundredth, at 20 seeds."""
     space, costs = FreeSpace.of(SCENES[name]()), []
     for seed in range(20):
-        found = {one.id: one.cost for one in grown(space, seed, 200).references(START)}
+        found = {one.id: one.cost for one in in_time(space, seed, 200).references(START)}
         costs.append([found[way] for way in WAYS[name]])
     assert np.all(np.ptp(costs, axis=0) < 0.012 * np.min(costs, axis=0))
 
@@ -53,7 +52,7 @@ def test_all_ways_past_are_found_whatever_the_seed_and_cost_the_same(name):
 @pytest.mark.parametrize("shortened", [True, False])
 def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_after(name, shortened):
     space = FreeSpace.of(SCENES[name]())
-    tree = grown(space, 3)
+    tree = in_time(space, 3)
     homology, references = tree.homology, tree.references(START, shortened=shortened)
     for one in references:
         knots = one.path.knots
@@ -76,7 +75,7 @@ def test_references_are_free_forward_in_time_and_of_the_class_they_are_named_aft
 def test_where_nothing_moves_the_best_way_is_the_taut_line_at_the_best_speed():
     block = [disc("post", 3.0, 2.6, 0.4)]
     space = FreeSpace.of(hall("standing", [], block))
-    found = grown(space, 0, 400).references(START)
+    found = in_time(space, 0, 400).references(START)
     assert {one.id for one in found} == {"0", "1"} or {one.id for one in found} == {"0", "-1"}
     a, b, c = np.array([1.0, 2.5]), np.array([3.0, 2.6]), np.array([5.5, 2.5])
     reach = [np.sqrt(np.sum((p - b) ** 2) - 0.25) for p in (a, c)]
@@ -97,15 +96,15 @@ def test_far_bodies_do_not_multiply_the_classes_that_count():
             [np.arange(5) * 0.8, np.array(corners[k % 4]) + rng.normal(0.0, 0.1, (5, 2)), np.zeros(5)]
         )
         far.append(moved(f"far{k}", rows, disc("disc", 0.0, 0.0, 0.1)))
-    alone = grown(FreeSpace.of(crossing), 0, 300).references(START)
-    found = grown(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
+    alone = in_time(FreeSpace.of(crossing), 0, 300).references(START)
+    found = in_time(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
     assert [one.winding for one in found[:2]] == [(w, *[0] * 12) for (w,) in (alone[0].winding, alone[1].winding)]
     assert [one.cost for one in found[:2]] == pytest.approx([one.cost for one in alone], rel=2e-3)
 
 
 def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
     space, kept = FreeSpace.of(SCENES["pincer"]()), BytesIO()
-    tree = grown(space, 2, 120)
+    tree = in_time(space, 2, 120)
     save(tree, kept)
     kept.seek(0)
     again = load(kept, space, InTime())
@@ -119,7 +118,7 @@ def test_a_tree_in_time_comes_back_from_a_file_and_only_among_the_same_bodies():
 @pytest.mark.parametrize("name", SCENES)
 def test_references_do_not_depend_on_the_number_of_threads(name):
     """Neither the first nor those that go on from them a little further on."""
-    tree = grown(FreeSpace.of(SCENES[name]()), 2, 600)
+    tree = in_time(FreeSpace.of(SCENES[name]()), 2, 600)
     found = []
     for threads in (1, 3):
         first = tree.references(START, threads=threads)
@@ -130,7 +129,7 @@ def test_references_do_not_depend_on_the_number_of_threads(name):
 
 
 def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
-    tree = grown(FreeSpace.of(SCENES["pincer"]()), 0, 400)
+    tree = in_time(FreeSpace.of(SCENES["pincer"]()), 0, 400)
     first = {one.winding: one for one in tree.references(START)}
     place = START + np.array([0.1, 0.0, 0.1])
     known = {winding: one.path for winding, one in list(first.items())[:1]}
@@ -141,3 +140,104 @@ def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
     assert fast[old] == slow[old] <= raw[old]
     assert all(fast[winding] == raw[winding] for winding in raw if winding != old)
     assert sum(slow[winding] < raw[winding] for winding in raw if winding != old) == 1
+
+
+# -- taut paths ----------------------------------------------------------------------------------------------------
+
+STEERING = InTime()
+
+
+def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
+    """Knots of the shortened path."""
+    path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
+    return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
+
+
+def cost_of(knots: np.ndarray) -> float:
+    step = np.diff(knots, axis=0)
+    return float(np.sum(step[:, 2] + (step[:, 0] ** 2 + step[:, 1] ** 2) / step[:, 2]))
+
+
+def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_best_speed():
+    knots = np.array([[1.0, 2.5, 0.0], [1.2, 4.0, 2.0], [3.0, 1.0, 5.0], [4.0, 2.0, 5.6], [5.5, 2.5, 9.0]])
+    found = taut(FreeSpace.of(hall("empty", [])), knots)
+    assert cost_of(found) == pytest.approx(2.0 * 4.2, rel=1e-4)
+    assert found[-1] == pytest.approx([5.2, 2.5, 4.2], abs=0.02)
+
+
+def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:
+    """Dynamic programming in space and time past one body that crosses, on one side of it.
+
+    A path is two straight ways at constant speeds with a short stretch beside the body's column in between, whose
+    places and times are all tried: a bound from above that is as fine as the grid.
+    """
+    crosser = space.scene.movers[0].motion
+    start, goal = np.array([1.0, 2.5]), np.array([5.5, 2.5])
+    xs = np.linspace(x0, x0 + width, 25)
+    times = np.linspace(1.4, 3.4, 201)
+    ys = np.linspace(-0.9, 0.9, 361)
+    best = np.full((len(times), len(ys)), np.inf)
+    X, T, Y = xs[0], times[:, None], ys[None, :] + 2.5
+    best = T + ((X - start[0]) ** 2 + (Y - start[1]) ** 2) / T
+    best = np.where(_free(crosser, X, Y, T, side), best, np.inf)
+    for x in xs[1:]:
+        new = np.full_like(best, np.inf)
+        dx = x - X
+        for dk in range(1, 16):
+            dt = dk * (times[1] - times[0])
+            for dy_k in range(-6, 7):
+                dy = dy_k * (ys[1] - ys[0])
+                moved = np.full_like(best, np.inf)
+                rows = slice(dk, None), slice(max(dy_k, 0), len(ys) + min(dy_k, 0))
+                from_ = slice(0, -dk), slice(max(-dy_k, 0), len(ys) + min(-dy_k, 0))
+                moved[rows] = best[from_] + dt + (dx * dx + dy * dy) / dt
+                new = np.minimum(new, moved)
+        X = x
+        best = np.where(_free(crosser, X, Y, T, side), new, np.inf)
+    rest = 2.0 * (np.hypot(goal[0] - X, goal[1] - Y) - 0.3)
+    return float(np.min(best + rest))
+
+
+def _free(crosser, x: float, y: np.ndarray, t: np.ndarray, side: int) -> np.ndarray:
+    """Whether a place is free of the disc, and not on its other side."""
+    pose = crosser.pose(t[:, 0])
+    dy = y - pose[:, 1:2]
+    return (np.hypot(x - pose[:, :1], dy) >= 0.4) & (side * dy >= 0.0)
+
+
+@pytest.mark.parametrize(("side", "winding", "via"), [(1, (0,), (3.25, 3.1, 2.2)), (-1, (1,), (3.25, 2.0, 2.6))])
+def test_before_and_behind_cost_what_dynamic_programming_finds(side, winding, via):
+    space = FreeSpace.of(SCENES["crossing"]())
+    found = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]]))
+    ways: Homology = STEERING.homology(space)
+    assert ways.winding(found) == winding
+    truth = least_cost(space, side, 2.85, 0.8)
+    assert cost_of(found) == pytest.approx(truth, rel=4e-3)
+    assert cost_of(found) > 2.0 * 4.2
+
+
+def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[FreeSpace, Legs, np.ndarray]:
+    """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
+    space = FreeSpace.of(SCENES["crossing"]())
+    knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
+    path = shorten(
+        EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])),
+        STEERING,
+        EdgeChecker.of(space, STEERING),
+    )
+    place = [np.interp(0.4, path.knots[:, 2], path.knots[:, k]) for k in (0, 1)]
+    return space, path, np.array([*np.add(place, aside), 0.4])
+
+
+@pytest.mark.parametrize("via", [(3.25, 3.1, 2.2), (3.25, 2.0, 2.6)])
+@pytest.mark.parametrize("aside", [(0.0, 0.0), (-0.02, 0.03)])
+def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via, aside):
+    space, path, x = later(via, aside)
+    checker = EdgeChecker.of(space, STEERING)
+    found = resume(x, path, STEERING, checker)
+    anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]]))
+    assert np.array_equal(found.knots[0], x)
+    assert checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all()
+    homology = STEERING.homology(space)
+    assert homology.winding(found.knots) == homology.winding(anew)
+    assert found.cost.sum() == pytest.approx(cost_of(anew), rel=2e-3)

@@ -1,4 +1,4 @@
-"""Turns about bodies that move, against finely sampled angles, and the classes that follow from them."""
+"""Turns about moving obstacles, by fine angles and edge by edge, and the classes that follow from them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from discs import block, disc
-from moving import SCENES, moved
+from moving import SCENES, hall, moved
 
+from pirrht import FreeSpace, Homology
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Footprint
-from pirrht.topology.homology import Homology
+from pirrht.geometry.scene import Footprint, Scene
+from pirrht.steering.edges import EdgeChecker
+from pirrht.steering.in_time import InTime
+from pirrht.steering.motion import copied
 from pirrht.topology.tracks import markers_of
 
 FOOT = Footprint(0.1, 0.1)
@@ -95,3 +98,71 @@ def test_solids_of_a_body_that_touch_are_one_obstacle_and_others_are_two():
     assert markers_of(one, FOOT) == pytest.approx(np.array([[0.0, 0.0]]), abs=1e-3)
     assert len(markers_of(two, FOOT)) == 2
     assert homology(one, two).names == ("one", "two", "two")
+
+
+# -- edges in space and time ---------------------------------------------------------------------------------------
+
+STEERING = InTime()
+
+
+def busy(seed: int) -> Scene:
+    """Bodies that go anywhere, also over the goal, one of which starts over and one that jumps when it does."""
+    rng, movers = np.random.default_rng(seed), []
+    for k in range(5):
+        times = np.cumsum(rng.uniform(0.3, 1.2, 6)) - 0.3
+        rows = np.column_stack([times - times[0], rng.uniform(0.2, 4.8, (6, 2)), rng.uniform(-4.0, 4.0, 6)])
+        if k == 3:
+            rows[-1, 1:] = rows[0, 1:]
+        solid = disc("disc", 0.3, 0.1, 0.2) if k == 1 else disc("disc", 0.0, 0.0, 0.2)
+        movers.append(moved(f"body{k}", rows, solid, repeat=k >= 3))
+    movers[0] = replace(movers[0], motion=movers[0].motion.after(0.7))
+    return hall("busy", movers, [block("block", 2.0, 2.2, (0.2, 0.3)), disc("post", 4.0, 3.6, 0.3)])
+
+
+def random_path(rng: np.random.Generator, count: int = 7) -> np.ndarray:
+    """Knots whose times grow; the last one is on the rim of the goal's disc."""
+    knots = np.column_stack([rng.uniform(0.2, 4.8, (count, 2)), np.cumsum(rng.uniform(0.1, 1.0, count))])
+    angle = rng.uniform(0.5 * np.pi, 1.5 * np.pi)
+    knots[-1, :2] = np.array([5.5, 2.5]) + 0.299 * np.array([np.cos(angle), np.sin(angle)])
+    return knots
+
+
+def summed_turns(space: FreeSpace, knots: np.ndarray) -> tuple[int, ...]:
+    """What the edges of a path add, whether they are free or not."""
+    homology, checker = STEERING.homology(space), EdgeChecker.of(space, STEERING)
+    legs = STEERING.connect(knots[:-1], knots[1:])
+    record, total = copied(legs), np.zeros(homology.M, dtype=int)
+    marker, turn = np.empty(homology.M, np.int32), np.empty(homology.M, np.int16)
+    for i in range(len(legs.cost)):
+        count = checker.motion.kernels.pairs(record, i, checker.around, i == len(legs.cost) - 1, marker, turn, 0)
+        np.add.at(total, marker[:count], turn[:count])
+    return tuple(total.tolist())
+
+
+@pytest.mark.parametrize("scene", [*SCENES.values(), *(lambda k=k: busy(k) for k in range(6))])
+def test_turns_of_edges_sum_to_the_winding_of_the_path(scene):
+    space, rng = FreeSpace.of(scene()), np.random.default_rng(5)
+    homology, seen = STEERING.homology(space), set()
+    for _ in range(60):
+        knots = random_path(rng)
+        assert summed_turns(space, knots) == homology.winding(knots)
+        seen.add(homology.winding(knots))
+    assert len(seen) > 2
+
+
+def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it():
+    space = FreeSpace.of(SCENES["oblique"]())
+    homology, start = STEERING.homology(space), np.array([1.0, 2.5, 0.0])
+    assert homology.M == 1 + homology.J == 4
+    base = homology.signature(start, (0, 0, 0, 0))
+    legs = np.array([start, [*homology.goal, homology.arrival(start)]])
+    assert base[1:] == pytest.approx(1.0 + homology.turns(legs)[1:])
+    assert base[:1] == pytest.approx(space.homology.static.signature(start, (0,)))
+    assert homology.signature(start, (1, 0, -2, 0)) == pytest.approx(base + np.array([1, 0, -2, 0]))
+
+
+def test_where_nothing_moves_classes_are_those_of_the_standing_world():
+    space = FreeSpace.of(replace(SCENES["oblique"](), movers=()))
+    homology, knots = STEERING.homology(space), random_path(np.random.default_rng(0))
+    assert homology.winding(knots) == space.homology.winding(knots)
+    assert homology.key((2,)) == space.homology.key((2,))
