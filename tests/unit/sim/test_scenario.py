@@ -20,6 +20,7 @@ from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
+from sim.scenario.risk import predicted
 from sim.scenario.scenario import WIDER, required_limit
 from sim.sweeps.runs import pack, unpack
 
@@ -138,3 +139,36 @@ def test_lengths_never_rise_and_approach_the_exact_ones_and_watching_does_not_ch
     unwatched.grow(600)
     assert np.array_equal(unwatched.states[:600], tree.states[:600])
     assert (convergence["vertices"][-1], convergence["iterations"][-1]) == (600, tree.draws)
+
+
+# -- a risk -------------------------------------------------------------------------------------------------------
+
+
+def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_path):
+    margins = []
+    for risk in (0.05, 0.01, 0.001):
+        scenario = prepare(gap(tmp_path, 0.3), given={"noise": 0.2, "risk": risk})
+        (found,) = predicted(scenario) or ()
+        assert found.most <= risk
+        margins.append(scenario.margin)
+    assert margins == sorted(margins)
+    assert margins[0] < margins[-1] < 0.03
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"given": {"noise": 0.2, "risk": 1e-6}}, "no margin that leaves a way keeps it"),
+        ({"given": {"risk": 0.01}, "robot": "hover"}, "it takes a robot whose position is noisy"),
+        ({"given": {"risk": 0.01}, "margin": 0.01}, "--risk chooses the margin; leave out --margin"),
+        ({"given": {"risk": 0.7}}, "--risk is 0.7"),
+    ],
+)
+def test_a_risk_that_cannot_be_kept_is_refused_with_what_would_work(tmp_path, options, message):
+    with pytest.raises(OptionError, match=re.escape(message)):
+        prepare(gap(tmp_path, 0.24), **options)
+
+
+def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
+    given = {"noise": 0.2, "risk": 1e-6, "risk_infeasible": "best"}
+    assert 0.0 < prepare(gap(tmp_path, 0.24), given=given).margin < 0.02

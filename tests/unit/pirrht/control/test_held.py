@@ -1,0 +1,49 @@
+"""Controls near walls, held for a step."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pirrht.control.held import THROW
+from pirrht.control.plan import Plan
+from sim.scenario import prepare
+
+STEP, NOISE = 0.002, 0.1
+
+
+@pytest.fixture(scope="module")
+def planned():
+    scenario = prepare("slit", margin=0.01, given={"noise": NOISE})
+    controller = scenario.controller(scenario.grown_tree())
+    controller.begin(x := np.array([2.0, 2.5]))
+    return scenario, controller, x
+
+
+def wall_below(scenario, x: float) -> float:
+    """The least y at which plans may be, under the slit's upper lip [m]."""
+    low, high = 2.5, 2.8
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if scenario.space.world.clearance(x, middle) > 0.0 else (low, middle)
+    return low
+
+
+def test_a_held_control_throws_no_farther_off_a_wall_than_some_deviations(planned):
+    scenario, controller, _ = planned
+    top = wall_below(scenario, 3.0)
+    for off in (1e-3, 3e-4, 1e-5):
+        controller.begin(x := np.array([3.0, top - off]))
+        plan: Plan = controller.plan(x)
+        assert plan.fallback is None
+        assert -STEP * plan.at(x, 0.0)[1] <= THROW * NOISE * np.sqrt(STEP) + 1e-9
+
+
+def test_a_plan_that_noise_has_carried_into_the_margin_begins_where_that_ends(planned):
+    scenario, controller, _ = planned
+    controller.begin(x := np.array([3.0, wall_below(scenario, 3.0) + 0.005]))
+    plan = controller.plan(x)
+    assert plan.fallback is None
+    assert 0.005 <= np.hypot(*(plan.state - x)) < 0.015
+    assert scenario.space.world.clearance(*plan.state) > 0.0
+    assert plan.at(x, 0.0)[1] < 0.0
