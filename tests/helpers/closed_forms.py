@@ -22,9 +22,6 @@ SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
 LEFT, RIGHT = (-1,), (1,)
 
 
-# -- scenes with closed forms ------------------------------------------------------------------------------------
-
-
 def strip_scene(L: float) -> Scene:
     """A corridor |x| < L whose ends are out of reach, with a goal that nobody finds."""
     goal = (0.9 * L, 49.9 * L, 1e-3 * L)
@@ -61,9 +58,6 @@ def disc_entry(problem: Problem, b: float, radius: float, r: float) -> tuple[flo
     """v and the speed of u* towards the disc, psi = K0(k r) / K0(k radius)."""
     temperature, k = problem.temperature, wave_number(problem, b)
     return -temperature * np.log(k0(k * r) / k0(k * radius)), temperature / 2.0 * k * k1(k * r) / k0(k * r)
-
-
-# -- estimating --------------------------------------------------------------------------------------------------
 
 
 def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list[Array]]:

@@ -89,9 +89,6 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
         assert memory.followed == names[expected]
 
 
-# -- all of them -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", [*SAMPLING, "mppi"])
 def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, slit_tree: HomologyTree, method: str):
     scenario = slit.with_settings(method=method, samples=40, max_time=0.05, seed=4)
@@ -118,8 +115,6 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
         metrics.frame(TimedPlan(plan=plan, plan_seconds=0.0), frame.advance)
     assert (metrics.class_switches, metrics.class_reversals) == (4, 2)
 
-
-# -- MPPI ----------------------------------------------------------------------------------------------------------
 
 B, RADIUS = 0.3, 0.3
 
@@ -182,9 +177,6 @@ def test_what_mppi_does_not_have_is_refused(slit: Scenario):
         slit.with_settings(horizon=0.0)
 
 
-# -- against closed forms ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
     problem, space = annulus(0.3)
@@ -229,9 +221,6 @@ def test_with_the_exact_cost_to_go_value_and_control_are_exact():
     cold, after = np.median(sizes, axis=0)
     assert after > 4.0 * cold  # a warm start is the better proposal
     assert within(controls, [-speed, 0.0])
-
-
-# -- local optima --------------------------------------------------------------------------------------------------
 
 
 @cache

@@ -58,9 +58,6 @@ def assert_equal_plans(one, other):
     np.testing.assert_array_equal(one.tape, other.tape)
 
 
-# -- what does not change ----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("robot", ["puck", "car"])
 def test_an_update_with_an_equal_scene_changes_nothing(robot: str):
     one, other = (controller(room(*WALLS), robot) for _ in range(2))
@@ -85,9 +82,6 @@ def test_a_refused_update_says_why_in_one_line_and_changes_nothing(scene: Scene,
         one.update(scene)
     assert "\n" not in str(caught.value)
     assert_equal_plans(one.plan(start(one)), other.plan(start(other)))
-
-
-# -- names -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -134,9 +128,6 @@ def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
     assert after == pytest.approx(before, rel=1e-3)
 
 
-# -- what goes on ------------------------------------------------------------------------------------------------
-
-
 def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     c = controller(room(*WALLS), "car", vertices=600)
     x = start(c)
@@ -148,9 +139,6 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     assert c.run.memory.sampled
     c.update(room(*WALLS, CRATE))
     assert (0, 0) not in {whole[:2] for whole in c.run.memory.optima}
-
-
-# -- safety ------------------------------------------------------------------------------------------------------
 
 
 def touched(scene: Scene, path: Array) -> bool:

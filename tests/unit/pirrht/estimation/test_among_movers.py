@@ -123,9 +123,6 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
         assert among.ess > 0.5 * alone.ess, x
 
 
-# -- against grids -------------------------------------------------------------------------------------------------
-
-
 @cache
 def known(name: str, b: float) -> Desirability:
     scene = SCENES[name]()

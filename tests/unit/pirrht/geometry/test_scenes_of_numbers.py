@@ -131,9 +131,6 @@ def test_what_cannot_be_a_scene_is_refused_in_one_line(made, words: str):
     assert "\n" not in str(caught.value)
 
 
-# -- cells ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("picture", "count"),
     [
@@ -158,8 +155,6 @@ def test_any_set_of_cells_survives_as_rectangles(cells):
     assert len(pieces) <= runs  # no more than rows cut at every gap
     assert np.all(pieces[:, ::2] < pieces[:, 1::2])
 
-
-# -- motions -------------------------------------------------------------------------------------------------------
 
 ROWS = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [3.0, 1.0, 2.0, 1.0]])
 

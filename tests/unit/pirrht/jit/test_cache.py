@@ -215,8 +215,6 @@ def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(users: User
     assert "NUMBA_CACHE_DIR" in told[0]
 
 
-# -- kernels of somebody else --------------------------------------------------------------------------------------
-
 KEY = "kernels.four-0123"
 NOBODY = 65534
 ROOT = pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")

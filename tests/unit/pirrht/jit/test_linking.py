@@ -132,8 +132,6 @@ def test_without_the_private_interface_kernels_are_compiled_with_the_public_one(
     assert "compiled anew by every command" in done.stderr
 
 
-# -- by address ----------------------------------------------------------------------------------------------------
-
 HALVES = """
 import numpy as np
 from numba.core import event
@@ -193,8 +191,6 @@ def test_machine_code_from_disk_is_called_by_address(tmp_path):
     assert (first.stdout.split()[0], second.stdout.split()) == ("[1.5]", ["[1.5]", "0"])
     assert int(first.stdout.split()[1]) > 0
 
-
-# -- plain Python, and parts ---------------------------------------------------------------------------------------
 
 STRIP = """
 import numpy as np

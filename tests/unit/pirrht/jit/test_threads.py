@@ -58,9 +58,6 @@ def test_no_thread_still_works_when_interruptions_have_ended_the_call():
     assert len(over) == 1
 
 
-# -- signals while LLVM works --------------------------------------------------------------------------------------
-
-
 @pytest.fixture
 def heard() -> Iterator[list[str]]:
     """Signals of Ctrl-C: what became of each."""
