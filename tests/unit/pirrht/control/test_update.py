@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from thoroughly import thorough
-from trees import grown
+from trees import grown, point
 
-from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, SingleIntegrator, StraightLine, Unicycle
+from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, Unicycle
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.collision import Collision
@@ -24,16 +24,12 @@ def room(*boxes, **task) -> Scene:
     return Scene.from_boxes(boxes, **TASK | task)
 
 
-def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300, method: str = "pi-rrht") -> Controller:
+def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300) -> Controller:
     if robot == "puck":
-        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
-        steering, sampling = StraightLine.of(problem), Sampling(samples=100, first=PERIOD[robot])
-    else:
-        problem = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0)
-        steering, sampling = Dubins.of(problem), Sampling(samples=100)
-    space = FreeSpace.of(scene)
-    tree = grown(space, steering, vertices)
-    return Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(1))
+        return point(scene, 0.1, vertices, samples=100, first=PERIOD[robot])
+    problem, space = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
+    tree = grown(space, Dubins.of(problem), vertices)
+    return Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
 
 
 def start(c: Controller) -> Array:
