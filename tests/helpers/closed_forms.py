@@ -14,14 +14,8 @@ from batches import batch_of
 from discs import scene_of
 from scipy.special import k0, k1
 
+from pirrht import Estimate, FreeSpace, PathIntegral, Problem, Scene, SingleIntegrator, StraightLine
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
-from pirrht.problem import Problem
-from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.single_integrator import SingleIntegrator
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]

@@ -15,14 +15,8 @@ import numpy as np
 import pytest
 from rerun.chunk import RrdReader
 
-from pirrht.control.controller import Controller
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
+from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator, StraightLine
 from pirrht.steering.in_time import InTime
-from pirrht.steering.straight_line import StraightLine
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.drive.episode import Frame, run
 from sim.drive.executor import Executor
 from sim.mjcf import load

@@ -6,9 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.steering import Steering
+from pirrht import FreeSpace, HomologyTree, Steering
 
 
 def grown(

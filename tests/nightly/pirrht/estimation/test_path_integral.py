@@ -25,17 +25,9 @@ from scipy.integrate import solve_bvp
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 from thoroughly import first
 
+from pirrht import Dubins, Dynamics, Estimate, FreeSpace, Outcome, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.rollouts.cpu import kernels_for
-from pirrht.steering.dubins import Dubins
-from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.unicycle import Unicycle
 
 # -- closed forms ------------------------------------------------------------------------------------------------
 

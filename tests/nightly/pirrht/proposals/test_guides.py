@@ -13,15 +13,9 @@ from thoroughly import thorough
 from trees import grown
 from wind import Balloon
 
+from pirrht import Dynamics, FreeSpace, HomologyTree, OptionError, PathIntegral, Problem, Reference, Sampling
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
@@ -31,7 +25,6 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.rover import Rover, towards_goal
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
 from pirrht.systems.single_integrator import SingleIntegrator

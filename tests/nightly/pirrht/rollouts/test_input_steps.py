@@ -12,13 +12,9 @@ from guides import best
 from thoroughly import thorough
 from unit.pirrht.rollouts.test_car_steps import STEP, case
 
+from pirrht import FreeSpace, PathIntegral, Problem, Sampling, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, Tape

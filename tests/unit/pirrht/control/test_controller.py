@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pirrht import Controller, HomologyTree, NoReference, OptionError, StraightLine
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.control.settings import TUNING, TimeBudget
-from pirrht.errors import NoReference, OptionError
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.straight_line import StraightLine
 from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall

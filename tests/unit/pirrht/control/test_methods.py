@@ -14,22 +14,15 @@ from moving import hall, moved
 from scipy.special import k0
 from trees import grown
 
+from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling, SingleIntegrator
 from pirrht.control.baselines import Mppi, alone, class_values, follow_best, shifted, straight_home
-from pirrht.control.controller import Controller
 from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import SAMPLING
-from pirrht.errors import OptionError
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.rover import Rover
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.drive import episode
 from sim.drive.metrics import EpisodeMetrics, TimedPlan
 from sim.scenario import Scenario

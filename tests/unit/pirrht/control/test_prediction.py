@@ -7,14 +7,9 @@ import pytest
 from discs import disc
 from moving import SCENES, hall, moved
 
-from pirrht.control.controller import Controller
+from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator
 from pirrht.control.prediction import ConstantVelocity, straight_on
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.steering.in_time import InTime
-from pirrht.systems.single_integrator import SingleIntegrator
 
 START = np.array([1.0, 2.5])
 

@@ -6,16 +6,7 @@ import numpy as np
 import pytest
 from trees import grown
 
-from pirrht import (
-    Controller,
-    FreeSpace,
-    OptionError,
-    Problem,
-    Sampling,
-    Scene,
-    SingleIntegrator,
-    StraightLine,
-)
+from pirrht import Controller, FreeSpace, OptionError, Problem, Sampling, Scene, SingleIntegrator, StraightLine
 from pirrht.proposals.proposal import ProposalControl, Wrapped
 from pirrht.rollouts.tables import LawRows, ProposalTables
 from sim.scenario import prepare

@@ -9,20 +9,9 @@ import pytest
 from thoroughly import thorough
 from trees import grown
 
-from pirrht import (
-    Controller,
-    Dubins,
-    FreeSpace,
-    OptionError,
-    Problem,
-    Sampling,
-    Scene,
-    SceneError,
-    SingleIntegrator,
-    StraightLine,
-    Unicycle,
-)
+from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, SingleIntegrator, StraightLine, Unicycle
 from pirrht.arrays import Array
+from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.collision import Collision
 
 WALLS = [[2.0, 0.75, 2.4, 2.1], [2.0, 2.9, 2.4, 4.25]]

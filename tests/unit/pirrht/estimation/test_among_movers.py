@@ -13,20 +13,12 @@ from moving import SCENES, hall, moved
 from thoroughly import thorough
 from trees import grown
 
+from pirrht import Controller, Desirability, FreeSpace, Outcome, PathIntegral, Problem, Sampling, Scene, StraightLine
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import InTime
-from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.single_integrator import SingleIntegrator
 
 

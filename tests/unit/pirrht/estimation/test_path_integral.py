@@ -11,16 +11,10 @@ from closed_forms import RIGHT, at_strip, strip, strip_space
 from discs import scene_of
 from euler import Euler
 
-from pirrht import FreeSpace
+from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, Unicycle, path_integral
 from pirrht.errors import NoSurvivingSample, NotLinearlySolvable, OptionError
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate, Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario
 
 # -- invariances -------------------------------------------------------------------------------------------------

@@ -10,15 +10,11 @@ from batches import batch_of
 from closed_forms import at_strip, straight, strip, strip_space
 from scipy.stats import genpareto
 
+from pirrht import Controller, FreeSpace, HomologyTree, Problem, path_integral
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Allocation, Estimate
 from pirrht.estimation.sampling import TUNING, Sampling
 from pirrht.estimation.weights import deviation, heavy, tail_shape
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Proposal, Tape
 from sim.scenario import Scenario
 

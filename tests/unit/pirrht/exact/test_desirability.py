@@ -14,9 +14,8 @@ from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from discs import disc, scene_of
 from thoroughly import first
 
-from pirrht import FreeSpace, Obstacle, Problem, Sampling, Scene, SingleIntegrator, Unicycle, path_integral
-from pirrht.errors import PirrhtError
-from pirrht.exact.desirability import Desirability
+from pirrht import Desirability, FreeSpace, Obstacle, PirrhtError, Problem, Sampling, Scene, Unicycle, path_integral
+from pirrht.systems.single_integrator import SingleIntegrator
 
 START = np.array([1.0, 2.5])
 

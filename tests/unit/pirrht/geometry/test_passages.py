@@ -10,13 +10,11 @@ import pytest
 from discs import block, disc, scattered, scene_of
 from trees import grown
 
-from pirrht import Goal, SceneError, StraightLine
+from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.geometry.scene import Scene
 
 RADIUS = 0.1
 

@@ -12,21 +12,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from trees import grown
 
-from pirrht import (
-    Controller,
-    FreeSpace,
-    Problem,
-    Sampling,
-    Scene,
-    SceneError,
-    SingleIntegrator,
-    StraightLine,
-)
+from pirrht import Controller, FreeSpace, Kind, Obstacle, Problem, Sampling, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.rectangles import cover, union
-from pirrht.geometry.scene import Kind, Obstacle
+from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 
 ROOM = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.4, 0.25), "robot_radius": 0.15}

@@ -11,14 +11,9 @@ from discs import block, disc, scattered, scene_of
 from numpy.typing import NDArray
 from trees import grown
 
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
+from pirrht import Dubins, FreeSpace, HomologyTree, Scene, Steering, StraightLine
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.graph import ROOT, Graph, class_at
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.dubins import Dubins
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.crossings import Turns
 from sim.cli import main
 from sim.drive import episode

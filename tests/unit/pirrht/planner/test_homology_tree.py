@@ -7,14 +7,9 @@ import pytest
 from discs import scene_of
 from trees import grown
 
+from pirrht import FreeSpace, HomologyTree, OptionError, Reference, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
 from pirrht.planner.graph import class_at
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 

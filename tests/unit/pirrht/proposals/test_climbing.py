@@ -15,17 +15,11 @@ from scipy.integrate import quad
 from scipy.stats import norm
 from solved import Solved, around_corner, around_post, in_channel, slope
 
+from pirrht import Desirability, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
-from pirrht.systems.single_integrator import SingleIntegrator
 
 Made = Callable[..., Solved]
 
