@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim import text
 from sim.cli import main
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
-from sim.text import say
 
 Run = Callable[..., tuple[int, Any]]
 
@@ -197,16 +195,3 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))
     assert main(["scenes"]) == 2
     assert capsys.readouterr().err == "pirrht: mujoco is missing; install it with `pip install 'pirrht[sim]'`\n"
-
-
-# -- narrow terminals --------------------------------------------------------------------------------------------
-
-
-def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
-    line = "class -1,0, 1 class switches, 0 fallbacks, least clearance 0.115 m"
-    say(line)
-    monkeypatch.setattr(text, "width", lambda: 40)
-    say(line)
-    whole, *parts = capsys.readouterr().out.splitlines()
-    assert whole == line == " ".join(part.strip() for part in parts)
-    assert max(map(len, parts)) <= 40
