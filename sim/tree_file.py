@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pirrht
-from pirrht.arrays import Array
 from pirrht.errors import OptionError, one_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
