@@ -105,8 +105,6 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
         assert trusted or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest
 
 
-# -- where obstacles move ----------------------------------------------------------------------------------------
-
 B = 0.2
 
 

@@ -97,8 +97,6 @@ def test_what_cannot_grow_is_refused(capsys):
     assert "--method passive has no tree" in message
 
 
-# -- passages first ------------------------------------------------------------------------------------------------
-
 FEW = 300  # vertices
 
 
@@ -147,8 +145,6 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
         assert len(offered) == len(set(offered))
     assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))
 
-
-# -- a search of the finished graph --------------------------------------------------------------------------------
 
 Class = tuple[int, ...]
 

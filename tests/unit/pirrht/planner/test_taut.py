@@ -64,9 +64,6 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
 
 
-# -- a steering method of the user's -------------------------------------------------------------------------------
-
-
 class Foreign(Steering):
     """What a user writes: the methods that must be there, in NumPy, and none that are compiled."""
 
