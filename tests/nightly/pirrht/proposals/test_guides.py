@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import led
 from discs import disc, scene_of
 from guides import assert_alike, best, psi_around, valid
 from thoroughly import thorough
@@ -19,7 +20,7 @@ from pirrht.estimation.assembly import path_integral
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
-from pirrht.proposals.proposal import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Tape
 from pirrht.rollouts.cpu import kind_of
 from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.motion import Trajectory, running_cost
@@ -269,8 +270,7 @@ def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
     lead = LinearFeedback(straight_guide(integral, times)[1])
 
     def at(x: Array) -> object:
-        batch = Batch(state=x, times=times, proposals=(Proposal(lead=lead, count=20_000),))
-        return integral.estimate(integral.rollout(batch, 4))
+        return integral.estimate(led(integral, x, times, lead, count=20_000, seed=4))
 
     slope = [(at(AT + h).value - at(AT - h).value) / 0.04 for h in 0.02 * np.eye(2)]
     middle = at(AT)
