@@ -155,8 +155,6 @@ def test_differences_of_headings_are_at_most_half_a_turn() -> None:
     np.testing.assert_array_equal(SingleIntegrator().difference(x[:, :2], y[:, :2]), (x - y)[:, :2])
 
 
-# -- noise that enters through inputs ------------------------------------------------------------------------------
-
 X = np.array([0.3, -0.2, 0.7])
 
 

@@ -81,8 +81,6 @@ def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule)
         assert other.value == found[0].value
 
 
-# -- other scenes --------------------------------------------------------------------------------------------------
-
 FINE = {"steps": "uniform", "dt": 0.1 / 64}
 
 

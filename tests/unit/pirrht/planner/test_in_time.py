@@ -142,8 +142,6 @@ def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
     assert sum(slow[winding] < raw[winding] for winding in raw if winding != old) == 1
 
 
-# -- taut paths ----------------------------------------------------------------------------------------------------
-
 STEERING = InTime()
 
 

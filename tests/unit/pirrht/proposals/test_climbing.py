@@ -65,9 +65,6 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
     assert np.quantile(across, 0.9) < 0.1 * mode
 
 
-# -- against the grid --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("make", [around_corner, around_post])
 @pytest.mark.parametrize(("b", "middling", "most"), [(0.15, 0.01, 0.04), (0.2, 0.02, 0.07), (0.3, 0.05, 0.15)])
 def test_beside_a_reference_the_control_of_a_way_is_that_of_the_grid(make: Made, b, middling, most):
@@ -89,8 +86,6 @@ def test_what_a_way_promises_is_log_psi_of_the_grid(make: Made, b):
     known = make(b)
     assert way(known)[1].promise == pytest.approx(known.truth.log_psi(known.x), abs=0.45 if b > 0.3 else 0.2)
 
-
-# -- next to walls -------------------------------------------------------------------------------------------------
 
 B = 0.2
 SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]

@@ -100,8 +100,6 @@ def test_solids_of_a_body_that_touch_are_one_obstacle_and_others_are_two():
     assert homology(one, two).names == ("one", "two", "two")
 
 
-# -- edges in space and time ---------------------------------------------------------------------------------------
-
 STEERING = InTime()
 
 
