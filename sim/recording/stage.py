@@ -125,7 +125,7 @@ def stage(subject: Subject, log: Log) -> None:
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)
     log("/world/robot", rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii))
     dot = {"radii": rr.Radius.ui_points(MARK_SIZE), "colors": [DRIVEN]}
-    log(MARK, rr.Points3D([(0.0, 0.0, 0.0)], **dot))
+    log(MARK, rr.Points3D([(0.0, 0.0, 1.0)], **dot))  # above the robot, whatever its height
     # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
     wide, high = 2.0 * MARGIN * half
     size = 100.0 * np.array([wide, max(high, wide / NARROW)])
