@@ -34,7 +34,7 @@ MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one me
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
-_INSIDE = ("node", "skin", "instance_node", "instance_geometry", "instance_controller")  # of a COLLADA scene
+_INSIDE = ("node", "instance_node", "instance_geometry")  # of a COLLADA scene
 
 
 def read_mesh(source: Path) -> World:
@@ -201,9 +201,7 @@ def read_collada(path: Path, name: str = "") -> Array:
     """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
     try:
         root = parse(path, "a COLLADA file")
-        for count, element in enumerate(root.iter()):
-            if count > MOST_ELEMENTS:
-                raise ValueError(f"more than {MOST_ELEMENTS} elements")
+        for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
         return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
@@ -215,21 +213,19 @@ def read_collada(path: Path, name: str = "") -> Array:
 def _placed(root: ET.Element, name: str) -> Iterator[Array]:
     """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
     ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    shapes: dict[ET.Element, Array] = {}
-    points = cache(_points)
+    points = cache(lambda block: _numbers(block.findtext("float_array")).reshape(-1, 3))
+    shape = cache(lambda geometry: np.concatenate([np.empty((0, 3, 3)), *_polygons(geometry, ids, points)]))
     elements = triangles = 0
     scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
     todo = [(element, np.eye(4), not name) for element in scene]
     while todo:
         element, pose, wanted = todo.pop()
-        if element.tag == "skin" or element.tag.startswith("instance_"):
-            element = ids[element.get("url", element.get("source", ""))]
+        element = ids[element.get("url")] if element.tag.startswith("instance_") else element
         wanted = wanted or name in (element.get("name"), element.get("id"))
         if element.tag == "geometry" and wanted:
-            if element not in shapes:
-                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids, points)])
-            yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
-        elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
+            triangles += len(shape(element))
+            yield shape(element) @ pose[:3, :3].T + pose[:3, 3]
+        elements += 1 + len(element)
         if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
             raise ValueError(f"its instances have more than {MOST_ELEMENTS} elements or {MOST_TRIANGLES} triangles")
         for part in element:
@@ -237,29 +233,20 @@ def _placed(root: ET.Element, name: str) -> Iterator[Array]:
         todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
 
 
-def _points(block: ET.Element) -> Array:
-    width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
-    return _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
-
-
 def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.Element], Array]) -> Iterator[Array]:
     """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
     for part in geometry.iterfind("mesh/*"):
-        inputs = {one.get("semantic"): one for one in part.findall("input")}
-        if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
-            block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
+        if part.tag in ("triangles", "polylist"):
+            vertex = part.find("input[@semantic='VERTEX']").attrib  # type: ignore[union-attr]
+            block = ids[ids[vertex["source"]].find("input[@semantic='POSITION']").get("source")]
             stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
-            for indices in part.iter("p"):
-                corners = points(block)[
-                    _numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]
-                ]
-                counts = np.array([len(corners)])
-                if part.tag in ("triangles", "polylist"):
-                    counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
-                place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
-                inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
-                before = inner - 1 if part.tag == "tristrips" else first[inner]
-                yield corners[np.stack([before, inner, inner + 1], axis=1)]
+            corners = points(block)[_numbers(part.findtext("p"), np.uint64)[int(vertex.get("offset", 0)) :: stride]]
+            counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+            place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+            inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
+            yield corners[np.stack([first[inner], inner, inner + 1], axis=1)]
+        elif part.tag not in ("source", "vertices", "extra", "lines", "linestrips"):
+            raise ValueError(f"<{part.tag}> is not read; write <triangles> or <polylist>")
 
 
 def _matrix(part: ET.Element) -> Array:
@@ -274,6 +261,8 @@ def _matrix(part: ET.Element) -> Array:
     elif part.tag == "rotate":
         *axis, angle = _numbers(part.text)
         matrix[:3, :3] = Rotation.from_rotvec(np.array(axis) * angle / np.linalg.norm(axis), True).as_matrix()
+    elif part.tag == "instance_controller":
+        raise ValueError("<instance_controller> is not read")
     return matrix
 
 
