@@ -13,16 +13,10 @@ from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 
 
 def batch_of(
-    integral: PathIntegral,
-    x: Array,
-    times: Array,
-    tapes: Array,
-    *,
-    counts: Sequence[int] | None = None,
-    corners: Sequence[Array] | None = None,
-    guides: Sequence[DDPGuide | None] | None = None,
+    integral: PathIntegral, x: Array, times: Array, tapes: Array, *, counts: Sequence[int] | None = None,
+    corners: Sequence[Array] | None = None, guides: Sequence[DDPGuide | None] | None = None,
     classes: Mapping[int, str] | None = None,
-) -> Batch:
+) -> Batch:  # fmt: skip
     """Samples from x (n,) around guides if there are any, else on ways over corners (k, 2), else along tapes (T, m)."""
 
     def lead(h: int) -> ProposalControl:

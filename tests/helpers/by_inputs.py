@@ -9,10 +9,9 @@ import numpy as np
 from discs import disc, scene_of
 from scooter import Scooter
 
+from pirrht import Problem, Scene
 from pirrht.arrays import Array
-from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import jitable
-from pirrht.problem import Problem
 from pirrht.systems.double_integrator import coasting, into_goal
 from pirrht.systems.dynamics import Dynamics, no_drift
 

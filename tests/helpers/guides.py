@@ -7,12 +7,11 @@ from itertools import combinations
 
 import numpy as np
 
+from pirrht import PathIntegral, Trajectory
 from pirrht.arrays import Array
-from pirrht.estimation.sampler import PathIntegral
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
-from pirrht.steering.motion import Trajectory
 
 Found = tuple[float, float, float]  # log psi, its standard error and the share of effective samples
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pirrht import Dynamics, Problem
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
-from pirrht.problem import Problem
-from pirrht.systems.dynamics import Dynamics
 from sim.drive.executor import Advance, Executor, Plant
 from sim.mjcf import Loaded, load
 

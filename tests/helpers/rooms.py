@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 from discs import block, scene_of
 
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Obstacle
+from pirrht import FreeSpace, Obstacle
 
 Extent = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
 

@@ -8,16 +8,10 @@ from functools import cache
 import numpy as np
 from discs import block, disc, scene_of
 
+from pirrht import Desirability, Estimate, FreeSpace, PathIntegral, Problem, Scene, SingleIntegrator
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
-from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.systems.single_integrator import SingleIntegrator
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,8 @@ from discs import scene_of
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
+from pirrht import FreeSpace, Kind, Obstacle
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Kind, Obstacle
 
 RADIUS = 0.12
 

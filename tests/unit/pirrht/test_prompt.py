@@ -89,8 +89,6 @@ def test_outlines_are_convex_hulls_seen_from_above(kind):
     assert ConvexHull(corners).volume == pytest.approx(ConvexHull(points).volume, rel=1e-9)
 
 
-# -- help ----------------------------------------------------------------------------------------------------------
-
 EXAMPLES = [pirrht, pirrht.Problem, pirrht.Goal, pirrht.Scene, pirrht.Sampling, pirrht.HomologyTree, pirrht.Controller]
 TOLD = [pirrht.Problem, pirrht.Scene, pirrht.Goal, pirrht.Obstacle, pirrht.Sampling, pirrht.Estimate, pirrht.Plan]
 UNIT = re.compile(r"\[[^]]+\]")

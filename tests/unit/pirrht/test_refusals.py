@@ -9,25 +9,14 @@ import pytest
 from by_inputs import Driven, PushedMass, around_a_disc, driven
 from discs import scene_of
 
-from pirrht import (
-    Controller,
-    Desirability,
-    Dubins,
-    Dynamics,
-    FreeSpace,
-    HomologyTree,
-    NotLinearlySolvable,
-    OptionError,
-    Problem,
-    Sampling,
-    SingleIntegrator,
-    StraightLine,
-    Unicycle,
-)
+from pirrht import Controller, Desirability, Dubins, Dynamics, FreeSpace, HomologyTree, Problem, Sampling, Unicycle
 from pirrht.arrays import Array
 from pirrht.control.baselines import straight_home
+from pirrht.errors import NotLinearlySolvable, OptionError
+from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.dynamics import no_drift
+from pirrht.systems.single_integrator import SingleIntegrator
 
 SCENE = scene_of(start=(1.0, 2.0, 0.3), goal=(3.0, 0.0, 0.2), lower=(0.0, -1.0), side=(4.0, 3.0))
 
@@ -165,8 +154,6 @@ def test_differences_of_headings_are_at_most_half_a_turn() -> None:
     np.testing.assert_array_equal(Unicycle().difference(x[7], y[7]), off[7])
     np.testing.assert_array_equal(SingleIntegrator().difference(x[:, :2], y[:, :2]), (x - y)[:, :2])
 
-
-# -- noise that enters through inputs ------------------------------------------------------------------------------
 
 X = np.array([0.3, -0.2, 0.7])
 

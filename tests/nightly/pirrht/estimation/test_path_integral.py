@@ -25,19 +25,9 @@ from scipy.integrate import solve_bvp
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 from thoroughly import first
 
+from pirrht import Dubins, Dynamics, Estimate, FreeSpace, Outcome, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from pirrht.rollouts.cpu import kernels_for
-from pirrht.steering.dubins import Dubins
-from pirrht.systems.dynamics import Dynamics
-from pirrht.systems.unicycle import Unicycle
-
-# -- closed forms ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -82,9 +72,6 @@ def test_desirability_around_a_disc_is_a_ratio_of_bessel_functions(b, guide):
     assert within([e.control for e in found], -speed * away)
     if guide == "open-loop":
         assert within(values, value)
-
-
-# -- rates and blocks that depend on the state -------------------------------------------------------------------
 
 
 def curved_rate(x, p):
@@ -183,9 +170,6 @@ def test_kernels_over_a_users_functions_are_built_once():
     assert kernels[0] is kernels[1]
 
 
-# -- against grids -----------------------------------------------------------------------------------------------
-
-
 def estimates(known: Solved, counts: tuple[int, ...], seeds: int = SEEDS, **settings: object) -> list[Estimate]:
     integral = path_integral(known.problem, known.space, Sampling(**settings))
     batch = known.batch(integral, *counts)
@@ -235,9 +219,6 @@ def test_weighing_survival_has_the_mean_of_killing_and_scatters_less():
     assert is_the_grids(killing)
     assert is_the_grids(weighing)
     assert weighing.std() < 0.95 * killing.std()
-
-
-# -- collisions that cost much -----------------------------------------------------------------------------------
 
 
 def test_weights_stay_finite_where_collisions_cost_a_million_lambda():

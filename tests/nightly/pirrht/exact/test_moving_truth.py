@@ -11,9 +11,7 @@ from discs import block, disc, scene_of
 from moving import SCENES, START, moved
 from thoroughly import first, thorough
 
-from pirrht import FreeSpace, Problem, Scene, SingleIntegrator, Unicycle
-from pirrht.errors import OptionError
-from pirrht.exact.desirability import Desirability
+from pirrht import Desirability, FreeSpace, OptionError, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.geometry.obstacle import Mover
 
 V = {  # of an independent march, to 0.002: at b = 0.1, 0.2, 0.3

@@ -11,15 +11,11 @@ import pytest
 from discs import block, disc, scene_of
 from solved import around_post
 
+from pirrht import FreeSpace, Obstacle, Sampling, Scene, SceneError, path_integral
 from pirrht.arrays import Array
-from pirrht.errors import SceneError
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import FREE, certify_segment
 from pirrht.geometry.field import LEVEL_BITS, LEVELS, REACH, Field, clearance
 from pirrht.geometry.passages import find_passages
-from pirrht.geometry.scene import Obstacle, Scene
 
 ROBOT = 0.2
 ROUNDING = 1e-6  # the field is kept in single precision [m]

@@ -13,15 +13,9 @@ from thoroughly import thorough
 from trees import grown
 from wind import Balloon
 
+from pirrht import Dynamics, FreeSpace, HomologyTree, OptionError, PathIntegral, Problem, Reference, Sampling
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.backward_pass import backward_pass
 from pirrht.proposals.forward_pass import forward_pass
 from pirrht.proposals.guide import DDPGuide, LinearFeedback, empty_course
@@ -31,7 +25,6 @@ from pirrht.steering.double_integrator import MassSteering
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.rover import Rover, towards_goal
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
 from pirrht.systems.single_integrator import SingleIntegrator
@@ -114,9 +107,6 @@ def test_derivatives_of_a_step_are_those_of_complex_steps():
     np.testing.assert_allclose(S, exact, atol=1e-4)
 
 
-# -- next to a wall -----------------------------------------------------------------------------------------------
-
-
 @cache
 def beside_a_pillar() -> PathIntegral:
     """A mass before a pillar of radius 0.3 that stands in its way to the goal."""
@@ -148,9 +138,6 @@ def test_a_backward_pass_knows_what_a_small_step_gains():
     assert before - after == pytest.approx(2.0 * share * expected, rel=0.05)
 
 
-# -- a car between obstacles -------------------------------------------------------------------------------------
-
-
 # Where, from these curves, descent at the actual noise level creeps along walls for hundreds of rounds.
 @pytest.mark.parametrize("state", [(3.678, 1.202, 3.111), (9.944, -1.841, -1.994), (4.758, -4.111, 3.028)])
 def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(state):
@@ -174,11 +161,6 @@ def test_a_cold_guide_and_one_continued_from_it_at_the_same_state_agree_in_cost(
             assert last.valid
         assert abs(last.penalised - cold.penalised) < 3.0 * scenario.problem.temperature
     assert made > 0
-
-
-# -- psi -----------------------------------------------------------------------------------------------------------
-
-# -- a mass, and a car whose tree knows positions alone ----------------------------------------------------------
 
 
 @cache
@@ -242,9 +224,6 @@ def test_a_pace_that_the_cost_does_not_tell_must_be_declared():
         Tracked.of(mass, -1.0)
 
 
-# -- a rover -----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("x", [(0.0, 0.0, 3.0), (1.5, 0.9, 0.5), (2.2, 0.2, -2.0)])
 def test_homing_brings_a_rover_into_the_goal_from_anywhere(x):
     """Noise 0.1, q / lambda = 50: the disc around (2, 1) of radius 0.3 within 6 s, at no more than 1 m/s.
@@ -262,8 +241,6 @@ def test_homing_brings_a_rover_into_the_goal_from_anywhere(x):
             return
     pytest.fail(f"still at {state}")
 
-
-# -- a point in the wind -----------------------------------------------------------------------------------------
 
 AT = np.array([0.5, 1.0])
 

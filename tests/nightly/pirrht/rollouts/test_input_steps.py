@@ -12,13 +12,9 @@ from guides import best
 from thoroughly import thorough
 from unit.pirrht.rollouts.test_car_steps import STEP, case
 
+from pirrht import FreeSpace, PathIntegral, Problem, Sampling, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -103,11 +99,6 @@ def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
     assert again.value == pytest.approx(told.value, rel=1e-6)
 
 
-# -- fitted steps --------------------------------------------------------------------------------------------------
-
-# -- a car -------------------------------------------------------------------------------------------------------
-
-
 def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -> tuple[float, float]:
     """v and its standard error."""
     problem, space, tree = case(0.03)
@@ -130,9 +121,6 @@ def test_fitted_steps_of_a_car_say_what_steps_a_tenth_as_long_do_and_uniform_one
     assert np.hypot(error, other) < 0.0001
     assert abs(fitted - fine) < allowed
     assert value(x, STEP, "uniform")[0] - fine > 2.0 * allowed
-
-
-# -- a mass ------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

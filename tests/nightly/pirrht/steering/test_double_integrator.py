@@ -9,13 +9,10 @@ import pytest
 from discs import scattered
 from trees import grown
 
+from pirrht import FreeSpace, OptionError, Problem, SingleIntegrator
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.steering.double_integrator import Cubics, MassSteering, optimum
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.single_integrator import SingleIntegrator
 
 MASS = MassSteering(q=1.0, r=2.0, top=2.0)
 

@@ -121,8 +121,7 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
 
 
 @pytest.mark.parametrize(
-    ("typed", "reason"),
-    [("--video a.avi", ".mp4"), ("--png a.jpg", ".png"), ("--video no/a.mp4", "does not exist")],
+    ("typed", "reason"), [("--video a.avi", ".mp4"), ("--png a.jpg", ".png"), ("--video no/a.mp4", "does not exist")]
 )
 def test_a_file_that_cannot_be_made_is_refused_before_the_drive(tmp_path, monkeypatch, capsys, typed, reason):
     pytest.importorskip("av")

@@ -7,17 +7,12 @@ import pytest
 from discs import disc, scene_of
 from moving import moved
 
+from pirrht import Dynamics, FreeSpace, Problem, Scene, SingleIntegrator, Unicycle
 from pirrht.control.blocked import Brake, BrakeSettings
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Scene
-from pirrht.problem import Problem
 from pirrht.systems.double_integrator import DoubleIntegrator
-from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.rover import Rover
 from pirrht.systems.second_order_car import SecondOrderCar
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 
 RADIUS, WITHIN = 0.2, 0.2
 MOVING = {

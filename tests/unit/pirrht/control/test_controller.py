@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pirrht import Controller, HomologyTree, NoReference, OptionError, StraightLine
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
 from pirrht.control.settings import TUNING, TimeBudget
-from pirrht.errors import NoReference, OptionError
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.straight_line import StraightLine
 from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
@@ -38,9 +35,6 @@ def along(points: Array, spacing: float) -> Array:
     return np.column_stack([np.interp(at, lengths, points[:, k]) for k in (0, 1)])
 
 
-# -- names -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["0,0", "-1,0", "0,1"])
 def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenario, name: str):
     first = controller.plan(slit.start)
@@ -59,9 +53,6 @@ def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenar
     assert ",".join(str(k) for k in controller.driven_class()) == name
     if name != "0,0":
         assert relative != {name}  # seen from where the robot is, the class has another name
-
-
-# -- plans -------------------------------------------------------------------------------------------------------
 
 
 def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, slit_tree: HomologyTree):
@@ -89,9 +80,6 @@ def test_a_held_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_
     assert plan.estimate is not None
     weights = plan.estimate.class_weights
     assert plan.favourite == max(weights, key=lambda name: weights[name]) == "0,0"
-
-
-# -- a loop of one's own -----------------------------------------------------------------------------------------
 
 
 def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: HomologyTree):
@@ -133,9 +121,6 @@ def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit
     assert len(until.plan(slit.start).estimate.parts) == 1
 
 
-# -- fallbacks ---------------------------------------------------------------------------------------------------
-
-
 def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(
     short_sighted: Controller, slit: Scenario
 ):
@@ -165,9 +150,6 @@ def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit:
     np.testing.assert_allclose(plan.control, [0.0, 0.0], atol=1e-9)
     controller.observe(np.array([[5.0, 2.5]]), 0.1)
     assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal
-
-
-# -- what a plan leaves out, by the time that is left ------------------------------------------------------------
 
 
 def budget(share: float = 1.0) -> TimeBudget:

@@ -9,13 +9,11 @@ import pytest
 from discs import block
 from moving import closing_door, hall, moved
 
+from pirrht import FreeSpace, Problem, SingleIntegrator
 from pirrht.control.plan import ClassLaw, ClassMixture, pooled
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Tape
 from pirrht.proposals.tuning import TUNING as PROPOSALS
 from pirrht.proposals.wall_drift import WallDrift, linear_law_weight, window
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 
 START = np.array([1.0, 2.5])  # both detours are worth the same there
@@ -106,8 +104,6 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
         trusted = linear_law_weight(0.04, near) >= 1.0
         assert trusted or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest
 
-
-# -- where obstacles move ----------------------------------------------------------------------------------------
 
 B = 0.2
 

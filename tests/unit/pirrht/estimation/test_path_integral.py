@@ -11,19 +11,11 @@ from closed_forms import RIGHT, at_strip, strip, strip_space
 from discs import scene_of
 from euler import Euler
 
-from pirrht import FreeSpace
+from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, Unicycle, path_integral
 from pirrht.errors import NoSurvivingSample, NotLinearlySolvable, OptionError
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate, Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.systems.single_integrator import SingleIntegrator
-from pirrht.systems.unicycle import Unicycle
 from sim.scenario import Scenario
-
-# -- invariances -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
@@ -47,9 +39,6 @@ def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
     assert said["biased", RIGHT] < 0.9 * said["balance", RIGHT]
 
 
-# -- linear solvability ------------------------------------------------------------------------------------------
-
-
 def test_lambda_follows_from_the_blocks():
     assert strip(0.3, 0.5).temperature == pytest.approx(2.0 * 0.3**2)
     car = Problem(dynamics=Unicycle(b=0.03, rho=2.0), scene=strip_space(0.5).scene, R=np.eye(1))
@@ -68,9 +57,6 @@ def test_an_inconsistent_triple_is_refused_with_both_matrices():
 def test_a_rate_given_as_a_function_needs_its_least_value(slit):
     with pytest.raises(OptionError, match="q_min"):
         Problem(dynamics=SingleIntegrator(), scene=slit.problem.scene, R=np.eye(2), q=lambda x, p: 1.0)
-
-
-# -- traps of the paper ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.01])
@@ -130,9 +116,6 @@ def test_sampling_refuses_by_name(name, wrong):
         Sampling(**{name: wrong})
 
 
-# -- steps -------------------------------------------------------------------------------------------------------
-
-
 def of(slit: Scenario, **changes: object) -> PathIntegral:
     return path_integral(slit.problem, slit.space, replace(slit.sampling, **changes))
 
@@ -162,8 +145,6 @@ def test_with_exit_at_step_ends_fitted_steps_are_uniform_ones_and_along_steps_th
     )
     assert np.array_equal(fitted, uniform) == alike
 
-
-# -- pairs of samples with opposite noise ------------------------------------------------------------------------
 
 PLANS = 60
 
@@ -197,8 +178,6 @@ def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(sl
     paired, independent = np.std(control, axis=1).mean(axis=-1)
     assert paired < 0.5 * independent
 
-
-# -- another backend -----------------------------------------------------------------------------------------------
 
 PLACE, SAMPLES = np.array([1.6, 1.0]), 20_000
 PAPER = {"exit": "endpoint", "steps": "uniform", "guide": "open-loop", "draws": "independent", "threads": 1}

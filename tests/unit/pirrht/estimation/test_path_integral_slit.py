@@ -10,13 +10,8 @@ import pytest
 from scipy.stats import kstest
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 
+from pirrht import Estimate, Outcome, PathIntegral, Plan, Sampling, path_integral
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.estimate import Estimate
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.outcome import Outcome
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
@@ -85,8 +80,6 @@ def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule)
         np.testing.assert_array_equal(plan.tape, plans[0].tape)
         assert other.value == found[0].value
 
-
-# -- other scenes --------------------------------------------------------------------------------------------------
 
 FINE = {"steps": "uniform", "dt": 0.1 / 64}
 

@@ -10,15 +10,11 @@ from batches import batch_of
 from closed_forms import at_strip, straight, strip, strip_space
 from scipy.stats import genpareto
 
+from pirrht import Controller, FreeSpace, HomologyTree, Problem, path_integral
 from pirrht.arrays import Array
-from pirrht.control.controller import Controller
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Allocation, Estimate
 from pirrht.estimation.sampling import TUNING, Sampling
 from pirrht.estimation.weights import deviation, heavy, tail_shape
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Proposal, Tape
 from sim.scenario import Scenario
 
@@ -126,9 +122,6 @@ def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_s
     assert until(target=1e-9, budget=50) == [50]
 
 
-# -- tails ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("shape", [-0.3, 0.0, 0.3, 0.6, 0.9, 1.3])
 @pytest.mark.parametrize("log_scale", [-800.0, 0.0])
 def test_weights_of_a_known_shape_are_told_it(shape, log_scale):
@@ -156,9 +149,6 @@ def test_few_samples_stand_less_of_a_tail():
     assert heavy(0.65, 500)
     assert not heavy(0.65, 5000)
     assert heavy(0.71, 10**6)
-
-
-# -- over many seeds -----------------------------------------------------------------------------------------------
 
 
 def corridor() -> tuple[Problem, FreeSpace]:

@@ -14,9 +14,8 @@ from benchmarks.mass_on_line import MassOnLine, mass_on_line
 from discs import disc, scene_of
 from thoroughly import first
 
-from pirrht import FreeSpace, Obstacle, Problem, Sampling, Scene, SingleIntegrator, Unicycle, path_integral
-from pirrht.errors import PirrhtError
-from pirrht.exact.desirability import Desirability
+from pirrht import Desirability, FreeSpace, Obstacle, PirrhtError, Problem, Sampling, Scene, Unicycle, path_integral
+from pirrht.systems.single_integrator import SingleIntegrator
 
 START = np.array([1.0, 2.5])
 
@@ -109,9 +108,6 @@ def test_what_no_grid_can_resolve_is_refused_with_the_grid_it_would_need(problem
     assert "\n" not in str(refusal.value)
 
 
-# -- long tests ----------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 @pytest.mark.thorough
 def test_judged_at_the_ends_of_steps_the_slit_looks_safer(slit, through_slit):
@@ -151,8 +147,6 @@ def test_the_value_of_a_car_agrees_with_samples():
         error = problem.temperature / math.sqrt(estimate.ess)
         assert grid.value(np.array(x)) == pytest.approx(estimate.value, abs=0.01 * estimate.value + 4.0 * error)
 
-
-# -- a mass on a line ----------------------------------------------------------------------------------------------
 
 Q, R = 1.0, 2.0
 

@@ -11,8 +11,7 @@ from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 from thoroughly import thorough
 
-from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
-from pirrht.exact.desirability import Desirability
+from pirrht import Desirability, FreeSpace, Problem, Scene, SingleIntegrator
 from pirrht.exact.grid import Domain
 
 

@@ -97,8 +97,6 @@ def test_a_certified_arc_is_free_by_fcl_at_every_point():
     assert certified > 100
 
 
-# -- second walls --------------------------------------------------------------------------------------------------
-
 GAP = 0.012  # the field tells at most this much less than the clearance in what follows [m]
 HEIGHT = 0.12
 

@@ -10,13 +10,11 @@ import pytest
 from discs import block, disc, scattered, scene_of
 from trees import grown
 
-from pirrht import Goal, SceneError, StraightLine
+from pirrht import FreeSpace, Goal, Scene, SceneError, StraightLine
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
-from pirrht.geometry.scene import Scene
 
 RADIUS = 0.1
 
@@ -89,8 +87,6 @@ def test_what_is_found_is_free_and_as_wide_as_fcl_says_narrowest_first(seed: int
     assert np.all(space.collision.free(found.axis[:, :2]))
     np.testing.assert_array_equal(found.axis[: found.count, :2], found.place)
 
-
-# -- margins and covered goals -------------------------------------------------------------------------------------
 
 MARGIN = 0.2
 POCKET = [block("left", 1.0, 3.7, (1.0, 0.5)), block("right", 1.0, 2.3, (1.0, 0.5))]  # 0.4 m wide, open at x = 2

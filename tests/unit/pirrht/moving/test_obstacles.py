@@ -80,9 +80,6 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
                 assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
 
 
-# -- along paths ---------------------------------------------------------------------------------------------------
-
-
 @kernel
 def _watch(moving):  # type: ignore[no-untyped-def]
     return watch(moving)

@@ -11,14 +11,9 @@ from discs import block, disc, scattered, scene_of
 from numpy.typing import NDArray
 from trees import grown
 
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
+from pirrht import Dubins, FreeSpace, HomologyTree, Scene, Steering, StraightLine
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.graph import ROOT, Graph, class_at
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.dubins import Dubins
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.crossings import Turns
 from sim.cli import main
 from sim.drive import episode
@@ -102,8 +97,6 @@ def test_what_cannot_grow_is_refused(capsys):
     assert "--method passive has no tree" in message
 
 
-# -- passages first ------------------------------------------------------------------------------------------------
-
 FEW = 300  # vertices
 
 
@@ -152,8 +145,6 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
         assert len(offered) == len(set(offered))
     assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))
 
-
-# -- a search of the finished graph --------------------------------------------------------------------------------
 
 Class = tuple[int, ...]
 

@@ -7,14 +7,9 @@ import pytest
 from discs import scene_of
 from trees import grown
 
+from pirrht import FreeSpace, HomologyTree, OptionError, Reference, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
 from pirrht.planner.graph import class_at
-from pirrht.planner.references import Reference
-from pirrht.planner.tree import HomologyTree
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
@@ -27,9 +22,6 @@ def tree_in(space: FreeSpace, *, vertices: int = 300, limit: float = 0.6, **opti
 
 def by_class(references: list[Reference]) -> dict[str, Reference]:
     return {reference.id: reference for reference in references}
-
-
-# -- the slit ----------------------------------------------------------------------------------------------------
 
 
 def test_the_slit_has_three_classes(slit: Scenario, slit_tree: HomologyTree):
@@ -95,9 +87,6 @@ def test_references_are_free_end_on_the_goal_and_have_the_class_they_claim(slit,
         assert np.all(checker.inspect(reference.path, np.ones(len(reference.path.cost), dtype=np.bool_)).free)
 
 
-# -- limits ------------------------------------------------------------------------------------------------------
-
-
 def test_the_limit_holds_at_every_vertex_and_removes_the_fourth_winding(slit: Scenario):
     """A path around both walls that turns back through the slit ends allowed, but is not allowed on its way."""
     wide = by_class(tree_in(slit.space, limit=1.6, vertices=600, classes=0).references(slit.start))
@@ -117,9 +106,6 @@ def test_what_cannot_limit_is_refused(slit: Scenario, wrong: dict[str, float]):
         HomologyTree(slit.space, StraightLine(), rng=np.random.default_rng(0), **wrong)
 
 
-# -- polishing ---------------------------------------------------------------------------------------------------
-
-
 def dense(points: Array) -> Array:
     """Points at most 5 mm apart along a polyline."""
     pieces = [
@@ -127,9 +113,6 @@ def dense(points: Array) -> Array:
         for a, b in zip(points[:-1], points[1:], strict=True)
     ]
     return np.vstack(pieces)
-
-
-# -- where there is nothing to do --------------------------------------------------------------------------------
 
 
 def test_without_obstacles_there_is_one_straight_class():

@@ -11,16 +11,12 @@ from discs import disc
 from moving import SCENES, hall, moved
 from trees import grown
 
-from pirrht.errors import OptionError
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, Homology, HomologyTree, OptionError, Reference
 from pirrht.moving.collision import MovingObstacles
-from pirrht.planner.references import Reference
 from pirrht.planner.shorten import resume, shorten
-from pirrht.planner.tree import HomologyTree
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import Legs
-from pirrht.topology.homology import Homology
 from sim.tree_file import load, save
 
 START = np.array([1.0, 2.5, 0.0])
@@ -145,8 +141,6 @@ def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
     assert all(fast[winding] == raw[winding] for winding in raw if winding != old)
     assert sum(slow[winding] < raw[winding] for winding in raw if winding != old) == 1
 
-
-# -- taut paths ----------------------------------------------------------------------------------------------------
 
 STEERING = InTime()
 

@@ -12,13 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from pirrht import HomologyTree, NoReference, Steering
 from pirrht.arrays import Array
-from pirrht.errors import NoReference
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.jit.jit import inlined, kernel
-from pirrht.planner.tree import HomologyTree
 from pirrht.steering.motion import Motion, MotionKernels, Trajectory
-from pirrht.steering.steering import Steering
 from pirrht.topology.signature import Signature
 
 SIDE, RADIUS = 4.0, 0.4

@@ -9,15 +9,10 @@ import pytest
 from discs import block, disc, scattered, scene_of
 from trees import grown
 
+from pirrht import Dubins, FreeSpace, Reference, Scene, Steering, StraightLine
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
-from pirrht.geometry.scene import Scene
-from pirrht.planner.references import Reference
 from pirrht.planner.shorten import taut_polyline
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
-from pirrht.steering.steering import Steering
-from pirrht.steering.straight_line import StraightLine
 
 RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
 TOUCHES = 0.01  # clearance of a corner [m]
@@ -67,9 +62,6 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
     assert len(references) == 2
     for reference in references:
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
-
-
-# -- a steering method of the user's -------------------------------------------------------------------------------
 
 
 class Foreign(Steering):

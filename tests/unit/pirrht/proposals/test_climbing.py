@@ -15,17 +15,11 @@ from scipy.integrate import quad
 from scipy.stats import norm
 from solved import Solved, around_corner, around_post, in_channel, slope
 
+from pirrht import Desirability, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.exact.desirability import Desirability
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.desirability_tube import DesirabilityAscent
 from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
-from pirrht.systems.single_integrator import SingleIntegrator
 
 Made = Callable[..., Solved]
 
@@ -71,9 +65,6 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
     assert np.quantile(across, 0.9) < 0.1 * mode
 
 
-# -- against the grid --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("make", [around_corner, around_post])
 @pytest.mark.parametrize(("b", "middling", "most"), [(0.15, 0.01, 0.04), (0.2, 0.02, 0.07), (0.3, 0.05, 0.15)])
 def test_beside_a_reference_the_control_of_a_way_is_that_of_the_grid(make: Made, b, middling, most):
@@ -95,8 +86,6 @@ def test_what_a_way_promises_is_log_psi_of_the_grid(make: Made, b):
     known = make(b)
     assert way(known)[1].promise == pytest.approx(known.truth.log_psi(known.x), abs=0.45 if b > 0.3 else 0.2)
 
-
-# -- next to walls -------------------------------------------------------------------------------------------------
 
 B = 0.2
 SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]

@@ -15,16 +15,10 @@ from discs import disc, scene_of
 from guides import best, valid
 from trees import grown
 
+from pirrht import Dubins, FreeSpace, PathIntegral, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.motion import Trajectory, running_cost
-from pirrht.systems.unicycle import Unicycle
 
 
 @cache

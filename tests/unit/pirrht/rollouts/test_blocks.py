@@ -9,11 +9,9 @@ import pytest
 from batches import batch_of
 from thoroughly import first
 
+from pirrht import HomologyTree, PathIntegral, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
-from pirrht.estimation.sampler import PathIntegral
-from pirrht.planner.tree import HomologyTree
 from pirrht.problem import unit_rate
 from pirrht.rollouts.cpu import Cpu, loops
 from pirrht.rollouts.path import any_path

@@ -13,15 +13,9 @@ import pytest
 from discs import disc, scene_of
 from trees import grown
 
+from pirrht import Dubins, FreeSpace, HomologyTree, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.estimation.assembly import path_integral
-from pirrht.estimation.sampling import Sampling
-from pirrht.freespace import FreeSpace
-from pirrht.planner.tree import HomologyTree
-from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.dubins import Dubins
-from pirrht.systems.unicycle import Unicycle
 
 STEP = 0.1
 

@@ -66,9 +66,6 @@ def test_the_law_scales_with_the_deviation():
     np.testing.assert_allclose(shares(0.3, 0.5), shares(0.03, 0.05, deviation=0.1), rtol=1e-9)
 
 
-# -- in a scene --------------------------------------------------------------------------------------------------
-
-
 @kernel
 def _steps(arena, step, before, after, cov, weighed, state, outcome, share, lasting):  # type: ignore[no-untyped-def]
     for i in range(len(outcome)):
@@ -153,9 +150,6 @@ def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
         assert np.hypot(0.9 + dx - 0.6, 3.1 + dy - 3.2) == pytest.approx(arena.radius)
         across = np.array([-unit[1], unit[0]])
         assert np.dot([dx, dy], across) == pytest.approx(share * np.dot([-0.2, 0.1], across)), i
-
-
-# -- swept steps ---------------------------------------------------------------------------------------------------
 
 
 def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_by_step():

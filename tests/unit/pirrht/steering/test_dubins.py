@@ -7,13 +7,11 @@ import pytest
 from discs import scene_of
 from windings_by_angle import turns_of_curve
 
+from pirrht import Dubins, FreeSpace, Unicycle
 from pirrht.arrays import Array
-from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import TWO_PI, Curves, along
 from pirrht.planner.shorten import shorten
-from pirrht.steering.dubins import Dubins
 from pirrht.steering.edges import EdgeChecker
-from pirrht.systems.unicycle import Unicycle
 
 CAR = Dubins(V=1.5, rho=0.8)
 

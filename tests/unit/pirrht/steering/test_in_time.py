@@ -10,16 +10,13 @@ from discs import block, disc
 from moving import SCENES, as_mesh, hall, moved
 from thoroughly import thorough
 
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, Problem, Scene, SingleIntegrator
 from pirrht.geometry.arcs import BLOCKED, FREE
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene
 from pirrht.moving.collision import MovingObstacles
-from pirrht.problem import Problem
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.systems.rover import Rover
-from pirrht.systems.single_integrator import SingleIntegrator
 
 GOAL = np.array([[5.5, 2.5, np.nan]])
 

@@ -67,9 +67,6 @@ def test_a_circle_counts_its_turns_around_what_it_encloses(homology, turns):
     np.testing.assert_allclose(homology.turns(circle), [turns, 0, 0], atol=1e-9)
 
 
-# -- near-degenerate ---------------------------------------------------------------------------------------------
-
-
 def behind(marker: Array, distance: float) -> Array:
     """A point on the cut: the marker lies between it and the goal."""
     away = marker - GOAL
@@ -90,9 +87,6 @@ def test_two_ways_around_a_marker_differ_by_one_turn_from_on_and_beside_its_cut(
         np.testing.assert_array_equal(np.abs(difference), expected)
 
 
-# -- names and keys ----------------------------------------------------------------------------------------------
-
-
 def test_keys_add_as_classes_do():
     homology = Homology(markers=np.zeros((5, 2)), goal=GOAL)
     rng = np.random.default_rng(2)
@@ -108,8 +102,6 @@ def test_keys_of_different_classes_differ():
     assert len({homology.key(winding) for winding in classes}) == len(classes)
     assert homology.key((0,) * 6) == 0
 
-
-# -- at the few cuts that a path crosses ---------------------------------------------------------------------------
 
 CORNER = np.array([20.0, 12.0])
 NUMBERS = [0, 1, 3, 8, 9, 30, 300]

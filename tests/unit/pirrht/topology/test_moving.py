@@ -9,13 +9,12 @@ import pytest
 from discs import block, disc
 from moving import SCENES, hall, moved
 
-from pirrht.freespace import FreeSpace
+from pirrht import FreeSpace, Homology
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Footprint, Scene
 from pirrht.steering.edges import EdgeChecker
 from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import copied
-from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import markers_of
 
 FOOT = Footprint(0.1, 0.1)
@@ -100,8 +99,6 @@ def test_solids_of_a_body_that_touch_are_one_obstacle_and_others_are_two():
     assert len(markers_of(two, FOOT)) == 2
     assert homology(one, two).names == ("one", "two", "two")
 
-
-# -- edges in space and time ---------------------------------------------------------------------------------------
 
 STEERING = InTime()
 

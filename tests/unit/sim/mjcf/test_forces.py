@@ -29,10 +29,7 @@ def robot(folder: Path, *pairs: tuple[str, str], name: str = "robots/hover") -> 
 def test_actuators_suit_the_system(tmp_path):
     for pair, words in (
         ((MOTORS, SERVOS), 'actuator "x" is no motor, and double_integrator is commanded forces'),
-        (
-            ("double_integrator", "single_integrator"),
-            'actuator "x" is a motor, and single_integrator',
-        ),
+        (("double_integrator", "single_integrator"), 'actuator "x" is a motor, and single_integrator'),
     ):
         assert f"machine.xml: {words}" in refusal("slit", robot=robot(tmp_path, pair))
 
