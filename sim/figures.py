@@ -20,8 +20,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, passing
-from sim.drawing.strokes import timed
-from sim.drawing.tubes import outlines
+from sim.drawing.strokes import outlines, timed
 from sim.files import replaced
 from sim.plotting import ground
 from sim.plotting.lines import many, tree_lines

@@ -12,8 +12,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
-from sim.drawing.strokes import lift, packed
-from sim.drawing.tubes import foreseen
+from sim.drawing.strokes import foreseen, lift, packed
 from sim.recording import spacetime
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.static import CONTROL, FLOOR, all_named

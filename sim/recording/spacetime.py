@@ -23,8 +23,7 @@ from pirrht.control.plan import Plan
 from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
 from sim.drawing.colors import DRIVEN, MOVER, ClassColors, fade, mix
-from sim.drawing.strokes import DEAD, Fan, at_most, lift, packed
-from sim.drawing.tubes import Outline, Tube, tubes
+from sim.drawing.strokes import DEAD, Fan, Outline, Tube, at_most, lift, packed, tubes
 from sim.plotting.ground import outline
 from sim.recording.static import BORDER, CONTROL, FLOOR, GOAL, RADIUS, Log, all_named, outer
 from sim.recording.step_row import Row

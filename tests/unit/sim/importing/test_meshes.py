@@ -42,7 +42,7 @@ def volume(parts: list[np.ndarray]) -> float:
         (RING, "a.stl", {"hull": True}, 1, RING.convex_hull.volume),
         (RING, "a.stl", {"scale": (-1.0, 1.0, 1.0)}, 6, RING.volume),
         (INWARD, "a.stl", {}, 6, RING.volume),
-        (TWO, "a.stl", {"scale": (2.0, 1.0, 1.0), "centred": True}, 2, 4.0),
+        (TWO, "a.stl", {"scale": (2.0, 1.0, 1.0)}, 2, 4.0),
         (SHELL, "a.stl", {}, 4, 0.04),
         (OPEN, "a.stl", {}, 1, 1.0),
     ],
@@ -137,9 +137,9 @@ def document(primitive: str = QUADS, nodes: str = "", unit: str = "1", corners: 
     return DOCUMENT.format(unit=unit, geometries=geometries, scene=SCENE.format(nodes) if nodes else "")
 
 
-def read(tmp_path: Path, text: str, name: str = "") -> np.ndarray:
+def read(tmp_path: Path, text: str) -> np.ndarray:
     (tmp_path / "a.dae").write_text(text)
-    return read_collada(tmp_path / "a.dae", name)
+    return read_collada(tmp_path / "a.dae")
 
 
 @pytest.mark.parametrize("polygons", [QUADS, TRIANGLES, TRIANGLES + "<lines/>"])
@@ -160,16 +160,6 @@ def test_units_and_transforms_of_nested_nodes_apply(tmp_path):
     first, second = triangles[:2].reshape(-1, 3), triangles[2:].reshape(-1, 3)
     np.testing.assert_allclose([first.min(axis=0), first.max(axis=0)], [[0.99, 0, 0], [1, 0.02, 0]], atol=1e-12)
     np.testing.assert_allclose([second.min(axis=0), second.max(axis=0)], [[0, 5, 0], [0.01, 5.01, 0]], atol=1e-12)
-
-
-@pytest.mark.parametrize("name", ["left", "h", "h mesh"])
-def test_one_part_is_read_by_the_name_of_its_node_or_geometry(tmp_path, name):
-    nodes = (
-        '<node name="left"><translate>3 0 0</translate><instance_geometry url="#h"/></node>'
-        '<node name="right"><instance_geometry url="#g"/></node>'
-    )
-    assert read(tmp_path, document(nodes=nodes), name)[..., 0].min() == 3.0
-    assert not len(read(tmp_path, document(nodes=nodes), "middle"))
 
 
 LOOP = '<node id="n"><instance_node url="#n"/></node>'
