@@ -208,7 +208,7 @@ def _placed(root: ET.Element) -> Iterator[Array]:
     todo = [(element, np.eye(4)) for element in scene]
     while todo:
         element, pose = todo.pop()
-        element = ids[element.get("url")] if element.tag.startswith("instance_") else element
+        element = ids[element.attrib["url"]] if element.tag.startswith("instance_") else element
         if element.tag == "geometry":
             triangles += len(shape(element))
             yield shape(element) @ pose[:3, :3].T + pose[:3, 3]

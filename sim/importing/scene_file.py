@@ -33,15 +33,8 @@ _OPTIONS = {
     **{"classes": "16", "phi": "1000", "max_time": "60"},
 }
 # Kinds of files; what ends otherwise is a world.
-_SUFFIXES = {
-    "motions": dynabarn.SUFFIXES,
-    "map": ros_map.SUFFIXES,
-    "picture": ros_map.PICTURES,
-    "mesh": meshes.SUFFIXES,
-}
-_MATERIALS = dict(
-    zip(("box", "mesh", "cylinder", "capsule"), ("crate", "crate", "drum", "log"), strict=True)
-)  # or boulder
+_SUFFIXES = {"motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "mesh": meshes.SUFFIXES}
+_MATERIALS = {"box": "crate", "mesh": "crate", "cylinder": "drum", "capsule": "log"}  # others are boulders
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +92,7 @@ def import_world(
             raise OptionError(words)
     if kind == "mesh" and not decompose:
         raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
-    if kind == "picture":
+    if kind == "world" and source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
     if kind == "world" and content.lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
@@ -153,13 +146,14 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     ]
     assets, geoms = [], []
     for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
+        material = _MATERIALS.get(solid.shape, "boulder")
         quaternion, called, shape = np.zeros(4), quoteattr(label), f'size="{text(*solid.size)}"'
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
         if solid.vertices is not None:
             assets.append(f'<mesh name={called} vertex="{text(*solid.vertices.ravel())}"/>')
             shape = f"mesh={called}"
         geoms.append(
-            f'<geom name={called} type="{solid.shape}" material="{_MATERIALS.get(solid.shape, "boulder")}" {shape} '
+            f'<geom name={called} type="{solid.shape}" material="{material}" {shape} '
             f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
         )
     lines = {"custom": [*custom, *world.custom], "assets": assets, "parts": [*geoms, *world.bodies]}
