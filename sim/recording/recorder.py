@@ -23,12 +23,11 @@ from sim.drive.episode import CLOCKED, Frame
 from sim.drive.metrics import Truth
 from sim.mjcf import Loaded
 from sim.recording import viewer
-from sim.recording.layout import layout
 from sim.recording.options import Look, Sinks
-from sim.recording.step_row import Row
+from sim.recording.stage import layout
 from sim.recording.stream import Stream, ToFile, ToViewer
 from sim.recording.subject import Subject
-from sim.recording.writer import Writer
+from sim.recording.writer import Row, Writer
 from sim.systems import POSE
 
 __all__ = ["Look", "Recorder", "Sinks"]
