@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 from batches import led
@@ -43,9 +42,3 @@ def psi_around(
     w = np.exp(log_weight - log_weight.max())
     error = float(w.std() / w.mean() / np.sqrt(len(w)))
     return float(log_weight.max() + np.log(w.mean())), error, float(w.mean() ** 2 / (w**2).mean())
-
-
-def assert_alike(found: Sequence[Found]) -> None:
-    """Every two agree within 3 standard errors."""
-    for (one, its, _), (other, error, _) in combinations(found, 2):
-        assert abs(one - other) < 3.0 * np.hypot(its, error)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from batches import batch_of, led, still
-from closed_forms import RIGHT, at_strip, strip, strip_space
+from closed_forms import at_strip, strip, strip_space
 from discs import scene_of
 from euler import Euler
 
@@ -30,12 +30,12 @@ def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
     """With passive samples "biased" is what "balance" says; with samples that are driven, v lacks half of its cost."""
     said = {}
     for weights in ("balance", "biased"):
-        for sides in ((), RIGHT):
+        for sides in ((), (1,)):
             sampling = Sampling(dt=0.05, samples=4000, guide="open-loop", weights=weights)
             integral = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
             said[weights, sides] = at_strip(integral, 0.2, sides, 3).value
     assert said["biased", ()] == said["balance", ()]
-    assert said["biased", RIGHT] < 0.9 * said["balance", RIGHT]
+    assert said["biased", (1,)] < 0.9 * said["balance", (1,)]
 
 
 def test_lambda_follows_from_the_blocks():
