@@ -6,7 +6,6 @@ Among moving obstacles they show where these and the references are at equal mom
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from math import ceil
 from pathlib import Path
 from textwrap import wrap
 from typing import Any
@@ -15,63 +14,54 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
-from pirrht.geometry.scene import Goal
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, rgb, title
 from sim.drawing.sides import NAMED, passing
 from sim.drawing.strokes import timed
-from sim.drawing.tubes import outlines
 from sim.files import replaced
-from sim.plotting import ground
-from sim.plotting.lines import many, tree_lines
+from sim.plotting import ground, prompt
+from sim.plotting.prompt import pyplot
 from sim.scenario import Scenario
 
-INK = "#222222"
+INK = ground.INK
 TREE = "#9aa3ab"  # no colour of a class
-WIDE = 36  # characters of a line of the legend
-ROW, SPARE = 0.17, 0.1  # height of such a line [in], as the map is a little lower; what may stand out below it
+WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
 ENDINGS = (".png", ".pdf", ".svg")
-STEPS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # between moments [s]
-MOST = 8  # moments, where steps allow
+MOST = 8  # moments
 APART = 0.022  # from each other that numbers are at least, over the width of the map
-LEGEND = {"fontsize": 8, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "frameon": False, "title_fontsize": 8}
 
 
 def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
-    plt = pyplot()
     scene = scenario.loaded.scene
-    size = scene.upper - scene.lower
-    high = 6.2 * float(size[1] / size[0]) + 0.8
-    figure, axes = plt.subplots(figsize=(8.0, high))  # the legend next to it may be higher; what is saved holds both
+    wide, high = scene.upper - scene.lower
+    figure = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
+    axes = figure.subplots()
     draw_scene(axes, scenario)
     for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
-    edges = [_until(line, scene.goal) for line in tree_lines(tree)]
-    many(axes, edges, TREE, width=0.35, opacity=0.5, zorder=1)
+    prompt.edges(axes, tree, TREE, width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
-    for reference in reversed(references):
-        line, words = reference.trajectory.points, wrap(", ".join(passing(reference, tree.homology)), WIDE)
-        label = "\n  ".join([f"{title(reference.id)}: {reference.cost:.2f}", *words])
-        axes.plot(*line[:, :2].T, color=rgb(colors[reference.id]), lw=2.2, label=label)
+    labels = []
+    for reference in references:
+        words = wrap(", ".join(passing(reference, tree.homology)), WIDE)
+        labels.append("\n  ".join([f"{title(reference.id)}: {reference.cost:.2f}", *words]))
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
-    handles, labels = axes.get_legend_handles_labels()
-    rows = sum(1 + label.count("\n") for label in labels)
-    columns = max(1, ceil(ROW * rows / high - SPARE))
-    axes.legend(handles[::-1], labels[::-1], title="class: cost", ncols=columns, **LEGEND)
+    lines, hues = [r.trajectory.points for r in references], [rgb(colors[r.id]) for r in references]
+    prompt.classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
-    _save(plt, figure, path, "--png")
+    _save(figure, path, "--png")
 
 
 def draw_convergence(
     path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
 ) -> None:
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
-    plt = pyplot("--convergence")
-    figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
+    figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
+    axes = figure.subplots()
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
@@ -85,13 +75,12 @@ def draw_convergence(
         axes.plot([0.97 * end, 1.03 * end], [final[name]] * 2, ls=":", **look)
     if shown:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(final.values()), 1.5 * max(final[name] for name in shown))
-    axes.set_xlabel("iteration (random states drawn)")
-    axes.set_ylabel("length of the tree's best path per class [m]")
+    axes.set(xlabel="iteration (random states drawn)", ylabel="length of the tree's best path per class [m]")
     axes.set_title(f"{scene}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(title="class", **LEGEND)
-    _save(plt, figure, path, "--convergence")
+    axes.legend(title="class", **prompt.LEGEND)
+    _save(figure, path, "--convergence")
 
 
 def draw_scene(axes: Any, scenario: Scenario) -> None:
@@ -109,19 +98,36 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
 
 
-def _until(line: Array, goal: Goal) -> Array:
-    """A line (k, 2) up to where it is in the goal's disc: what an edge may do beyond counts for nothing."""
-    within = np.flatnonzero(np.hypot(*(line[:, :2] - goal.center).T) < goal.radius)
-    return line[: within[0] + 1] if len(within) else line
+def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference], colors: ClassColors) -> float:
+    """Outline moving obstacles, the paler the later, and put a dot on every reference, at equal moments.
 
+    Returns:
+        the time between moments [s]; 0 where no reference moves.
+    """
+    from matplotlib.ticker import MaxNLocator
 
-def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
-    """Write a figure whole or not at all, in the format of the file's ending."""
-    try:
-        with replaced(path, option) as stream:
-            figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")
-    finally:
-        plt.close(figure)
+    paths = [timed(reference, 0.0) for reference in references]
+    last = max((float(path[-1, 2]) for path in paths), default=0.0)
+    if last <= 0.0:
+        return 0.0
+    moments = MaxNLocator(MOST, steps=[1, 2, 5, 10]).tick_values(0.0, last)[1:]
+    numbers: list[tuple[float, Array, dict[str, Any]]] = []
+    for mover in scenario.loaded.scene.movers:
+        until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
+        ground.outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9)
+        look = {"xytext": (0, 0), "ha": "center", "va": "center", "color": ground.MOVER, "zorder": 2.9}
+        numbers += [(time, mover.motion.pose(time)[:2], look) for time in until]
+    for reference, path in zip(references, paths, strict=True):
+        for time in moments[moments <= path[-1, 2]]:
+            place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
+            axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
+            numbers.append((time, place, {"xytext": (3, 4), "color": INK, "zorder": 8}))
+    told: list[Array] = []  # places of numbers
+    for time, place, look in numbers:
+        if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in told):  # it can be read
+            told.append(place)
+            axes.annotate(f"{time:g}", place, textcoords="offset points", fontsize=6.5, **look)
+    return float(moments[0])
 
 
 def check(path: Path, option: str) -> None:
@@ -135,51 +141,7 @@ def check(path: Path, option: str) -> None:
         raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
 
 
-def pyplot(option: str = "--png") -> Any:
-    """matplotlib.pyplot without a display; OptionError, naming the option, if matplotlib is not installed."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise OptionError(f"{option} needs matplotlib; install it with: pip install matplotlib") from None
-    matplotlib.use("Agg")
-    from matplotlib import pyplot as plt
-
-    return plt
-
-
-def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference], colors: ClassColors) -> float:
-    """Outline moving obstacles, the paler the later, and put a dot on every reference, at equal moments.
-
-    Returns:
-        the time between moments [s]; 0 where no reference moves.
-    """
-    from matplotlib.patches import Polygon
-
-    paths = [timed(reference, 0.0) for reference in references]
-    last = max((float(path[-1, 2]) for path in paths), default=0.0)
-    if last <= 0.0:
-        return 0.0
-    step = next((step for step in STEPS if last / step <= MOST), STEPS[-1])
-    moments = np.arange(step, last + 0.5 * step, step)
-    told: list[Array] = []  # places of numbers
-    apart, text = APART * float(np.ptp(axes.get_xlim())), {"fontsize": 6.5, "textcoords": "offset points"}
-
-    def number(time: float, place: Array, shift: tuple[int, int], **look: Any) -> None:
-        if all(np.hypot(*(place - other)) >= apart for other in told):  # else it could not be read
-            told.append(place)
-            axes.annotate(f"{time:g}", place, xytext=shift, **text, **look)
-
-    for mover in scenario.loaded.scene.movers:
-        until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
-        for part, rings in enumerate(outlines(mover, until)):
-            for time, ring in zip(until, rings, strict=True):
-                alpha = 0.9 - 0.7 * float(time / moments[-1])
-                axes.add_patch(Polygon(ring, closed=True, fill=False, ec=ground.MOVER, lw=0.9, alpha=alpha, zorder=2.9))
-                if part == 0:
-                    number(time, ring.mean(axis=0), (0, 0), ha="center", va="center", color=ground.MOVER, zorder=2.9)
-    for reference, path in zip(references, paths, strict=True):
-        for time in moments[moments <= path[-1, 2]]:
-            place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
-            axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
-            number(time, place, (3, 4), color=INK, zorder=8)
-    return step
+def _save(figure: Any, path: Path, option: str) -> None:
+    """Write a figure whole or not at all, in the format of the file's ending."""
+    with replaced(path, option) as stream:
+        figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")

@@ -40,7 +40,7 @@ VELOCITIES = ("vx", "vy")  # those that are its speeds along x and y [m/s]
 SPEED = ("speed",)  # that of its body along its heading [m/s]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class System:
     """A kind of robot: what the method and the simulator must know of it.
 
@@ -79,6 +79,9 @@ class System:
                 object.__setattr__(self, "states", tuple(self.dynamics(self.settings).states))
         if self.states[:2] != POSE[:2]:
             raise OptionError(f'system {self.name}: its states are {self.states}; the first two must be "x" and "y"')
+
+    def __repr__(self) -> str:
+        return f"System({self.name})"
 
     @property
     def called(self) -> str:

@@ -1,15 +1,10 @@
-"""Text for people: numbers with their nouns, lines that fit the terminal, tables."""
+"""Text for people: numbers with their nouns, lines, tables."""
 
 from __future__ import annotations
 
-import shutil
-import sys
-import textwrap
 from collections.abc import Sequence
 
 from pirrht.errors import printable
-
-MIN_COLUMNS = 30  # of a terminal that text is broken for
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
@@ -17,19 +12,9 @@ def counted(number: int, noun: str, plural: str = "") -> str:
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
-def width() -> int | None:
-    """Columns of the terminal that standard output goes to; None where it goes elsewhere."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-
-
 def say(text: str) -> None:
-    """Print lines, broken between words where a terminal is narrower."""
-    columns = width()
-    fit = textwrap.TextWrapper(
-        max(columns or 0, MIN_COLUMNS), subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
-    )
-    for line in text.splitlines():
-        print(line if columns is None else fit.fill(line))
+    """Print lines, none of an empty text."""
+    print(text, end="\n" if text else "")
 
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -2,7 +2,7 @@
 
 A tree is of use only where it was grown: in the same free space, for the same steering. What it depends on is kept in
 plain words and numbers, so that another tree is refused by name. Kernels follow indices blindly, so those of edges are
-checked, and nodes are compared with a search over the edges. The zip's checksums find damage that is still a tree.
+checked; nodes are searched for anew over the edges. The zip's checksums find damage that is still a tree.
 """
 
 from __future__ import annotations
@@ -18,15 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import pirrht
-from pirrht.arrays import Array
 from pirrht.errors import OptionError, one_line
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle
-from pirrht.planner import graph as g
 from pirrht.planner.chain import keys_of
 from pirrht.planner.expand import restore
-from pirrht.planner.graph import SIZE, Graph, Storage
+from pirrht.planner.graph import SIZE, Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
@@ -35,15 +33,13 @@ from sim.files import MISSING, replaced, why_unreadable
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
-TREE_FORMAT = 4  # earlier ones have more arrays, or a checksum next to those of the zip
+TREE_FORMAT = 5  # earlier ones have more arrays, or a checksum next to those of the zip
 # Arrays of a `Graph` that are kept, the rest follows: kind, shape, and what their indices lie below (`_sizes`).
 KEPT = {
-    "states": ("f8", "Vn", ""), "in_goal": ("b1", "V", ""), "nodes": ("i4", "V", "k"), "cost": ("f8", "VK", ""),
-    "key": ("i8", "VK", ""), "parent": ("i4", "VK", ""), "tail": ("i4", "E", "V"), "head": ("i4", "E", "V"),
+    "states": ("f8", "Vn", ""), "in_goal": ("b1", "V", ""), "tail": ("i4", "E", "V"), "head": ("i4", "E", "V"),
     "edge_cost": ("f8", "E", ""), "edge_first": ("i8", "e", "p"), "edge_marker": ("i4", "P", "M"),
-    "edge_turn": ("i2", "P", ""), "pruned": ("i8", "1", "max"),
+    "edge_turn": ("i2", "P", ""),
 }  # fmt: skip
-NODES = ("cost", "key", "parent")
 MOVING = "moving obstacles"  # key of what a tree depends on
 
 
@@ -64,7 +60,7 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
         "belongs": belongings(tree.space, tree.steering) | {"limit": tree.limit, "classes": tree.classes},
     }  # fmt: skip
     V, E, P = (int(tree.graph.size[k]) for k in (SIZE.vertices, SIZE.edges, SIZE.pairs))
-    count = _sizes(tree, V, E, P, 0)
+    count = _sizes(tree, V, E, P)
     packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count[KEPT[name][1][0]]]) for name in KEPT}
     packed["about"] = np.array(json.dumps(about))
     with replaced(Path(file), "tree") if isinstance(file, str | Path) else nullcontext(file) as stream:
@@ -147,23 +143,22 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
     return about, arrays
 
 
-def _sizes(tree: HomologyTree, V: int, E: int, P: int, K: int) -> dict[str, int]:
-    """Numbers by the letters of KEPT: of vertices, edges, their pairs and nodes, of ends of ranges, of a state."""
-    ends = {"e": E + 1, "p": P + 1, "k": K + 1, "max": np.iinfo(np.int64).max}
-    return {"V": V, "E": E, "P": P, "K": K, "M": tree.homology.M, "n": tree.steering.n, "1": 1, **ends}
+def _sizes(tree: HomologyTree, V: int, E: int, P: int) -> dict[str, int]:
+    """Numbers by the letters of KEPT: of vertices, edges and their pairs, of ends of ranges, of a state."""
+    return {"V": V, "E": E, "P": P, "e": E + 1, "p": P + 1, "M": tree.homology.M, "n": tree.steering.n}
 
 
 def _check(arrays: Arrays, tree: HomologyTree, left_open: NDArray[np.bool_]) -> None:
     """Raise a ValueError unless edges are those of a tree, whose roots may have numbers `left_open` (n,)."""
-    V, E, P, K = *(len(arrays[name]) for name in ("in_goal", "tail", "edge_marker")), arrays["cost"].shape[-1]
-    sizes, first = _sizes(tree, V, E, P, K), arrays["edge_first"]
+    V, E, P = (len(arrays[name]) for name in ("in_goal", "tail", "edge_marker"))
+    sizes, first = _sizes(tree, V, E, P), arrays["edge_first"]
     for name, (kind, shape, below) in KEPT.items():
         array = arrays[name]
         if array.shape != tuple(sizes[letter] for letter in shape) or array.dtype != np.dtype(kind):
             raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
         if below and np.any((array < 0) | (array >= sizes[below])):
             raise ValueError(f"{name} points out of its range")
-    if V < 1 or K < 1 or tree.classes not in (0, K) or first[0] != 0 or first[-1] != P or np.any(np.diff(first) < 0):
+    if V < 1 or first[0] != 0 or first[-1] != P or np.any(np.diff(first) < 0):
         raise ValueError("its sizes do not fit together")
     states = np.where(np.isnan(arrays["states"]) & arrays["in_goal"][:, None] & left_open, 0.0, arrays["states"])
     if not np.all(np.isfinite(states)) or not np.all((arrays["edge_cost"] >= 0.0) & (arrays["edge_cost"] < np.inf)):
@@ -171,12 +166,12 @@ def _check(arrays: Arrays, tree: HomologyTree, left_open: NDArray[np.bool_]) -> 
 
 
 def _restore(tree: HomologyTree, arrays: Arrays) -> None:
-    """Give a tree the vertices and edges of arrays, search for its nodes, and take over those of the arrays."""
-    V, E, P, K = *(len(arrays[name]) for name in ("states", "tail", "edge_marker")), arrays["cost"].shape[1]
+    """Give a tree the vertices and edges of arrays, and search for its nodes."""
+    V, E, P = (len(arrays[name]) for name in ("states", "tail", "edge_marker"))
     tree.storage = Storage(tree.steering.n, tree.homology.M, tree.classes)
-    tree.storage.make_room(V=V, E=E, P=P, K=K)
+    tree.storage.make_room(V=V, E=E, P=P)
     graph = tree.graph
-    for name in KEPT.keys() - {"nodes", *NODES}:
+    for name in KEPT:
         getattr(graph, name)[: len(arrays[name])] = arrays[name]
     graph.size[[SIZE.vertices, SIZE.edges, SIZE.pairs]] = V, E, P
     graph.straight[:V] = [tree.homology.base(x) for x in arrays["states"]]
@@ -184,39 +179,6 @@ def _restore(tree: HomologyTree, arrays: Arrays) -> None:
     graph.edge_key[:E] = keys_of(turns, tree.homology.hash_weights)
     restore(tree.storage.places, graph.in_goal)
     tree.relax()
-    tree.graph.pruned[0] = arrays["pruned"][0]
-    _take_over(tree.graph, arrays)
-
-
-def _take_over(graph: Graph, arrays: Arrays) -> None:
-    """Take nodes in the order of a file, and of equally good parents that of the file; a ValueError if they differ."""
-    V, K = arrays["key"].shape
-    known, last = np.arange(K) < arrays["nodes"][:, None], np.iinfo(np.int64).max
-    if not np.array_equal(graph.nodes[:V], arrays["nodes"]):
-        raise ValueError("nodes and edges do not fit together")
-    own, other = (np.argsort(np.where(known, keys, last), axis=1) for keys in (graph.key[:V, :K], arrays["key"]))
-    source, (vertex, slot) = np.take_along_axis(own, np.argsort(other, axis=1), axis=1)[known], np.nonzero(known)
-    cost, key, edge = (arrays[name][known] for name in NODES)
-    if np.any((edge < g.ROOT) | (edge >= len(arrays["tail"]))):
-        raise ValueError("parent points out of its range")
-
-    def near(cost: Array, other: Array) -> NDArray[np.bool_]:
-        return np.asarray(np.abs(cost - other) <= TUNING.cost_rounding * (1.0 + cost))
-
-    equal = (key == graph.key[vertex, source]) & near(cost, graph.cost[vertex, source])
-    inner = np.flatnonzero(edge != g.ROOT)
-    tail, edge, total, head = vertex[inner], edge[inner], cost[inner], arrays["head"][edge[inner]]
-    with np.errstate(over="ignore"):
-        above = (arrays["key"][head] == (key[inner] - graph.edge_key[edge])[:, None]) & known[head]
-    begin = arrays["cost"][head, above.argmax(axis=1)]
-    equal[inner] &= (arrays["tail"][edge] == tail) & above.any(axis=1) & near(total, begin + arrays["edge_cost"][edge])
-    equal[inner] &= arrays["in_goal"][head] | (begin < total)  # so that there is no circle
-    if not np.all(equal) or np.any(arrays["in_goal"][tail]):
-        raise ValueError("costs and parents do not fit together")
-    for name in ("marker", "turn", "pairs"):
-        getattr(graph, name)[vertex, slot] = getattr(graph, name)[vertex, source]
-    for name in NODES:
-        getattr(graph, name)[:V, :K] = arrays[name]
 
 
 def _digest(*parts: bytes) -> str:

@@ -146,7 +146,7 @@ def report(arguments: argparse.Namespace) -> int:
     try:
         drawn = pictures(known)
     except OptionError as error:
-        drawn = []
+        drawn = {}
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
     print(terminal(known))
     for file, content in ((text, markdown(known)), (web, page(known, drawn))):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -53,18 +54,10 @@ class Parser(argparse.ArgumentParser):
         raise OptionError(f"{message}; see `{self.prog} --help`")
 
 
-class _Help(argparse.Action):
-    """Print the help of a command, `const`, with its daily options or all, and exit."""
-
-    def __call__(self, parser: argparse.ArgumentParser, _: Any, __: Any, flag: str | None = None) -> NoReturn:
-        """Print to standard output."""
-        print(help_of(self.const, everything=flag == "--help-all"))
-        parser.exit()
-
-
 def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
     """Read a command line, checked as far as possible without a scene; None: the arguments of this process."""
-    arguments, unknown = parser().parse_known_args(argv)
+    words = sys.argv[1:] if argv is None else argv
+    arguments, unknown = parser(everything="--help-all" in words).parse_known_args(words)
     if unknown:
         raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
     for option in options_of(arguments.command):
@@ -80,32 +73,26 @@ def check_outputs(arguments: argparse.Namespace) -> None:
             check_writable(file, option.flag)
 
 
-def parser() -> argparse.ArgumentParser:
-    """Build the parser of all commands."""
+def parser(*, everything: bool = False) -> argparse.ArgumentParser:
+    """Build the parser of all commands, whose help has `everything` or what is used daily."""
     whole = Parser(
         prog="pirrht",
         description="Topology-guided path integral control (PI-RRHT*): FCL plans, MuJoCo simulates, Rerun records.",
     )
     whole.add_argument("--version", action="version", version=f"pirrht {pirrht.__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-    for name, (text, _) in COMMANDS.items():
-        _fill(commands.add_parser(name, help=text, add_help=False), name, everything=True)
+    for name, (text, more) in COMMANDS.items():
+        takes_scene = name in DRIVES
+        notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
+        notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
+        scene = "SCENE ..." if name == "sweep" else "SCENE"
+        one = commands.add_parser(
+            name, help=text, add_help=False, usage=f"pirrht {name} {scene} [options]" if takes_scene else None,
+            description=text, epilog="\n\n".join(filter(None, notes)) or None,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )  # fmt: skip
+        _fill(one, name, everything or not takes_scene)
     return whole
-
-
-def help_of(name: str, everything: bool) -> str:
-    """Return the help of a command, with its daily options or with all."""
-    (text, more), takes_scene = COMMANDS[name], name in DRIVES
-    notes = [robots_text(), PRESETS_TEXT, ORDER] if takes_scene else []
-    notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
-    scene = "SCENE ..." if name == "sweep" else "SCENE"
-    one = Parser(
-        prog=f"pirrht {name}", usage=f"pirrht {name} {scene} [options]" if takes_scene else None, add_help=False,
-        description=text, epilog="\n\n".join(filter(None, notes)) or None,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )  # fmt: skip
-    _fill(one, name, everything or not takes_scene)
-    return one.format_help().rstrip()
 
 
 def robots_text() -> str:
@@ -121,15 +108,14 @@ def _robots() -> list[System]:
 
 
 def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
-    """Give the parser of a command its options; None stands for an option or a number that was not given."""
+    """Give a parser the options of a command; None stands for an option or a number that was not given."""
     groups: dict[str, Any] = {"": one}
     for option in options_of(name):
-        if not everything and option.name not in DAILY:
-            continue
         if option.group not in groups:
             groups[option.group] = one.add_argument_group(option.group)
         text = f"{option.text}; default: {known}" if (known := default_of(option)) else option.text
-        words: dict[str, Any] = {"help": text.replace("%", "%%")}
+        shown = everything or option.name in DAILY
+        words: dict[str, Any] = {"help": text.replace("%", "%%") if shown else argparse.SUPPRESS}
         if option.kind is bool:
             words["action"] = "store_false" if option.name.startswith("no-") else "store_true"
         else:
@@ -141,8 +127,7 @@ def _fill(one: argparse.ArgumentParser, name: str, everything: bool) -> None:
             default = None if option.numeric else option.default
             words |= {"dest": option.dest, "required": option.required, "default": default}
         groups[option.group].add_argument(*typed, **words)
-    for flags in (("-h", "--help"), ("--help-all",)):
-        one.add_argument(*flags, action=_Help, nargs=0, const=name, help=argparse.SUPPRESS)
+    one.add_argument("-h", "--help", "--help-all", action="help", help=argparse.SUPPRESS)
 
 
 def default_of(option: Option) -> str:

@@ -24,6 +24,7 @@ from sim.drive.metrics import Truth
 from sim.files import path_text, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
+from sim.scenario.prepared import deviation
 from sim.systems import POSE, typed
 from sim.text import counted, say
 
@@ -99,6 +100,10 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
     for note in scenario.loaded.notes:
         say(note)
+    scene, moved = scenario.loaded.scene, deviation(scenario.problem, 1.0)
+    if moved > (width := float(np.hypot(*(scene.upper - scene.lower)))):
+        say(f"noise alone moves the robot by {moved:.3g} m in a second, more than the {width:.3g} m of the workspace: "
+            f"is --noise {scenario.settings.noise:g} in {scenario.system.noise_in or 'its unit'}?")  # fmt: skip
     given.update(options.completed(command, given, scenario.loaded.scene.defaults))
     return scenario
 

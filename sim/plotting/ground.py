@@ -37,20 +37,24 @@ def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3
     """Draw moving obstacles at a time [s]."""
     from matplotlib.patches import Polygon
 
-    for mover in movers:
-        for solid in mover.at(time):
-            axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
+    for solid in (solid for mover in movers for solid in mover.at(time)):
+        axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
 
 
 def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
     """Outline moving obstacles soon after a time [s], the paler the later."""
+    for mover in movers:
+        outlined(axes, mover, [(time + after, strength) for after, strength in fading(mover, time)], zorder=zorder)
+
+
+def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float) -> None:
+    """Outline a moving obstacle at times [s], each with its opacity."""
     from matplotlib.patches import Polygon
 
-    for mover in movers:
-        for after, strength in fading(mover, time):
-            for solid in mover.at(time + after):
-                style = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": strength, "zorder": zorder}
-                axes.add_patch(Polygon(outline(solid), closed=True, **style))
+    for time, alpha in moments:
+        for solid in mover.at(time):
+            look = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": alpha, "zorder": zorder}
+            axes.add_patch(Polygon(outline(solid), closed=True, **look))
 
 
 def fading(mover: Mover, time: float) -> list[tuple[float, float]]:

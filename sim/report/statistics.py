@@ -5,7 +5,7 @@ SciPy does the work and is imported late, since a report is one command of many.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan, sqrt
 from typing import Any
@@ -42,15 +42,29 @@ def wilson(successes: int, runs: int) -> Interval:
     return Interval(value=successes / runs, low=float(known.low), high=float(known.high))
 
 
-def mean(values: ArrayLike, seed: int = 0) -> Interval:
-    """A mean over independent runs (k,), with a percentile bootstrap interval if there are two or more."""
-    return _bootstrapped((np.asarray(values, dtype=float),), lambda x, axis: np.mean(x, axis=axis), seed)
+def mean(values: ArrayLike, over: ArrayLike | None = None, seed: int = 0) -> Interval:
+    """A mean over independent runs (k,), with a percentile bootstrap interval if there are two or more.
 
+    Args:
+        over: of pairs of runs, the other's values (k,); then the ratio of both means, by a bootstrap that draws pairs.
+    """
+    from scipy.stats import bootstrap
 
-def ratio(above: ArrayLike, below: ArrayLike, seed: int = 0) -> Interval:
-    """The ratio of two means over pairs (k,), with the interval of a bootstrap that draws pairs."""
-    pairs = np.asarray(above, dtype=float), np.asarray(below, dtype=float)
-    return _bootstrapped(pairs, lambda a, b, axis: np.mean(a, axis=axis) / np.mean(b, axis=axis), seed)
+    def statistic(*drawn: Array, axis: int = -1) -> Any:
+        means = [np.mean(x, axis=axis) for x in drawn]
+        return means[0] if over is None else means[0] / means[1]
+
+    samples = [np.asarray(x, dtype=float) for x in (values, over) if x is not None]
+    if len(samples[0]) == 0:
+        return UNKNOWN
+    value = float(statistic(*samples))
+    if len(samples[0]) == 1:
+        return Interval(value=value, low=nan, high=nan)
+    found = bootstrap(
+        samples, statistic, paired=over is not None, vectorized=True, n_resamples=REPEATS,
+        batch=max(1, BLOCK // len(samples[0])), method="percentile", rng=np.random.default_rng(seed),
+    ).confidence_interval  # fmt: skip
+    return Interval(value=value, low=float(found.low), high=float(found.high))
 
 
 def paired_shares(gained: int, lost: int, pairs: int) -> Interval:
@@ -84,12 +98,9 @@ def sign_flips(differences: ArrayLike, seed: int = 0) -> float:
     if len(d) < 2 or not d.any():  # one pair is as probable either way
         return 1.0
 
-    def far(x: Array, axis: int) -> Any:  # the distance from zero: both sides at once, whatever their shape
-        return np.abs(np.sum(x, axis=axis))
-
-    found = permutation_test(
-        (d,), far, permutation_type="samples", alternative="greater", vectorized=True, n_resamples=REPEATS,
-        batch=max(1, BLOCK // len(d)), rng=np.random.default_rng(seed),
+    found = permutation_test(  # of the distance from zero: both sides at once, whatever their shape
+        (d,), lambda x, axis: np.abs(np.sum(x, axis=axis)), permutation_type="samples", alternative="greater",
+        vectorized=True, n_resamples=REPEATS, batch=max(1, BLOCK // len(d)), rng=np.random.default_rng(seed),
     )  # fmt: skip
     return float(found.pvalue)
 
@@ -104,19 +115,3 @@ def holm(p: Sequence[float]) -> list[float]:
         worst = max(worst, min(1.0, (len(p) - rank) * p[i]))
         adjusted[i] = worst
     return adjusted
-
-
-def _bootstrapped(samples: tuple[Array, ...], statistic: Callable[..., Any], seed: int) -> Interval:
-    """A statistic of runs, or of pairs of runs, with its percentile interval."""
-    from scipy.stats import bootstrap
-
-    if len(samples[0]) == 0:
-        return UNKNOWN
-    value = float(statistic(*samples, axis=-1))
-    if len(samples[0]) == 1:
-        return Interval(value=value, low=nan, high=nan)
-    found = bootstrap(
-        samples, statistic, paired=len(samples) > 1, vectorized=True, n_resamples=REPEATS,
-        batch=max(1, BLOCK // len(samples[0])), method="percentile", rng=np.random.default_rng(seed),
-    ).confidence_interval  # fmt: skip
-    return Interval(value=value, low=float(found.low), high=float(found.high))

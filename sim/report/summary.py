@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
-from sim.report.statistics import Interval, holm, mcnemar, mean, paired_shares, ratio, sign_flips, wilson
+from sim.report.statistics import Interval, holm, mcnemar, mean, paired_shares, sign_flips, wilson
 from sim.sweeps.dataset import Dataset, wished
 from sim.text import counted
 
@@ -81,13 +82,8 @@ class Report:
     points: list[Point]
     comparisons: list[Comparison]
     questions: int  # that the comparisons could answer
-    least_p: float  # the smallest adjusted p-value that so many pairs and questions allow
+    least_p: float  # the adjusted p-value if all pairs of the comparison that has most differed, all of them one way
     findings: list[str]
-
-    @property
-    def scenes(self) -> list[str]:
-        """Names, all of them together last if there are several."""
-        return list(dict.fromkeys(point.scene for point in self.points))
 
     def json(self) -> dict[str, Any]:
         """The report as plain values."""
@@ -99,12 +95,19 @@ def report(dataset: Dataset) -> Report:
     """Sum up what a sweep has finished so far.
 
     Raises:
-        OptionError: the folder holds no sweep, or rows that no sweep wrote.
+        OptionError: the folder holds no sweep, or rows that no sweep wrote: figures of them would mean nothing.
     """
-    manifest = dataset.manifest()
-    records = dataset.records()
-    _check(records, dataset)
+    manifest, records = dataset.manifest(), dataset.records()
+    for r in (r for r in records if r["outcome"] is not None):
+        wrong = [] if r["outcome"] in OUTCOMES else ["outcome"]
+        wrong += [name for name in ("cost", "path_length", "time") if r[name] is None or not isfinite(r[name])]
+        if wrong:
+            run = f"{r['scene']}, b = {r['noise']}, {r['method']}, seed {r['seed']}"
+            remedy = "remove its part-*.parquet, and its runs are made again"
+            raise OptionError(f"{dataset.runs}: the run {run} has no usable {wrong[0]}; {remedy}")
     points, comparisons = summed(records)
+    questions = sum(len(_questions(c)) for c in comparisons)
+    most = max((c.pairs for c in comparisons), default=0)
     return Report(
         name=dataset.folder.resolve().name,
         manifest=manifest,
@@ -113,17 +116,27 @@ def report(dataset: Dataset) -> Report:
         errors=dict(Counter(r["error"] for r in records if r["outcome"] is None).most_common()),
         points=points,
         comparisons=comparisons,
-        questions=sum(len(questions(c)) for c in comparisons),
-        least_p=least(comparisons),
+        questions=questions,
+        least_p=min(1.0, max(1, questions) * mcnemar(most, 0)),
         findings=_findings(comparisons),
     )
 
 
-def summed(records: Sequence[Record]) -> tuple[list[Point], list[Comparison]]:
+def summed(records: Iterable[Record]) -> tuple[list[Point], list[Comparison]]:
     """Return figures of every scene, noise level and method, and methods compared on equal seeds."""
-    wanted = [(key, by) for by in _groupings(sorted(records, key=_order)) for key in by]
-    comparisons = [c for c in (comparison(key, by) for key, by in wanted) if c is not None]
-    return [_point(key, by[key], by) for key, by in wanted], adjusted(comparisons)
+    groups: dict[Key, list[Record]] = {}
+    apart = sorted(records, key=_order)
+    for r in apart:
+        groups.setdefault((r["scene"], r["noise"], r["method"]), []).append(r)
+    if len({scene for scene, _, _ in groups}) > 1:
+        for r in sorted(apart, key=lambda r: _order(r)[1:]):
+            groups.setdefault((ALL, r["noise"], r["method"]), []).append(r)
+    compared = [_comparison(key, groups) for key in groups if key[2] != BASE and (*key[:2], BASE) in groups]
+    asked = [(i, name, getattr(c, f"{name}_p")) for i, c in enumerate(compared) for name in _questions(c)]
+    for (i, name, _), p in zip(asked, holm([p for _, _, p in asked]), strict=True):
+        change: dict[str, Any] = {f"{name}_adjusted": p}
+        compared[i] = replace(compared[i], **change)
+    return [_point(key, groups) for key in groups], compared
 
 
 def _order(record: Record) -> tuple[Any, ...]:
@@ -131,45 +144,22 @@ def _order(record: Record) -> tuple[Any, ...]:
     return record["scene"], record["noise"], rank, record["method"], record["seed"]
 
 
-def _check(records: Sequence[Record], dataset: Dataset) -> None:
-    """Refuse rows that no sweep wrote: figures of them would mean nothing.
-
-    Raises:
-        OptionError: names the folder, the run and what is wrong with it.
-    """
-    for r in records:
-        if r["outcome"] is None:
-            continue
-        wrong = ["outcome"] if r["outcome"] not in OUTCOMES else []
-        wrong += [name for name in ("cost", "path_length", "time") if r[name] is None or not isfinite(r[name])]
-        if wrong:
-            run = f"{r['scene']}, b = {r['noise']}, {r['method']}, seed {r['seed']}"
-            raise OptionError(
-                f"{dataset.runs}: the run {run} has no usable {wrong[0]}; remove its part-*.parquet, and its runs are "
-                "made again"
-            )
+def _questions(c: Comparison) -> list[str]:
+    """List the questions that its pairs could answer."""
+    return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
 
 
-def _groupings(records: Sequence[Record]) -> list[dict[Key, list[Record]]]:
-    """Runs by point; and if there are several scenes, by noise and method alone."""
-    apart: dict[Key, list[Record]] = {}
-    together: dict[Key, list[Record]] = {}
-    for r in records:
-        apart.setdefault((r["scene"], r["noise"], r["method"]), []).append(r)
-    for r in sorted(records, key=lambda r: _order({**r, "scene": ALL})):
-        together.setdefault((ALL, r["noise"], r["method"]), []).append(r)
-    return [apart, together] if len({scene for scene, _, _ in apart}) > 1 else [apart]
-
-
-def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[Record]]) -> Point:
+def _point(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Point:
     scene, noise, method = key
-    runs = [r for r in everyone if r["outcome"] is not None]
+    runs = [r for r in groups[key] if r["outcome"] is not None]
     arrived = [r for r in runs if r["outcome"] == "goal"]
     classes = Counter(r["executed_class"] for r in arrived) if scene != ALL else Counter[str]()
-    best = costs_of(pairs_of(runs, groups.get((scene, noise, BEST), ())))
 
     def share(outcome: str) -> Interval:
         return wilson(sum(r["outcome"] == outcome for r in runs), len(runs))
+
+    def average(among: Iterable[Record], of: Callable[[Record], float | None]) -> Interval:
+        return mean([value for value in map(of, among) if value is not None and isfinite(value)])
 
     return Point(
         scene=scene,
@@ -177,37 +167,28 @@ def _point(key: Key, everyone: Sequence[Record], groups: Mapping[Key, Sequence[R
         method=method,
         runs=len(runs),
         arrived=len(arrived),
-        errors=len(everyone) - len(runs),
+        errors=len(groups[key]) - len(runs),
         success=share("goal"),
         collision=share("collision"),
         timeout=share("timeout"),
-        cost=mean([r["cost"] for r in arrived]),
-        cost_over_optimal=ratio(*best.T),
-        path_length=mean([r["path_length"] for r in arrived]),
-        time=mean([r["time"] for r in arrived]),
+        cost=average(arrived, lambda r: r["cost"]),
+        cost_over_optimal=mean(*_costs(_pairs(runs, groups.get((scene, noise, BEST), ())))),
+        path_length=average(arrived, lambda r: r["path_length"]),
+        time=average(arrived, lambda r: r["time"]),
         classes={str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},
-        class_switches=mean(_known(r["class_switches"] for r in runs)),
-        class_reversals=mean(_known(r["class_reversals"] for r in runs)),
-        step_ms=mean(_known(r["step_ms"]["median"] for r in runs)),
-        step_p95_ms=mean(_known(r["step_ms"]["p95"] for r in runs)),
+        class_switches=average(runs, lambda r: r["class_switches"]),
+        class_reversals=average(runs, lambda r: r["class_reversals"]),
+        step_ms=average(runs, lambda r: r["step_ms"]["median"]),
+        step_p95_ms=average(runs, lambda r: r["step_ms"]["p95"]),
     )
 
 
-def _known(values: Iterable[float | None]) -> list[float]:
-    return [value for value in values if value is not None and isfinite(value)]
-
-
-def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison | None:
-    """A method's runs against those of `BASE`; None if that is the method, or has no runs there."""
+def _comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison:
     scene, noise, method = key
-    base = groups.get((scene, noise, BASE))
-    if method == BASE or base is None:
-        return None
-    pairs = pairs_of(groups[key], base)
+    pairs = _pairs(groups[key], groups[scene, noise, BASE])
     ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
     gained, lost = ends[True, False], ends[False, True]
-    costs = costs_of(pairs)
-    off = costs[:, 0] - costs[:, 1]
+    costs, base_costs = _costs(pairs)
     return Comparison(
         scene=scene,
         noise=noise,
@@ -217,54 +198,24 @@ def comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Comparison |
         lost=lost,
         success=paired_shares(gained, lost, len(pairs)),
         success_p=mcnemar(gained, lost),
-        arrived=len(off),
-        cost=mean(off),
-        cost_p=sign_flips(off),
+        arrived=len(costs),
+        cost=mean(costs - base_costs),
+        cost_p=sign_flips(costs - base_costs),
     )
 
 
-def pairs_of(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Record, Record]]:
+def _pairs(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Record, Record]]:
     """Runs of equal scene and seed that came to an end."""
     known = {(r["scene"], r["seed"]): r for r in others if r["outcome"] is not None}
     ended = [r for r in runs if r["outcome"] is not None]
     return [(r, known[r["scene"], r["seed"]]) for r in ended if (r["scene"], r["seed"]) in known]
 
 
-def costs_of(pairs: Iterable[tuple[Record, Record]]) -> np.ndarray[Any, Any]:
-    """Costs (k, 2) of the pairs of which both reached the goal."""
-    return np.array([(a["cost"], b["cost"]) for a, b in pairs if a["outcome"] == b["outcome"] == "goal"]).reshape(-1, 2)
-
-
-def adjusted(comparisons: Sequence[Comparison]) -> list[Comparison]:
-    """p-values adjusted for the number of questions that there are pairs for."""
-    asked = [(i, name) for i, c in enumerate(comparisons) for name in questions(c)]
-    values = holm([getattr(comparisons[i], f"{name}_p") for i, name in asked])
-    changes: list[dict[str, Any]] = [{} for _ in comparisons]
-    for (i, name), value in zip(asked, values, strict=True):
-        changes[i][f"{name}_adjusted"] = value
-    return [replace(c, **change) for c, change in zip(comparisons, changes, strict=True)]
-
-
-def questions(c: Comparison) -> list[str]:
-    """List the questions that its pairs could answer: success, cost."""
-    return [name for name, pairs in (("success", c.pairs), ("cost", c.arrived)) if pairs]
-
-
-def least(comparisons: Sequence[Comparison]) -> float:
-    """The adjusted p-value if all pairs of the comparison that has most differed, all of them one way.
-
-    Flips of signs, of which there are no more pairs, reach no smaller one.
-    """
-    number = sum(len(questions(c)) for c in comparisons)
-    return min(1.0, max(1, number) * mcnemar(max((c.pairs for c in comparisons), default=0), 0))
-
-
-def pairs_needed(asked: int) -> int:
-    """The fewest pairs with which one of so many questions can come out significant."""
-    pairs = 1
-    while asked * mcnemar(pairs, 0) >= LEVEL:
-        pairs += 1
-    return pairs
+def _costs(pairs: Iterable[tuple[Record, Record]]) -> Array:
+    """Costs (2, k) of the pairs of which both reached the goal."""
+    return (
+        np.array([(a["cost"], b["cost"]) for a, b in pairs if a["outcome"] == b["outcome"] == "goal"]).reshape(-1, 2).T
+    )
 
 
 def _findings(comparisons: Sequence[Comparison]) -> list[str]:

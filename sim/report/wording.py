@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
-from math import isfinite
+from math import isfinite, log2
 from typing import Any, NamedTuple
 
 from sim.drawing.colors import title
-from sim.report.plots import Picture
 from sim.report.statistics import Interval
-from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value, pairs_needed
+from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
@@ -61,69 +60,56 @@ def findings(report: Report) -> list[str]:
     """State plainly what is significant."""
     questions = counted(report.questions, "comparison")
     if not report.questions:
-        return [f"No comparison: {_why_none(report)}."]
+        return [f"No comparison: no seed came to an end both with {BASE} and with another method."]
     if report.findings:
         return [*(f"Significant: {line}." for line in report.findings), f"Significant of {questions}; no other is."]
-    if report.least_p < LEVEL:
-        return [f"None of {questions} with {BASE} is significant."]
-    return [
-        f"None of {questions} with {BASE} is significant. None could be: with so few seeds McNemar's adjusted p is "
-        f"{p_value(report.least_p)} at best. It takes at least {pairs_needed(report.questions)} pairs."
-    ]
-
-
-def _why_none(report: Report) -> str:
-    if not report.found:
-        return "there are no runs"
-    if sum(report.errors.values()) == report.found:
-        return "every run ended with an error"
-    return f"no seed came to an end both with {BASE} and with another method"
+    line = f"None of {questions} with {BASE} is significant."
+    if report.least_p >= LEVEL:
+        line += (
+            f" None could be: with so few seeds McNemar's adjusted p is {p_value(report.least_p)} at best. "
+            f"It takes at least {int(log2(2 * report.questions / LEVEL)) + 1} pairs."
+        )
+    return [line]
 
 
 def tables(points: Sequence[Point], comparisons: Sequence[Comparison]) -> list[Table]:
     """All figures, without tables that have no rows."""
-    known = any(p.method == BEST for p in points)
-    over: Mapping[str, Callable[[Any], str]] = {"cost over optimal": lambda p: _mean(p.cost_over_optimal, 4)}
-    every = [
-        _table(
+    optimal = {"cost over optimal": _of("cost_over_optimal", ".4f")} if any(p.method == BEST for p in points) else {}
+    outcomes = {"goal %": "success", "collision %": "collision", "time-out %": "timeout"}
+    every: list[tuple[str, str, Sequence[Any], dict[str, Callable[[Any], str]]]] = [
+        (
             "Outcomes", "Shares of the runs that came to an end.", points,
-            {"runs": lambda p: str(p.runs), "errors": lambda p: str(p.errors), "goal %": lambda p: _share(p.success),
-             "collision %": lambda p: _share(p.collision), "time-out %": lambda p: _share(p.timeout)},
+            {"runs": _of("runs"), "errors": _of("errors")}
+            | {name: _of(field, ".1f", 100) for name, field in outcomes.items()},
         ),
-        _table(
+        (
             "Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.",
-            points,
-            {"cost": lambda p: _mean(p.cost), **(over if known else {}), "path [m]": lambda p: _mean(p.path_length),
-             "time [s]": lambda p: _mean(p.time)},
+            points, {"cost": _of("cost"), **optimal, "path [m]": _of("path_length"), "time [s]": _of("time")},
         ),
-        _table(
+        (
             "Decisions",
             "Class switches per run; reversals: from a class of nine tenths of the weight to another such one; wall "
             "time of a control step: means over runs of median and 95th percentile; shares of the driven classes.",
             points,
-            {"switches": lambda p: _mean(p.class_switches, 2), "reversals": lambda p: _mean(p.class_reversals, 2),
-             "step median [ms]": lambda p: _mean(p.step_ms, 2), "step p95 [ms]": lambda p: _mean(p.step_p95_ms, 2),
+            {"switches": _of("class_switches", ".2f"), "reversals": _of("class_reversals", ".2f"),
+             "step median [ms]": _of("step_ms", ".2f"), "step p95 [ms]": _of("step_p95_ms", ".2f"),
              "classes %": _classes},
         ),
-        _table(
+        (
             f"Against {BASE}",
             f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
             comparisons,
-            {"pairs": lambda c: str(c.pairs), "goals": lambda c: f"+{c.gained} -{c.lost}",
-             "points": lambda c: _text(c.success, lambda x: f"{100 * x:+.1f}"),
+            {"pairs": _of("pairs"), "goals": lambda c: f"+{c.gained} -{c.lost}", "points": _of("success", "+.1f", 100),
              "p goals": lambda c: f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
-             "both arrive": lambda c: str(c.arrived), "cost": lambda c: _mean(c.cost, sign="+"),
+             "both arrive": _of("arrived"), "cost": _of("cost", "+.3f"),
              "p cost": lambda c: f"{p_value(c.cost_p)} ({p_value(c.cost_adjusted)})"},
         ),
     ]  # fmt: skip
-    return [one for one in every if one.rows]
-
-
-def _table(
-    heading: str, text: str, points: Sequence[Point] | Sequence[Comparison], cells: Mapping[str, Callable[[Any], str]]
-) -> Table:
-    rows = [[p.scene, f"{p.noise:g}", p.method, *(cell(p) for cell in cells.values())] for p in points]
-    return Table(heading, text, ["scene", "b", "method", *cells], rows)
+    return [
+        Table(heading, text, ["scene", "b", "method", *cells],
+              [[p.scene, f"{p.noise:g}", p.method, *(cell(p) for cell in cells.values())] for p in rows])
+        for heading, text, rows, cells in every if rows
+    ]  # fmt: skip
 
 
 def terminal(report: Report) -> str:
@@ -154,13 +140,12 @@ def markdown(report: Report) -> str:
     return "\n\n".join([*parts, "## How", METHOD]) + "\n"
 
 
-def page(report: Report, pictures: Sequence[Picture]) -> str:
-    """The whole page."""
+def page(report: Report, pictures: Mapping[str, str]) -> str:
+    """The whole page, with pictures: PNGs in base64 by what they show."""
     name, parts = escape(report.name), [f"<p>{escape(line)}</p>" for line in lead(report)]
     parts += ["<h2>Findings</h2>", *(f"<p>{escape(line)}</p>" for line in findings(report))]
-    for picture in pictures:
-        text = escape(picture.text)
-        parts.append(f'<p><img alt="{text}" src="data:image/png;base64,{picture.png}"></p><p>{text}</p>')
+    for text, png in pictures.items():
+        parts.append(f'<p><img alt="{escape(text)}" src="data:image/png;base64,{png}"></p><p>{escape(text)}</p>')
     for one in tables(report.points, report.comparisons):
         head = "".join(f"<th>{escape(cell)}</th>" for cell in one.header)
         body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in one.rows)
@@ -173,24 +158,25 @@ def page(report: Report, pictures: Sequence[Picture]) -> str:
     )
 
 
-def _share(interval: Interval) -> str:
-    return _text(interval, lambda x: f"{100 * x:.1f}")
+def _of(field: str, form: str = ".3f", scale: float = 1.0) -> Callable[[Any], str]:
+    """Return what writes a field of a row, a count or an interval, in a cell."""
+
+    def cell(row: Any) -> str:
+        value = getattr(row, field)
+        return _text(value, form, scale) if isinstance(value, Interval) else str(value)
+
+    return cell
 
 
-def _mean(interval: Interval, digits: int = 3, sign: str = "") -> str:
-    return _text(interval, lambda x: f"{x:{sign}.{digits}f}")
-
-
-def _text(interval: Interval, number: Callable[[float], str]) -> str:
+def _text(interval: Interval, form: str, scale: float) -> str:
     if not isfinite(interval.value):
         return "-"
-    if not isfinite(interval.low):
-        return number(interval.value)
-    return f"{number(interval.value)} [{number(interval.low)}, {number(interval.high)}]"
+    value, low, high = (f"{scale * x:{form}}" for x in (interval.value, interval.low, interval.high))
+    return f"{value} [{low}, {high}]" if isfinite(interval.low) else value
 
 
 def _classes(point: Point) -> str:
     shown = list(point.classes.items())[:SHOWN]
-    texts = [f"{'none' if name == 'None' else title(name)}: {_share(share)}" for name, share in shown]
+    texts = [f"{'none' if name == 'None' else title(name)}: {_text(share, '.1f', 100)}" for name, share in shown]
     more = len(point.classes) - len(shown)
     return "; ".join([*texts, *([f"{more} more"] if more else [])]) or "-"

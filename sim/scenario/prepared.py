@@ -27,7 +27,7 @@ REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
 SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at the start and at the goal point
-STEPS = 20  # of that time, by which the noise adds up
+STEPS = 20  # of a time, by which noise adds up
 WORTH = 2e-3  # a smaller margin is none [m]
 
 
@@ -112,11 +112,11 @@ def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float
         ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
     widths = find_passages(space.field, space.collision).width
     clearance = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
-    margin = min(max(LEAST, DEVIATIONS * _deviation(problem, reaction)), SHARE * clearance)
+    margin = min(max(LEAST, DEVIATIONS * deviation(problem, reaction)), SHARE * clearance)
     return round(margin, 4) if margin > WORTH else 0.0
 
 
-def _deviation(problem: Problem, time: float) -> float:
+def deviation(problem: Problem, time: float) -> float:
     """Return the standard deviation of the place after a time [s] from the start, along its worst direction [m]."""
     d, h, shift = problem.dynamics, time / STEPS, 1e-4
     start, still = d.state_of(problem.scene.start), np.zeros(d.m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -10,7 +11,7 @@ from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.risk import CollisionProbability
 from sim.scenario.scenario import Scenario
 
-ROUNDS = 6  # margins that are tried
+ROUNDS = 8  # margins that are tried
 FINEST = 1e-4  # margins are whole multiples of this [m]
 WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
 DRAWN = 4  # times the samples of a plan: this estimate is made once per run
@@ -41,33 +42,37 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
     Raises:
         OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
     """
-    scenario = at(0.0)
-    spread = scenario.problem.dynamics.position_spread(scenario.start)
-    widest = WIDEST * spread * float(np.sqrt(scenario.loaded.model.opt.timestep))
-    more = np.arange(0.0, widest + FINEST, FINEST).tolist()
-    nearest: tuple[float, Scenario] | None = None
+    more = [0.0]
+    margin, wide, closed, nearest = 0.0, 0.0, math.inf, (math.inf, None)  # type: float, float, float, Any
     for _ in range(ROUNDS):
-        found = predicted(scenario, more)
-        if found is None:
-            break
-        most = found[0].most
-        if nearest is None or most < nearest[0]:
-            nearest = most, scenario
-        if most <= risk:
-            return scenario
-        enough = next((m for m, one in zip(more[1:], found[1:], strict=True) if one.most <= risk), more[-1])
         try:
-            scenario = at(round(scenario.margin + enough, 4))
-            scenario.references(scenario.grown_tree())
+            scenario = at(margin)
+            if not nearest[1]:
+                spread = scenario.problem.dynamics.position_spread(scenario.start)
+                widest = WIDEST * spread * math.sqrt(scenario.loaded.model.opt.timestep)
+                more = np.arange(0.0, widest + FINEST, FINEST).tolist()
+            found = predicted(scenario, more)
         except (NoReference, SceneError):  # no way is as wide as that
+            found = None
+        if found is None and margin == 0.0:
+            raise OptionError(
+                "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
+            )
+        if found is None:
+            closed = margin
+        else:
+            if found[0].most < nearest[0]:
+                nearest = found[0].most, scenario
+            if found[0].most <= risk:
+                return scenario
+            wide, enough = margin, next((m for m, one in zip(more, found, strict=True) if one.most <= risk), more[-1])
+        margin = round(wide + enough if wide + enough < closed else 0.5 * (wide + closed), 4)
+        if margin in (wide, closed):
             break
-    if nearest is None:
-        raise OptionError(
-            "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
-        )
     if stop:
         raise OptionError(
             f"--risk is {risk:g}; with a margin of {nearest[1].margin:g} m the probability of a collision is at most "
             f"{nearest[0]:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
         )
-    return nearest[1]
+    kept: Scenario = nearest[1]
+    return kept

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -185,16 +186,20 @@ class Scenario:
             tree.grow(vertices, progress=progress)
             return tree
 
-        first, least = grown(s.limit), 0.0
-        if self.widens and not self.moving:
-            least = required_limit(grown(WIDER[-1], min(s.vertices, QUICK)), x)
-        if not self.widens or (least <= s.limit and first.lengths(first.at(x, 0.0))):
+        first = grown(s.limit)
+        if not self.widens:
             return first
-        for limit in (limit for limit in WIDER if limit >= min(least, WIDER[-1]) and limit > s.limit):
-            tree = grown(limit)
-            if tree.lengths(tree.at(x, 0.0)):
-                return tree
-        return first
+        wide = {} if self.moving else grown(WIDER[-1], min(s.vertices, QUICK)).lengths(x)
+        short = LONGER * min(wide.values(), default=0.0)
+
+        def fits(tree: HomologyTree) -> bool:
+            lengths = tree.lengths(tree.at(x, 0.0))
+            other = 0.0 if len(lengths) == s.classes else np.inf  # more than it holds are as short
+            left_out = (lengths.get(one, other) > LONGER * length for one, length in wide.items() if length <= short)
+            return bool(lengths) and not any(left_out)
+
+        wider = (grown(limit) for limit in WIDER if limit > s.limit)
+        return next((tree for tree in itertools.chain([first], wider) if fits(tree)), first)
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first.
@@ -288,21 +293,3 @@ class Scenario:
             plant, driver, start, rng or self.plant_rng(), max_time=s.max_time, grow=s.grow,
             clock=clock if s.real_time else None, grid=grid,
         )  # fmt: skip
-
-
-def required_limit(tree: HomologyTree, x: Array) -> float:
-    """Return the least H_limit [turns] that allows paths from x (n,) of at most LONGER times the shortest length.
-
-    The tree's own limit is a wide one.
-    """
-    try:
-        references = tree.references(x)
-    except NoReference:
-        return 0.0
-    shortest, least = min(one.length for one in references), 0.0
-    for points in (one.trajectory.points for one in references if one.length <= LONGER * shortest):
-        a, b = points[:-1, None, :2] - tree.homology.markers, points[1:, None, :2] - tree.homology.markers
-        turns = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], (a * b).sum(axis=-1)) / (2.0 * np.pi)
-        rest = np.cumsum(turns[::-1], axis=0)  # 1 - H of the rest of the path
-        least = max(least, float(np.abs(rest).max(initial=0.0)))
-    return least

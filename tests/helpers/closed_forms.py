@@ -14,26 +14,18 @@ from batches import batch_of
 from discs import scene_of
 from scipy.special import k0, k1
 
-from pirrht import Estimate, FreeSpace, PathIntegral, Problem, Scene, SingleIntegrator, StraightLine
+from pirrht import Estimate, FreeSpace, PathIntegral, Problem, SingleIntegrator, StraightLine
 from pirrht.arrays import Array
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
-LEFT, RIGHT = (-1,), (1,)
-
-
-# -- scenes with closed forms ------------------------------------------------------------------------------------
-
-
-def strip_scene(L: float) -> Scene:
-    """A corridor |x| < L whose ends are out of reach, with a goal that nobody finds."""
-    goal = (0.9 * L, 49.9 * L, 1e-3 * L)
-    return scene_of(start=(0.0, 0.0), goal=goal, lower=(-L, -50.0 * L), side=(L, 50.0 * L), radius=0.2 * L)
 
 
 @cache
 def strip_space(L: float) -> FreeSpace:
-    return FreeSpace.of(strip_scene(L))
+    """A corridor |x| < L whose ends are out of reach, with a goal that nobody finds."""
+    goal, lower, side = (0.9 * L, 49.9 * L, 1e-3 * L), (-L, -50.0 * L), (L, 50.0 * L)
+    return FreeSpace.of(scene_of(start=(0.0, 0.0), goal=goal, lower=lower, side=side, radius=0.2 * L))
 
 
 def strip(b: float, L: float) -> Problem:
@@ -63,9 +55,6 @@ def disc_entry(problem: Problem, b: float, radius: float, r: float) -> tuple[flo
     return -temperature * np.log(k0(k * r) / k0(k * radius)), temperature / 2.0 * k * k1(k * r) / k0(k * r)
 
 
-# -- estimating --------------------------------------------------------------------------------------------------
-
-
 def straight(x: Array, ends: Sequence[Array], times: Array) -> tuple[Array, list[Array]]:
     """Tapes that lead straight to some points and are zero from there on; and corners far beyond them."""
     steering = StraightLine(pace=SPEED)
@@ -81,9 +70,8 @@ def at_strip(integral: PathIntegral, x: float, sides: Sequence[int], seed: int, 
         tapes, corners = straight(state, [np.array([side * L, 0.0]) for side in sides], times)
     else:
         tapes, corners = np.zeros((1, len(times) - 1, 2)), None
-    return integral.estimate(
-        integral.rollout(batch_of(integral, state, times, tapes, corners=corners, **options), seed)
-    )
+    batch = batch_of(integral, state, times, tapes, corners=corners, **options)
+    return integral.estimate(integral.rollout(batch, seed))
 
 
 def within(samples: Array, exact: Array | float, *, errors: float = 3.0) -> bool:

@@ -47,10 +47,5 @@ def scattered(seed: int, count: int = 6) -> Scene:
 
 def _standing(name: str, kind: Kind, size: Row, x: float, y: float, yaw: float) -> Obstacle:
     c, s = np.cos(yaw), np.sin(yaw)
-    return Obstacle(
-        name=name,
-        kind=kind,
-        size=np.array(size, dtype=float),
-        position=np.array([x, y, 0.5]),
-        rotation=np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]),
-    )
+    place, turn = np.array([x, y, 0.5]), np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return Obstacle(name=name, kind=kind, size=np.array(size, dtype=float), position=place, rotation=turn)

@@ -14,8 +14,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from rerun.chunk import RrdReader
+from trees import grown
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator, StraightLine
+from pirrht import Controller, FreeSpace, Problem, Sampling, SingleIntegrator, StraightLine
 from pirrht.steering.in_time import InTime
 from sim.drive.episode import Frame, run
 from sim.drive.executor import Executor
@@ -28,18 +29,19 @@ PERIOD, MAX_TIME = 0.01, 0.5
 class Drive:
     """The slit under noise, with everything a recorder wants to know; the same every time."""
 
-    def __init__(self, seed: int = 0) -> None:
-        self.loaded = load("slit")
+    def __init__(
+        self, scene: Path | str = "slit", b: float = 0.3, limit: float = 0.6, vertices: int = 200, samples: int = 60
+    ) -> None:
+        self.loaded = load(scene)
         self.scene = self.loaded.scene
         self.space = FreeSpace.of(self.scene)
-        problem = Problem(dynamics=SingleIntegrator(b=0.3), scene=self.scene, R=2 * np.eye(2))
-        self.tree = HomologyTree(self.space, StraightLine(), limit=0.6, rng=np.random.default_rng(seed))
-        self.tree.grow(200)
-        self.controller = Controller(
-            problem, self.space, self.tree, Sampling(samples=60), rng=np.random.default_rng(seed)
-        )
-        self.plant = Executor(self.loaded, problem, period=PERIOD)
-        self.plant_rng = np.random.default_rng(seed)
+        problem = Problem(dynamics=SingleIntegrator(b=b), scene=self.scene, R=2 * np.eye(2))
+        steering = InTime.of(problem) if self.scene.movers else StraightLine()
+        self.tree = grown(self.space, steering, vertices, limit=limit)
+        sampling, period = Sampling(samples=samples), 2 * PERIOD if self.scene.movers else PERIOD
+        self.controller = Controller(problem, self.space, self.tree, sampling, rng=np.random.default_rng(0))
+        self.plant = Executor(self.loaded, problem, period=period)
+        self.plant_rng = np.random.default_rng(0)
 
     def recorder(self, file: Path | None = None, connect: str | None = None, **look) -> Recorder:
         settings = {"scene": "slit", "seed": 0, "noise": 0.3, "method": "pi-rrht"}
@@ -55,17 +57,7 @@ class Moving(Drive):
     """A scene with bodies that move, planned in with few vertices and samples."""
 
     def __init__(self, scene: Path | str, *, vertices: int = 5, samples: int = 20) -> None:
-        self.loaded = load(scene)
-        self.scene = self.loaded.scene
-        self.space = FreeSpace.of(self.scene)
-        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=self.scene, R=2 * np.eye(2))
-        steering = InTime.of(problem)
-        self.tree = HomologyTree(self.space, steering, limit=0.8, rng=np.random.default_rng(0))
-        self.tree.grow(vertices)
-        sampling = Sampling(samples=samples)
-        self.controller = Controller(problem, self.space, self.tree, sampling, rng=np.random.default_rng(0))
-        self.plant = Executor(self.loaded, problem, period=2 * PERIOD)
-        self.plant_rng = np.random.default_rng(0)
+        super().__init__(scene, 0.1, 0.8, vertices, samples)
 
 
 def timed(frames: Iterable[Frame]) -> Iterator[Frame]:

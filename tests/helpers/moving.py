@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
 from discs import Row, block, disc, scene_of
 from scipy.spatial import ConvexHull
 
+from pirrht.arrays import Array
+from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
-from pirrht.geometry.scene import Kind, Obstacle, Scene
+from pirrht.geometry.scene import Footprint, Kind, Obstacle, Scene, Workspace
 
 START = np.array([1.0, 2.5])
 
@@ -27,13 +29,16 @@ def as_mesh(box: Obstacle) -> Obstacle:
     return replace(box, kind=Kind.MESH, vertices=corners, faces=faces)
 
 
-def hall(
-    name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5), radius: float = 0.1
-) -> Scene:
+def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: Array, time: float) -> float:
+    """FCL's clearance [m] at a place (2,) from bodies as they stand at a time [s], without any border."""
+    solids = tuple(one for mover in movers for one in mover.at(time))
+    everywhere = Workspace(np.full(2, -np.inf), np.full(2, np.inf), solids)
+    return float(Collision(everywhere, footprint).clearance(place[None])[0])
+
+
+def hall(name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5)) -> Scene:
     """A workspace of 6 x 5 m with a start at (1, 2.5) and a goal's disc of 0.3 m."""
-    return scene_of(
-        standing, start=START, goal=(*goal, 0.3), side=(6.0, 5.0), radius=radius, name=name, movers=tuple(movers)
-    )
+    return scene_of(standing, start=START, goal=(*goal, 0.3), side=(6.0, 5.0), name=name, movers=tuple(movers))
 
 
 def busy() -> Scene:

@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import sweep_samples
+
 from sim.sweeps.dataset import Dataset
-from sim.sweeps.parts import RESULTS
 
 ASKED = {"methods": ["pi-rrht", "passive", "optimal"], "noise": {"slit": [0.1]}, "seeds": [0, 40]}
 SETTINGS = {"samples": 50, "plan_seed": 0}
 
 
 def record(method: str, seed: int, outcome: str | None = "goal", cost: float = 8.0, **changes) -> dict:
-    known = {**dict.fromkeys(RESULTS), "scene": "slit", "scene_digest": "01", "method": method, "noise": 0.1}
-    known |= {"seed": seed, "plan_seed": 0, "outcome": outcome, "cost": cost, "path_length": 4.0, "time": 5.0}
-    known |= {
-        "class_switches": seed % 2,
-        "class_reversals": int(seed % 4 == 1),
-        "executed_class": "0,0" if seed % 4 else "0,1",
-        "steps": 10,
-    }
-    if outcome != "goal":
-        known["executed_class"] = None
-    known |= {"step_ms": {"median": 2.0, "p95": 3.0, "max": 9.0}, "deadline_misses": 0, "plan_seconds": 1.0}
-    return {**known, "drive_seconds": 1.0, **changes}
+    known = {"scene_digest": "01", "method": method, "outcome": outcome, "cost": cost, "path_length": 4.0, "time": 5.0}
+    known |= {"class_switches": seed % 2, "class_reversals": int(seed % 4 == 1), "steps": 10, "deadline_misses": 0}
+    known["executed_class"] = ("0,0" if seed % 4 else "0,1") if outcome == "goal" else None
+    known |= {"step_ms": {"median": 2.0, "p95": 3.0, "max": 9.0}, "plan_seconds": 1.0, "drive_seconds": 1.0}
+    return sweep_samples.record(seed, **known | changes)
 
 
 def stored(folder: Path, records: list[dict], asked: dict = ASKED) -> Dataset:

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim import text
 from sim.cli import main
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
-from sim.text import say
 
 Run = Callable[..., tuple[int, Any]]
 
@@ -178,6 +176,12 @@ def test_estimate_repeats_with_independent_samples(figures):
     assert np.mean(found["value"]) == pytest.approx(8.44, abs=0.1)
 
 
+@pytest.mark.parametrize(("noise", "asks"), [("0.3", False), ("10", True)])
+def test_a_noise_that_leaves_the_workspace_in_a_second_is_questioned(capsys, noise, asks):
+    assert main(["plan", "slit", "--noise", noise, *SMALL]) == 0
+    assert ("is --noise 10 in m/sqrt(s)?" in capsys.readouterr().out) == asks
+
+
 def test_estimate_without_survivors_prints_nulls_and_succeeds(figures):
     status, found = figures("estimate", "slit", "--at", "1", "2.5", "--method", "passive", "--samples", "10")
     assert status == 0
@@ -197,16 +201,3 @@ def test_without_a_package_of_the_simulation_a_command_names_the_one_that_instal
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))
     assert main(["scenes"]) == 2
     assert capsys.readouterr().err == "pirrht: mujoco is missing; install it with `pip install 'pirrht[sim]'`\n"
-
-
-# -- narrow terminals --------------------------------------------------------------------------------------------
-
-
-def test_text_is_broken_between_words_on_a_terminal_only(monkeypatch, capsys):
-    line = "class -1,0, 1 class switches, 0 fallbacks, least clearance 0.115 m"
-    say(line)
-    monkeypatch.setattr(text, "width", lambda: 40)
-    say(line)
-    whole, *parts = capsys.readouterr().out.splitlines()
-    assert whole == line == " ".join(part.strip() for part in parts)
-    assert max(map(len, parts)) <= 40

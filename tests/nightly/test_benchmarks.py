@@ -18,8 +18,6 @@ from pirrht import FreeSpace
 from sim.files import plain
 from sim.scenario import prepare
 
-# -- speed -------------------------------------------------------------------------------------------------------
-
 
 def test_missing_peers_are_told_and_ours_is_timed_all_the_same(monkeypatch):
     monkeypatch.setattr(peers, "missing", lambda module: True)
@@ -43,9 +41,6 @@ def test_a_peer_finds_the_answer_that_we_find(name):
     assert found["off"] < 4.0
     assert 1.0 <= work(0).ess < 0.05 * 6000
     assert found.get("log_psi_off", 0.0) < 4.0
-
-
-# -- calibration -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", [3, 13])
@@ -102,9 +97,6 @@ def test_pooled_shares_of_classes_are_those_of_the_sums_of_psi():
     assert contested.apart(said, {"0": 0.9, "2": 0.1}) == pytest.approx(0.3)  # the greatest difference of any
 
 
-# -- masses ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("x", [(1.0, 2.5, 0.0, 0.0), (1.0, 3.5, 0.5, 0.8)], ids=["start", "above"])
 def test_psi_of_a_mass_is_the_same_from_three_guides(x):
     """Guides of all classes, all tapes, and another class's guide with tapes; 100 000 samples each, seeds 1 to 3."""
@@ -118,9 +110,6 @@ def test_psi_of_a_mass_is_the_same_from_three_guides(x):
     for i, one in enumerate(said):
         for other in said[:i]:
             assert abs(one.log_psi - other.log_psi) < 4.0 * np.hypot(one.error, other.error)
-
-
-# -- commands ----------------------------------------------------------------------------------------------------
 
 
 def test_a_benchmark_prints_its_table_and_writes_it_and_names_the_parts_that_there_are(tmp_path, monkeypatch, capsys):

@@ -20,7 +20,7 @@ from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim.cli import docs, main, parser
 from sim.options import DAILY, GIB, OPTIONS, check_size, options_of
-from sim.recording.options import Look
+from sim.recording.viewer import Look
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, Option, Settings, refuse_unused
 from sim.systems import named, names
@@ -139,9 +139,11 @@ def test_no_option_of_a_command_is_there_twice_and_its_help_lists_it(command, ca
     assert all(option.flag in shown[0] for option in options if option.name in DAILY)
 
 
-def test_the_help_of_run_fits_on_a_screen_and_names_what_people_use_daily(monkeypatch):
+def test_the_help_of_run_fits_on_a_screen_and_names_what_people_use_daily(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    text = parser.help_of("run", everything=False)
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    text = capsys.readouterr().out
     assert len(text.splitlines()) <= 60
     daily = (
         "robot start goal noise speed seed method samples vertices preset real-time record view video png json help-all"

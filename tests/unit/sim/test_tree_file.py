@@ -14,11 +14,9 @@ import pytest
 import pirrht
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
-from pirrht.planner.chain import keys_of
 from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
-from pirrht.topology.crossings import Turns
 from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
 
@@ -221,22 +219,6 @@ def test_a_tree_whose_sums_fit_a_wrong_number_is_refused_or_ends(slit: Scenario,
 def test_a_record_that_is_none_is_refused(slit: Scenario, saved: bytes, changes, what: str):
     with pytest.raises(OptionError, match=what):
         tree_file.load(repacked(unpacked(saved), **changes), slit.space, StraightLine())
-
-
-def test_a_circle_among_parents_is_refused(slit: Scenario, saved: bytes):
-    arrays = unpacked(saved)
-    below = int(np.argmax((arrays["parent"][:, 0] >= 0) & ~arrays["in_goal"][arrays["head"][arrays["parent"][:, 0]]]))
-    edge = int(arrays["parent"][below, 0])
-    above = int(arrays["head"][edge])
-    back = int(np.flatnonzero((arrays["tail"] == above) & (arrays["head"] == below))[0])
-    arrays["edge_cost"][[edge, back]] = 0.0
-    arrays["cost"][below, 0] = arrays["cost"][above, 0]
-    turns = Turns(arrays["edge_first"], arrays["edge_marker"], arrays["edge_turn"])
-    key = keys_of(turns, slit.space.homology.hash_weights)[back]
-    slot = int(np.flatnonzero(arrays["key"][above] == arrays["key"][below, 0] + key)[0])
-    arrays["parent"][above, slot] = back
-    with pytest.raises(OptionError, match="damaged tree"):
-        tree_file.load(repacked(arrays), slit.space, StraightLine())
 
 
 def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Scenario, saved: bytes, monkeypatch):

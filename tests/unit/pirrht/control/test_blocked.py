@@ -28,11 +28,6 @@ def room(*movers: Mover) -> Scene:
     return scene_of(start=(0.6, 1.5), goal=(3.6, 1.5, 0.3), side=(4.0, 3.0), radius=RADIUS, movers=movers)
 
 
-def walker(*rows: tuple[float, float, float]) -> Mover:
-    """A disc of 0.25 m that is at x, y [m] at times [s]."""
-    return moved("person", [(t, x, y, 0.0) for t, x, y in rows], disc("person", 0.0, 0.0, 0.25))
-
-
 def brake_of(dynamics: Dynamics, scene: Scene) -> tuple[Brake, FreeSpace]:
     R = np.diag([2.0, 0.5]) if isinstance(dynamics, Rover) else np.eye(dynamics.m)
     problem = Problem(dynamics=dynamics, scene=scene, R=R)
@@ -63,10 +58,9 @@ def test_every_robot_that_can_stop_comes_to_rest_ahead_of_it_and_does_not_swing_
 
 
 def test_who_is_walked_towards_gives_way_in_time():
-    scene = room(walker((0.0, 3.2, 1.5), (2.0, 1.2, 1.5), (9.0, 1.2, 2.9)))
-    dynamics = SingleIntegrator()
-    brake, space = brake_of(dynamics, scene)
-    x = np.array([2.0, 1.5])
+    rows = [(0.0, 3.2, 1.5, 0.0), (2.0, 1.2, 1.5, 0.0), (9.0, 1.2, 2.9, 0.0)]
+    dynamics, x = SingleIntegrator(), np.array([2.0, 1.5])
+    brake, space = brake_of(dynamics, room(moved("person", rows, disc("person", 0.0, 0.0, 0.25))))
     assert space.moving.distance(x, 1.2) < 0.0  # who stays is run over
     halt = brake.halt(x, space, 0.0)
     assert halt.free == np.inf

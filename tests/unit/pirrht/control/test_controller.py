@@ -7,25 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pirrht import Controller, HomologyTree, NoReference, OptionError, StraightLine
+from pirrht import HomologyTree, NoReference, OptionError
 from pirrht.arrays import Array
 from pirrht.control.settings import TUNING, TimeBudget
 from sim.scenario import Scenario
 
 HIDDEN = np.array([1.0, 3.4])  # from here the goal point is behind the upper wall
 DT = 0.05
-
-
-@pytest.fixture
-def controller(slit: Scenario, slit_tree: HomologyTree) -> Controller:
-    return slit.with_settings(samples=50).controller(slit_tree)
-
-
-@pytest.fixture
-def short_sighted(slit: Scenario) -> Controller:
-    """Its tree is the goal alone, so that it has a reference only where the goal is in sight."""
-    tree = HomologyTree(slit.space, StraightLine(), limit=0.6, rng=np.random.default_rng(0))
-    return slit.with_settings(samples=50).controller(tree)
 
 
 def along(points: Array, spacing: float) -> Array:
@@ -35,11 +23,9 @@ def along(points: Array, spacing: float) -> Array:
     return np.column_stack([np.interp(at, lengths, points[:, k]) for k in (0, 1)])
 
 
-# -- names -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("name", ["0,0", "-1,0", "0,1"])
-def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenario, name: str):
+def test_a_class_keeps_its_name_all_the_way(slit: Scenario, slit_tree: HomologyTree, name: str):
+    controller = slit.with_settings(samples=50).controller(slit_tree)
     first = controller.plan(slit.start)
     reference = first.references[first.ids.index(name)]
     controller.begin(slit.start)
@@ -51,14 +37,10 @@ def test_a_class_keeps_its_name_all_the_way(controller: Controller, slit: Scenar
         assert name in plan.ids
         assert len(set(plan.ids)) == len(plan.ids)
         relative.add(plan.references[plan.ids.index(name)].id)
-        assert plan.estimate is not None
         assert plan.estimate.class_weights.keys() == {*plan.ids, "other"}
     assert ",".join(str(k) for k in controller.driven_class()) == name
     if name != "0,0":
         assert relative != {name}  # seen from where the robot is, the class has another name
-
-
-# -- plans -------------------------------------------------------------------------------------------------------
 
 
 def test_methods_differ_in_the_references_they_sample_around(slit: Scenario, slit_tree: HomologyTree):
@@ -83,12 +65,8 @@ def test_a_held_plan_is_its_control_now_and_its_tape_later(slit: Scenario, slit_
         for t in (plan.times[i], 0.5 * (plan.times[i] + plan.times[i + 1])):
             np.testing.assert_array_equal(plan.at(plan.state, t), plan.tape[i])
     assert np.all(plan.at(plan.state, plan.times[-1] + 1.0) == 0.0)
-    assert plan.estimate is not None
     weights = plan.estimate.class_weights
     assert plan.favourite == max(weights, key=lambda name: weights[name]) == "0,0"
-
-
-# -- a loop of one's own -----------------------------------------------------------------------------------------
 
 
 def test_steps_are_the_plans_of_a_loop_that_observes(slit: Scenario, slit_tree: HomologyTree):
@@ -130,12 +108,9 @@ def test_the_first_plan_of_a_drive_draws_until_enough_samples_are_effective(slit
     assert len(until.plan(slit.start).estimate.parts) == 1
 
 
-# -- fallbacks ---------------------------------------------------------------------------------------------------
-
-
-def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(
-    short_sighted: Controller, slit: Scenario
-):
+def test_without_a_reference_at_the_start_there_is_no_plan_and_later_the_robot_brakes(slit: Scenario):
+    """A tree that is the goal alone has a reference only where the goal is in sight."""
+    short_sighted = slit.with_settings(samples=50).controller(slit.empty_tree())
     with pytest.raises(NoReference, match=r"from \(1, 3.4\)"):
         short_sighted.plan(HIDDEN)
     short_sighted.begin(slit.start)
@@ -162,9 +137,6 @@ def test_without_a_survivor_the_robot_brakes_and_goes_on_when_one_survives(slit:
     np.testing.assert_allclose(plan.control, [0.0, 0.0], atol=1e-9)
     controller.observe(np.array([[5.0, 2.5]]), 0.1)
     assert controller.plan(np.array([5.0, 2.5])).fallback is None  # close to the goal
-
-
-# -- what a plan leaves out, by the time that is left ------------------------------------------------------------
 
 
 def budget(share: float = 1.0) -> TimeBudget:

@@ -22,9 +22,6 @@ START = np.array([1.0, 2.5])  # both detours are worth the same there
 class Steep(Tape):
     """A guide whose law is linear and changes fast."""
 
-    def __init__(self):
-        super().__init__(np.array([0.0, 1.0]), np.zeros((1, 2)))
-
     def __call__(self, x, s):
         return np.array([[-50.0, 3.0], [2.0, -80.0]]) @ x
 
@@ -37,10 +34,9 @@ def estimate(x, *, law_weight=1.0, **classes):
     """What the samples of one plan say: log psi and control of each class."""
     logs = {name: log for name, (log, _) in classes.items()}
     total = np.logaddexp.reduce(list(logs.values()))
+    origin, tables = SimpleNamespace(x=np.array(x, dtype=float)), SimpleNamespace(law_weight=law_weight)
     return SimpleNamespace(
-        rollouts=SimpleNamespace(
-            origin=SimpleNamespace(x=np.array(x, dtype=float)), tables=SimpleNamespace(law_weight=law_weight)
-        ),
+        rollouts=SimpleNamespace(origin=origin, tables=tables),
         log_psi=float(total),
         class_weights={name: float(np.exp(log - total)) for name, log in logs.items()},
         class_controls={name: np.array(u) for name, (_, u) in classes.items()},
@@ -71,8 +67,7 @@ def test_a_law_of_two_classes_is_the_slope_of_the_sum_of_two_exponentials(proble
 
 def test_plans_at_one_place_are_averaged(problem):
     """Five plans a hundredth of a second apart; the spread of 400 laws (seed 4) is that of 3.6 plans, within 15 %."""
-    rng = np.random.default_rng(4)
-    laws = []
+    rng, laws = np.random.default_rng(4), []
     for _ in range(400):
         law = None
         for _ in range(5):
@@ -85,7 +80,8 @@ def test_plans_at_one_place_are_averaged(problem):
 @pytest.mark.parametrize("law_weight", [0.0, 0.3, 1.0])
 def test_between_plans_a_guide_is_followed_as_far_as_it_is_trusted(problem, law_weight):
     """At the plan's state the control is what samples said; beside it that and a share of how the guide changes."""
-    guide, x, beside = Steep(), np.array([0.2, 0.1]), np.array([0.21, 0.1])
+    guide = Steep(np.array([0.0, 1.0]), np.zeros((1, 2)))
+    x, beside = np.array([0.2, 0.1]), np.array([0.21, 0.1])
     law = pooled(problem, None, estimate(x, law_weight=law_weight, one=(0.0, [1.0, 0.5])), {"one": guide}, nothing, 0.0)
     np.testing.assert_allclose(law(x, 0.0), [1.0, 0.5], rtol=1e-12)
     change = law(beside, 0.0) - law(x, 0.0)
@@ -104,8 +100,6 @@ def test_a_linear_law_is_trusted_beyond_what_noise_carries_to_walls_and_the_less
         trusted = linear_law_weight(0.04, near) >= 1.0
         assert trusted or window(0.04, near, times, 0.4, PROPOSALS.averaged_moving) == shortest
 
-
-# -- where obstacles move ----------------------------------------------------------------------------------------
 
 B = 0.2
 

@@ -8,18 +8,16 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import batch_of
-from closed_forms import SEEDS, annulus, disc_entry, wave_number, within
+from closed_forms import SEEDS, annulus, disc_entry, within
 from discs import block, scene_of
 from moving import hall, moved
-from scipy.special import k0
-from trees import grown
+from trees import grown, point
 
-from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling, SingleIntegrator
+from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling
 from pirrht.control.baselines import Mppi, alone, class_values, follow_best, shifted, straight_home
 from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import SAMPLING
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.in_time import InTime
 from pirrht.steering.motion import running_cost
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.rover import Rover
@@ -44,8 +42,7 @@ def around_all(slit: Scenario, tree: HomologyTree, samples: int = 150, **setting
     names = {slit.space.homology.key(r.winding): r.id for r in references}
     counts = [samples, samples // 2, samples]
     batch = batch_of(integral, x, times, tapes, corners=corners, counts=counts, classes=names)
-    estimate = integral.sample(batch, 5)
-    return estimate, [r.id for r in references]
+    return integral.sample(batch, 5), [r.id for r in references]
 
 
 def test_the_plain_average_of_the_paper_is_the_mean_over_what_each_class_says_alone(slit, slit_tree):
@@ -63,13 +60,11 @@ def test_alone_a_class_says_what_its_own_samples_would(slit, slit_tree):
     for h in range(len(names)):
         own = slice(*part.tables.first[h : h + 2])
         weight = -part.paths.work[own] / noisy(slit).temperature + part.paths.log_survival[own]
-        weight = np.exp(weight - part.paths.log_ratio[own, h])
-        weight *= part.paths.outcome[own] == 1
+        weight = np.exp(weight - part.paths.log_ratio[own, h]) * (part.paths.outcome[own] == 1)
         result = alone(noisy(slit), estimate, h, {})
         assert result.log_psi == pytest.approx(np.log(weight.mean()), rel=1e-12)
         expected = weight @ part.paths.now[own] / (weight @ part.paths.span[own])
-        push = estimate.push
-        np.testing.assert_allclose(result.control, expected + push, rtol=1e-9)
+        np.testing.assert_allclose(result.control, expected + estimate.push, rtol=1e-9)
         assert result.proposal_weights[h] == pytest.approx(1.0)
 
 
@@ -89,29 +84,21 @@ def test_the_best_class_has_the_least_value_unless_another_is_followed_that_is_n
         assert memory.followed == names[expected]
 
 
-# -- all of them -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", [*SAMPLING, "mppi"])
 def test_equal_seeds_mean_equal_plant_noise_whatever_the_method(slit: Scenario, slit_tree: HomologyTree, method: str):
     scenario = slit.with_settings(method=method, samples=40, max_time=0.05, seed=4)
     tree = slit_tree if method in SAMPLING else None
-    frames = episode.run(
-        scenario.plant(), scenario.controller(tree), scenario.start, scenario.plant_rng(), max_time=0.05
-    )
-    noise = np.vstack([frame.advance.noise for frame in frames])
-    steps = len(noise)
-    assert steps == 25
-    again = np.random.default_rng(np.random.SeedSequence(4).spawn(3)[2])
-    np.testing.assert_array_equal(noise, np.sqrt(0.002) * again.standard_normal((steps, 2)))
+    controller, rng = scenario.controller(tree), scenario.plant_rng()
+    frames = episode.run(scenario.plant(), controller, scenario.start, rng, max_time=0.05)
+    again = np.random.default_rng(np.random.SeedSequence(4).spawn(3)[2]).standard_normal((25, 2))
+    np.testing.assert_array_equal(np.vstack([frame.advance.noise for frame in frames]), np.sqrt(0.002) * again)
 
 
 def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scenario, slit_tree: HomologyTree):
     """Shares are martingales under the exact law: they cross one half often, and go from 0.9 to 0.1 once in nine."""
     scenario = slit.with_settings(samples=60, noise=0.3)
-    (frame,) = episode.run(
-        scenario.plant(), scenario.controller(slit_tree), slit.start, scenario.plant_rng(), max_time=0.01
-    )
+    controller, rng = scenario.controller(slit_tree), scenario.plant_rng()
+    (frame,) = episode.run(scenario.plant(), controller, slit.start, rng, max_time=0.01)
     metrics = EpisodeMetrics(scenario, slit.start, period=0.01, max_time=1.0)
     for share in (0.5, 0.95, 0.4, 0.2, 0.95, 0.6, 0.08, 0.45, 0.02, 0.6, 0.91):
         plan = replace(frame.plan, shares={"0,0": share, "1,0": 1.0 - share})
@@ -119,18 +106,13 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
     assert (metrics.class_switches, metrics.class_reversals) == (4, 2)
 
 
-# -- MPPI ----------------------------------------------------------------------------------------------------------
-
 B, RADIUS = 0.3, 0.3
 
 
 def test_without_a_cost_behind_the_horizon_nothing_is_found():
     problem, space = annulus(B, RADIUS)
-    sampling = Sampling(samples=200, guide="open-loop")
-    mppi = Mppi(
-        problem, space, sampling, horizon=0.2, terminal_cost=lambda states: np.full(len(states), np.inf),
-        rng=np.random.default_rng(0),
-    )  # fmt: skip
+    sampling, beyond = Sampling(samples=200, guide="open-loop"), lambda states: np.full(len(states), np.inf)
+    mppi = Mppi(problem, space, sampling, horizon=0.2, terminal_cost=beyond, rng=np.random.default_rng(0))
     plan = mppi.plan(np.array([1.2, 0.0]))
     assert plan.fallback == "no survivor"
     assert np.all(plan.control == 0.0)
@@ -140,15 +122,13 @@ def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(s
     scenario = slit.with_settings(noise=1.0)
     sampling = Sampling(dt=0.05, samples=60, guide="open-loop")
     mppi = Mppi(scenario.problem, slit.space, sampling, horizon=0.5, rng=np.random.default_rng(1))
-    first = mppi.plan(slit.start)
+    first, middle = mppi.plan(slit.start), np.array([3.4, 2.5])
     assert first.fallback is None
-    tape = first.tape
-    middle = np.array([3.4, 2.5])
     for k, (elapsed, steps) in enumerate(((0.05, 1), (0.1, 3))):
         mppi.observe(middle[None], elapsed)
         plan = mppi.plan(middle)
         assert plan.fallback == "no survivor", k
-        np.testing.assert_allclose(plan.tape[:-steps], tape[steps:], atol=1e-12)
+        np.testing.assert_allclose(plan.tape[:-steps], first.tape[steps:], atol=1e-12)
         assert np.all(plan.tape[-steps:] == 0.0)
         np.testing.assert_array_equal(plan.control, plan.tape[0])
 
@@ -182,9 +162,6 @@ def test_what_mppi_does_not_have_is_refused(slit: Scenario):
         slit.with_settings(horizon=0.0)
 
 
-# -- against closed forms ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.slow
 def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
     problem, space = annulus(0.3)
@@ -206,10 +183,7 @@ def test_where_there_is_one_class_the_best_of_them_is_what_all_of_them_say():
 
 def exact_beyond(states):
     """The value of entering the disc of `annulus`, as the cost behind the horizon."""
-    problem, _ = annulus(B, RADIUS)
-    k = wave_number(problem, B)
-    r = np.maximum(np.hypot(*states[:, :2].T), RADIUS)
-    return -problem.temperature * np.log(k0(k * r) / k0(k * RADIUS))
+    return disc_entry(annulus(B, RADIUS)[0], B, RADIUS, np.maximum(np.hypot(*states[:, :2].T), RADIUS))[0]
 
 
 @pytest.mark.slow
@@ -231,15 +205,11 @@ def test_with_the_exact_cost_to_go_value_and_control_are_exact():
     assert within(controls, [-speed, 0.0])
 
 
-# -- local optima --------------------------------------------------------------------------------------------------
-
-
 @cache
 def alone_in_a_room(b: float) -> Controller:
     """A rover in an empty square of 3 m whose goal is 1.8 m away, in the middle of its height."""
     scene = scene_of([], start=(0.6, 1.5), goal=(2.4, 1.5), side=3.0)
-    problem = Problem(dynamics=Rover(b=b), scene=scene, R=np.diag([2.0, 0.5]))
-    space = FreeSpace.of(scene)
+    problem, space = Problem(dynamics=Rover(b=b), scene=scene, R=np.diag([2.0, 0.5])), FreeSpace.of(scene)
     tree = grown(space, Tracked.of(problem), 200, limit=0.6)
     return Controller(problem, space, tree, Sampling(samples=1000, threads=1), rng=np.random.default_rng(1))
 
@@ -273,12 +243,9 @@ def test_both_optima_are_sampled_where_noise_makes_them_alike(seed: int):
     """To pass a bar before it comes down, or to pass below its end later."""
     rows = [(0.0, 2.19, 3.28, -2.86), (0.91, 2.43, 2.95, -1.67), (1.82, 2.27, 2.32, -0.48), (2.58, 2.14, 1.80, -0.86)]
     scene = hall("sweeper", [moved("bar", rows, block("bar", 0.0, 0.0, (0.46, 0.07)))], goal=(4.23, 2.735))
-    problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
-    tree = grown(space, InTime(), 600, seed=seed)
-    controller = Controller(problem, space, tree, Sampling(samples=300, threads=1), rng=np.random.default_rng(1))
-    x = np.array([0.38, 1.447])
+    controller, x = point(scene, 0.2, 600, seed=seed, samples=300, threads=1), np.array([0.38, 1.447])
     controller.begin(x, 0.758)
     assert controller.plan(x).estimate is not None
     [(own, other)] = [optima for optima in controller.run.memory.optima.values() if len(optima) > 1]
     assert own.log_ratio_to(other) > 3.0
-    assert own.penalised == pytest.approx(other.penalised, abs=3.0 * problem.temperature)
+    assert own.penalised == pytest.approx(other.penalised, abs=3.0 * controller.problem.temperature)

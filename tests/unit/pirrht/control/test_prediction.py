@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from discs import disc
 from moving import SCENES, hall, moved
+from trees import point
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, SingleIntegrator
+from pirrht import FreeSpace, HomologyTree, Scene
 from pirrht.control.prediction import ConstantVelocity, straight_on
 from pirrht.steering.in_time import InTime
 
@@ -17,37 +18,26 @@ START = np.array([1.0, 2.5])
 TURNING = [(0.0, 3.2, 0.6, 0.0), (1.0, 3.2, 1.4, 0.0), (2.0, 4.4, 1.4, 0.0), (3.0, 4.4, 1.4, 0.0)]
 
 
-def rooted(space: FreeSpace, seed: int = 0) -> HomologyTree:
-    return HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(seed))
-
-
-def among(name: str = "crossing", b: float = 0.2) -> tuple[Problem, FreeSpace]:
-    scene = SCENES[name]()
-    return Problem(dynamics=SingleIntegrator(b=b), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
-
-
-def controller(name: str = "crossing", b: float = 0.2, first: float | None = None, **more: object) -> Controller:
-    problem, space = among(name, b)
-    tree = rooted(space)
-    tree.grow(400)
-    sampling = Sampling(samples=400, threads=1, first=first)
-    return Controller(problem, space, tree, sampling, rng=np.random.default_rng(1), **more)  # type: ignore[arg-type]
+def walk() -> Scene:
+    return hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))])
 
 
 def by_velocity(space: FreeSpace) -> ConstantVelocity:
+    def rooted(space: FreeSpace) -> HomologyTree:
+        return HomologyTree(space, InTime(), limit=0.8, rng=np.random.default_rng(0))
+
     return ConstantVelocity(space, InTime(), rooted, vertices=200)
 
 
 def test_a_body_that_is_foretold_goes_straight_on_from_where_it_is():
-    mover = moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))
+    (mover,) = walk().movers
     on = straight_on(mover, 0.5, 10.0)
     for t in (0.0, 0.4, 3.0):
         assert on.motion.pose(t) == pytest.approx(mover.motion.pose(0.5) + t * np.array([0.0, 0.8, 0.0]))
 
 
 def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
-    space = FreeSpace.of(hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))]))
-    prediction = by_velocity(space)
+    prediction = by_velocity(FreeSpace.of(walk()))
     first = prediction.at(START, 0.0)
     assert prediction.at(START, 0.9) is first
     second = prediction.at(START, 1.1)
@@ -62,27 +52,19 @@ def test_nothing_is_foretold_anew_before_a_body_moves_otherwise():
 
 def test_a_walker_that_goes_straight_on_is_foretold_exactly():
     """Before its rows end, knowing and seeing are the same; the values of plans from the same place agree."""
-    problem, space = among()
-    known = controller()
-    seen = controller(predict=by_velocity(space))
-    plans = [[one.plan(START) for _ in range(2)][1] for one in (known, seen)]
+    scene, plans = SCENES["crossing"](), []
+    for options in ({}, {"predict": by_velocity(FreeSpace.of(scene))}):
+        one = point(scene, 0.2, 400, options=options, samples=400, threads=1)
+        plans.append([one.plan(START) for _ in range(2)][1])
     assert plans[0].ids[:2] == plans[1].ids[:2]
     values = [plan.estimate.value for plan in plans if plan.estimate is not None]
     assert values[0] == pytest.approx(values[1], abs=0.05)
-    assert problem.scene.movers
 
 
 def test_a_class_keeps_its_name_when_something_else_is_foretold():
     """The walker turns at 1 s; what the robot follows is called as before, and the drive goes on in that class."""
-    scene = hall("turning", [moved("walker", TURNING, disc("disc", 0.0, 0.0, 0.3))])
-    problem, space = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2.0 * np.eye(2)), FreeSpace.of(scene)
-    tree = rooted(space)
-    tree.grow(300)
-    one = Controller(
-        problem, space, tree, Sampling(samples=200, threads=1), predict=by_velocity(space),
-        rng=np.random.default_rng(3),
-    )  # fmt: skip
-    x, favourites = START.copy(), []
+    options = {"predict": by_velocity(FreeSpace.of(walk()))}
+    one, x, favourites = point(walk(), 0.1, 300, rng=3, options=options, samples=200, threads=1), START.copy(), []
     one.begin(x)
     for _ in range(14):
         plan = one.plan(x)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from trees import grown
+from trees import point
 
-from pirrht import Controller, FreeSpace, OptionError, Problem, Sampling, Scene, SingleIntegrator, StraightLine
+from pirrht import Controller, OptionError, Scene
 from pirrht.proposals.proposal import ProposalControl, Wrapped
 from pirrht.rollouts.tables import LawRows, ProposalTables
 from sim.scenario import prepare
@@ -38,10 +38,8 @@ def test_wider_noise_joins_each_class_and_leaves_the_value_as_it_is():
     scenario = prepare("slit", robot="hover", given={"samples": 1000, "vertices": 300})
     found = []
     for propose in ((), (wider,)):
-        rng = np.random.default_rng(1)
-        controller = Controller(
-            scenario.problem, scenario.space, scenario.grown_tree(), scenario.sampling, propose=propose, rng=rng
-        )
+        task = scenario.problem, scenario.space, scenario.grown_tree(), scenario.sampling
+        controller = Controller(*task, propose=propose, rng=np.random.default_rng(1))
         found.append((controller.plan(scenario.start).estimate, controller))
     (default, _), (mixed, controller) = found
     assert abs(mixed.value - default.value) < 4.0 * np.hypot(mixed.value_error, default.value_error)
@@ -57,11 +55,7 @@ START = np.array(TASK["start"])
 
 def driver(**options) -> Controller:
     """Of a point between two walls."""
-    scene = Scene.from_boxes(WALLS, **TASK)
-    problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
-    space = FreeSpace.of(scene)
-    tree = grown(space, StraightLine.of(problem), 200)
-    return Controller(problem, space, tree, Sampling(samples=60), rng=np.random.default_rng(1), **options)
+    return point(Scene.from_boxes(WALLS, **TASK), 0.1, 200, options=options, samples=60)
 
 
 class Recorder:

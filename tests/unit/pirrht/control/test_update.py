@@ -7,9 +7,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from thoroughly import thorough
-from trees import grown
+from trees import grown, point
 
-from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, SingleIntegrator, StraightLine, Unicycle
+from pirrht import Controller, Dubins, FreeSpace, Problem, Sampling, Scene, Unicycle
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.collision import Collision
@@ -24,16 +24,12 @@ def room(*boxes, **task) -> Scene:
     return Scene.from_boxes(boxes, **TASK | task)
 
 
-def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300, method: str = "pi-rrht") -> Controller:
+def controller(scene: Scene, robot: str = "puck", *, vertices: int = 300) -> Controller:
     if robot == "puck":
-        problem = Problem(dynamics=SingleIntegrator(b=0.1), scene=scene, R=2 * np.eye(2))
-        steering, sampling = StraightLine.of(problem), Sampling(samples=100, first=PERIOD[robot])
-    else:
-        problem = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0)
-        steering, sampling = Dubins.of(problem), Sampling(samples=100)
-    space = FreeSpace.of(scene)
-    tree = grown(space, steering, vertices)
-    return Controller(problem, space, tree, sampling, method=method, rng=np.random.default_rng(1))
+        return point(scene, 0.1, vertices, samples=100, first=PERIOD[robot])
+    problem, space = Problem(dynamics=Unicycle(b=0.03), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
+    tree = grown(space, Dubins.of(problem), vertices)
+    return Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
 
 
 def start(c: Controller) -> Array:
@@ -56,9 +52,6 @@ def assert_equal_plans(one, other):
     assert one.ids == other.ids
     assert one.estimate.value == other.estimate.value
     np.testing.assert_array_equal(one.tape, other.tape)
-
-
-# -- what does not change ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("robot", ["puck", "car"])
@@ -85,9 +78,6 @@ def test_a_refused_update_says_why_in_one_line_and_changes_nothing(scene: Scene,
         one.update(scene)
     assert "\n" not in str(caught.value)
     assert_equal_plans(one.plan(start(one)), other.plan(start(other)))
-
-
-# -- names -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -134,9 +124,6 @@ def test_a_crate_that_comes_and_goes_leaves_names_and_plans_as_they_were():
     assert after == pytest.approx(before, rel=1e-3)
 
 
-# -- what goes on ------------------------------------------------------------------------------------------------
-
-
 def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     c = controller(room(*WALLS), "car", vertices=600)
     x = start(c)
@@ -148,9 +135,6 @@ def test_guides_and_paths_of_classes_that_stay_free_go_on_and_others_do_not():
     assert c.run.memory.sampled
     c.update(room(*WALLS, CRATE))
     assert (0, 0) not in {whole[:2] for whole in c.run.memory.optima}
-
-
-# -- safety ------------------------------------------------------------------------------------------------------
 
 
 def touched(scene: Scene, path: Array) -> bool:

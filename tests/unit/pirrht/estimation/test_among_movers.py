@@ -8,17 +8,17 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import led
 from discs import block, disc, scene_of
 from moving import SCENES, hall, moved
 from thoroughly import thorough
-from trees import grown
+from trees import point
 
-from pirrht import Controller, Desirability, FreeSpace, Outcome, PathIntegral, Problem, Sampling, Scene, StraightLine
+from pirrht import Desirability, FreeSpace, Outcome, PathIntegral, Problem, Sampling, Scene
 from pirrht.arrays import Array
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Rollouts
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.in_time import InTime
 from pirrht.systems.single_integrator import SingleIntegrator
 
 
@@ -31,7 +31,7 @@ def held(integral: PathIntegral, x: Array, control: Array, count: int, time: flo
     """Samples around one control that is held."""
     times = integral.steps(T * integral.sampling.dt)
     tape = Tape(times, np.tile(control, (len(times) - 1, 1)))
-    return integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=count),), time=time), 3)
+    return led(integral, x, times, tape, count=count, seed=3, time=time)
 
 
 def walled(speed: float) -> Scene:
@@ -67,9 +67,7 @@ def test_a_mover_that_stands_still_is_an_obstacle(phi):
 
 
 def test_the_key_of_a_sampled_path_is_that_of_its_winding():
-    integral = sampler(SCENES["oblique"](), 0.3)
-    assert integral.homology is not None
-    seen = set()
+    integral, seen = sampler(SCENES["oblique"](), 0.3), set()
     for x, control in (((1.0, 2.5), (0.9, 0.0)), ((1.5, 1.2), (0.8, 0.4)), ((2.9, 4.2), (0.3, -0.6))):
         rollouts = held(integral, np.array(x), np.array(control), 300, time=0.2)
         arrived = np.flatnonzero(rollouts.paths.outcome != Outcome.COLLISION)
@@ -90,9 +88,8 @@ def test_a_plan_without_time_draws_a_tenth_of_its_samples_and_one_with_time_all(
     batch = Batch(state=np.array([5.0, 2.5]), times=times, proposals=proposals)
     assert [part.size for part in integral.sample(batch, 0, left=lambda: 0.0).parts] == [44]
     assert [part.size for part in integral.sample(batch, 0).parts] == [440]
-    assert (
-        sum(part.size for part in integral.sample(batch, 0, left=iter(np.linspace(9.0, 0.0, 9)).__next__).parts) > 440
-    )
+    falling = iter(np.linspace(9.0, 0.0, 9)).__next__
+    assert sum(part.size for part in integral.sample(batch, 0, left=falling).parts) > 440
 
 
 def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves():
@@ -104,11 +101,7 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
     shut = replace(scene, movers=(), obstacles=(*scene.obstacles, block("door", 3.1, 2.5, (0.08, 0.4))))
     plans = []
     for one in (scene, shut):
-        problem, space = Problem(dynamics=SingleIntegrator(b=0.3), scene=one, R=2.0 * np.eye(2)), FreeSpace.of(one)
-        steering = InTime() if one.movers else StraightLine.of(problem)
-        tree = grown(space, steering, 400, seed=1)
-        sampling = Sampling(samples=1000, threads=1)
-        plans.append((Controller(problem, space, tree, sampling, rng=np.random.default_rng(2)), bool(one.movers)))
+        plans.append((point(one, 0.3, 400, seed=1, rng=2, samples=1000, threads=1), bool(one.movers)))
     rng = np.random.default_rng(8)
     for x in rng.uniform([0.3, 0.3], [2.6, 3.0], (5, 2)):
         found = []
@@ -116,14 +109,9 @@ def test_once_bodies_rest_samples_weigh_as_in_the_same_world_where_nothing_moves
             controller.begin(x, 2.0 if moving else 0.0)
             found.append([controller.plan(x) for _ in range(2)][1].estimate)
         among, alone = found
-        assert among is not None
-        assert alone is not None
         error = math.hypot(among.value_error, alone.value_error)
         assert abs(among.value - alone.value) < 4.0 * error + 3e-3 * alone.value, x
         assert among.ess > 0.5 * alone.ess, x
-
-
-# -- against grids -------------------------------------------------------------------------------------------------
 
 
 @cache
@@ -143,17 +131,14 @@ def test_plans_value_is_that_of_the_grid_at_random_states_and_times(name, b):
 
     A tree of 800 vertices that is aimed at a state does not find every dash through a gap that is about to close.
     """
-    truth, space, rng, off = known(name, b), FreeSpace.of(SCENES[name]()), np.random.default_rng(5), []
-    tree = grown(space, InTime(), 400, seed=1)
-    sampling = Sampling(samples=2000, threads=1)
-    one = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(2))
+    truth, rng, off = known(name, b), np.random.default_rng(5), []
+    one = point(SCENES[name](), b, 400, seed=1, rng=2, samples=2000, threads=1)
     while len(off) < 8:
         x, t = rng.uniform([0.3, 0.3], [4.5, 4.7]), float(rng.uniform(0.0, 2.0))
-        if not truth.value(x, t) < 14.0 or np.hypot(*(x - space.scene.goal.center)) < 0.5:
+        if not truth.value(x, t) < 14.0 or np.hypot(*(x - truth.problem.scene.goal.center)) < 0.5:
             continue
         one.begin(x, t)
         found, value = [one.plan(x) for _ in range(2)][1].estimate, truth.value(x, t)
-        assert found is not None
         error = abs(found.value - value)
         off.append(0.0 if error < 4.0 * found.value_error + 3e-3 * value and error < 0.01 * value else error / value)
     assert np.count_nonzero(off) <= 1, off
@@ -164,16 +149,14 @@ def test_close_to_the_goal_the_control_is_that_of_the_grid():
     """Where paths arrive, and walls are near, before a guide's law or a mean over 0.4 s has told the control: it was
     off by 0.8 % along the rim, or 0.8 % too weak towards it. Mean over 6 states and both directions, seed 7.
     """
-    truth, space, off = known("closing_door", 0.3), FreeSpace.of(SCENES["closing_door"]()), []
-    tree = grown(space, InTime(), 100, seed=1)
-    sampling = Sampling(samples=20_000, threads=1, first=0.01)
-    one, goal = Controller(truth.problem, space, tree, sampling, rng=np.random.default_rng(7)), space.scene.goal
+    truth, off = known("closing_door", 0.3), []
+    one = point(SCENES["closing_door"](), 0.3, 100, seed=1, rng=7, samples=20_000, threads=1, first=0.01)
+    goal = truth.problem.scene.goal
     for angle, beyond in ((1.4, 0.28), (1.0, 0.36), (0.8, 0.33), (-1.4, 0.28), (-1.0, 0.36), (-0.8, 0.33)):
         outward = np.array([np.cos(angle), np.sin(angle)])
         x = goal.center + (goal.radius + beyond) * outward
         one.begin(x, 2.1)
         found = one.plan(x).estimate
-        assert found is not None
         around = np.array([-outward[1], outward[0]]) * np.sign(angle)
         error = found.control - truth.control(x, 2.1)
         off.append([(error @ side, math.hypot(*(side * found.control_error))) for side in (outward, around)])

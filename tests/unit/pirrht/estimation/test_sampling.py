@@ -122,9 +122,6 @@ def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_s
     assert until(target=1e-9, budget=50) == [50]
 
 
-# -- tails ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("shape", [-0.3, 0.0, 0.3, 0.6, 0.9, 1.3])
 @pytest.mark.parametrize("log_scale", [-800.0, 0.0])
 def test_weights_of_a_known_shape_are_told_it(shape, log_scale):
@@ -152,9 +149,6 @@ def test_few_samples_stand_less_of_a_tail():
     assert heavy(0.65, 500)
     assert not heavy(0.65, 5000)
     assert heavy(0.71, 10**6)
-
-
-# -- over many seeds -----------------------------------------------------------------------------------------------
 
 
 def corridor() -> tuple[Problem, FreeSpace]:

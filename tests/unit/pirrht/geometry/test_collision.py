@@ -27,20 +27,14 @@ class Oracle:
     model: mujoco.MjModel
     data: mujoco.MjData
 
-    def gap(self, point: Array) -> float:
-        """Signed distance between robot and solid."""
-        self.data.mocap_pos[0, :2] = point
-        mujoco.mj_kinematics(self.model, self.data)
-        return mujoco.mj_geomDistance(self.model, self.data, 0, 1, 100.0, None)
-
     def gaps(self, points: Array) -> Array:
-        return np.array([self.gap(point) for point in points])
-
-    def deepest_contact(self, point: Array) -> float:
-        """Least contact distance after a full collision pass, infinite without contact."""
-        self.data.mocap_pos[0, :2] = point
-        mujoco.mj_forward(self.model, self.data)
-        return float(self.data.contact.dist.min()) if self.data.ncon else np.inf
+        """Signed distances between robot and solid."""
+        found = []
+        for point in points:
+            self.data.mocap_pos[0, :2] = point
+            mujoco.mj_kinematics(self.model, self.data)
+            found.append(mujoco.mj_geomDistance(self.model, self.data, 0, 1, 100.0, None))
+        return np.array(found)
 
 
 def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Oracle, Obstacle]:
@@ -49,12 +43,9 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
     if not tilted:
         turn = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi))
     spec = mujoco.MjSpec()
-    solid = spec.worldbody.add_geom(
-        type=getattr(mujoco.mjtGeom, f"mjGEOM_{kind.name}"),
-        size=size,
-        pos=[*rng.uniform(-0.5, 0.5, 2), HEIGHT + (rng.uniform(-0.3, 0.3) if tilted else 0.0)],
-        quat=turn.as_quat(scalar_first=True),
-    )
+    place = [*rng.uniform(-0.5, 0.5, 2), HEIGHT + (rng.uniform(-0.3, 0.3) if tilted else 0.0)]
+    shape = {"type": getattr(mujoco.mjtGeom, f"mjGEOM_{kind.name}"), "size": size}
+    solid = spec.worldbody.add_geom(**shape, pos=place, quat=turn.as_quat(scalar_first=True))
     if kind is Kind.MESH:
         spec.add_mesh(name="hull", uservert=(rng.uniform(-1, 1, (12, 3)) * size).ravel().tolist())
         solid.meshname = "hull"
@@ -68,16 +59,9 @@ def random_solid(kind: Kind, tilted: bool, rng: np.random.Generator) -> tuple[Or
         corners = model.mesh_vert.astype(float)
         hull = ConvexHull(corners)
         vertices, faces = corners[hull.vertices], np.searchsorted(hull.vertices, hull.simplices)
-    obstacle = Obstacle(
-        name=kind.value,
-        kind=kind,
-        size=size,
-        position=data.geom_xpos[0].copy(),
-        rotation=data.geom_xmat[0].reshape(3, 3).copy(),
-        vertices=vertices,
-        faces=faces,
-    )
-    return Oracle(model, data), obstacle
+    place, turned = data.geom_xpos[0].copy(), data.geom_xmat[0].reshape(3, 3).copy()
+    shape = {"kind": kind, "size": size, "vertices": vertices, "faces": faces}
+    return Oracle(model, data), Obstacle(name=kind.value, position=place, rotation=turned, **shape)
 
 
 def among(*obstacles: Obstacle, half: float = HALF) -> Collision:

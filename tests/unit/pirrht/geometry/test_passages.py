@@ -88,8 +88,6 @@ def test_what_is_found_is_free_and_as_wide_as_fcl_says_narrowest_first(seed: int
     np.testing.assert_array_equal(found.axis[: found.count, :2], found.place)
 
 
-# -- margins and covered goals -------------------------------------------------------------------------------------
-
 MARGIN = 0.2
 POCKET = [block("left", 1.0, 3.7, (1.0, 0.5)), block("right", 1.0, 2.3, (1.0, 0.5))]  # 0.4 m wide, open at x = 2
 

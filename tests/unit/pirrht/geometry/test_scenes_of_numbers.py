@@ -10,14 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from trees import grown
+from trees import point
 
-from pirrht import Controller, FreeSpace, Kind, Obstacle, Problem, Sampling, Scene, SceneError, StraightLine
+from pirrht import Kind, Obstacle, Scene, SceneError
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.rectangles import cover, union
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 
 ROOM = {"lower": (0, 0), "upper": (6, 5), "start": (0.5, 2.5), "goal": (5.5, 2.4, 0.25), "robot_radius": 0.15}
@@ -67,13 +66,7 @@ def test_a_scene_by_constructor_gives_bit_by_bit_the_plan_of_the_same_scene_by_f
     )
     read = load(file).scene
     made = MADE[kind](**ROOM | {"robot_radius": read.robot_radius, "robot_height": read.robot_height})
-    plans = []
-    for scene in (made, read):
-        problem, space = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2 * np.eye(2)), FreeSpace.of(scene)
-        tree = grown(space, StraightLine.of(problem), 200, limit=0.6)
-        controller = Controller(problem, space, tree, Sampling(samples=50), rng=np.random.default_rng(1))
-        plans.append(controller.plan(scene.start[:2]))
-    one, other = plans
+    one, other = (point(scene, 0.2, 200, limit=0.6, samples=50).plan(scene.start[:2]) for scene in (made, read))
     assert len(one.ids) > 1
     assert one.ids == other.ids
     assert one.estimate.value == other.estimate.value
@@ -131,9 +124,6 @@ def test_what_cannot_be_a_scene_is_refused_in_one_line(made, words: str):
     assert "\n" not in str(caught.value)
 
 
-# -- cells ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("picture", "count"),
     [
@@ -158,8 +148,6 @@ def test_any_set_of_cells_survives_as_rectangles(cells):
     assert len(pieces) <= runs  # no more than rows cut at every gap
     assert np.all(pieces[:, ::2] < pieces[:, 1::2])
 
-
-# -- motions -------------------------------------------------------------------------------------------------------
 
 ROWS = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [3.0, 1.0, 2.0, 1.0]])
 

@@ -67,22 +67,15 @@ def drift(x):
 @pytest.mark.parametrize(
     ("edit", "same"),
     [
-        (("SPEED =", "\n\n# a comment\nSPEED ="), True),
-        (("A helper.", "What it does."), True),
-        (("1.5", "1.6"), False),
-        (("[1.0, 2.0]", "[1.0, 2.5]"), False),
-        (("SPEED * x", "SPEED + x"), False),
-        (("math.cos", "math.sin"), False),
-        (("out[0]", "out[1]"), False),
+        (("SPEED =", "\n\n# a comment\nSPEED ="), True), (("A helper.", "What it does."), True),
+        (("1.5", "1.6"), False), (("[1.0, 2.0]", "[1.0, 2.5]"), False), (("SPEED * x", "SPEED + x"), False),
+        (("math.cos", "math.sin"), False), (("out[0]", "out[1]"), False),
         (("    first: float\n    second: float", "    second: float\n    first: float"), False),
-        (("Tuning()", "Tuning(share=0.5)"), True),
-        (("share: float = 0.5", "share: float = 0.25"), False),
-        (("Tuning()", "Tuning(most=4)"), False),
-        (("(1.0, 2.0)\n", "(1.0, 2.5)\n"), False),
-        (("LAST = 2", "LAST = 1"), False),
-        (("slice(1, 3)", "slice(2, 3)"), False),
+        (("Tuning()", "Tuning(share=0.5)"), True), (("share: float = 0.5", "share: float = 0.25"), False),
+        (("Tuning()", "Tuning(most=4)"), False), (("(1.0, 2.0)\n", "(1.0, 2.5)\n"), False),
+        (("LAST = 2", "LAST = 1"), False), (("slice(1, 3)", "slice(2, 3)"), False),
     ],
-)
+)  # fmt: skip
 def test_a_name_is_of_whatever_a_function_reads_and_of_neither_place_nor_docstring(edit: tuple[str, str], same: bool):
     (source,) = (text for text in (SYSTEM, TUNED) if edit[0] in text)
     assert named(source) is not None
@@ -215,8 +208,6 @@ def test_where_nothing_can_be_kept_kernels_work_and_one_line_says_so(users: User
     assert "NUMBA_CACHE_DIR" in told[0]
 
 
-# -- kernels of somebody else --------------------------------------------------------------------------------------
-
 KEY = "kernels.four-0123"
 NOBODY = 65534
 ROOT = pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root gives files away")
@@ -245,18 +236,6 @@ def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "kernels"
 
 
-def given_away(path: Path) -> None:
-    os.chown(path, NOBODY, NOBODY)
-
-
-def opened(path: Path) -> None:
-    path.chmod(0o777)
-
-
-def shared(path: Path) -> None:
-    path.chmod(0o775)
-
-
 def linked(path: Path) -> None:
     path.rename(path.with_name("elsewhere"))
     path.symlink_to("elsewhere")
@@ -265,8 +244,13 @@ def linked(path: Path) -> None:
 
 @pytest.mark.parametrize("which", ["folder", "file"])
 @pytest.mark.parametrize(
-    "done", [opened, shared, pytest.param(given_away, marks=ROOT), pytest.param(linked, marks=ROOT)]
-)
+    "done",
+    [
+        lambda path: path.chmod(0o777), lambda path: path.chmod(0o775),
+        pytest.param(lambda path: os.chown(path, NOBODY, NOBODY), marks=ROOT), pytest.param(linked, marks=ROOT),
+    ],
+    ids=["open", "shared", "given away", "linked"],
+)  # fmt: skip
 def test_what_others_may_have_written_is_not_run_and_one_line_says_so(
     kernels: Path, tmp_path: Path, caplog, which: str, done: Callable[[Path], None]
 ):
@@ -285,8 +269,4 @@ def test_what_others_may_have_written_is_not_run_and_one_line_says_so(
 def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: Path, monkeypatch):
     monkeypatch.setattr(cache.numba.config, "CACHE_DIR", str(tmp_path))  # as .numba_config.yaml does
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
-    cache.folder.cache_clear()
-    try:
-        assert cache.folder() == tmp_path / "mine" / "pirrht" / "kernels"
-    finally:
-        cache.folder.cache_clear()
+    assert cache.folder.__wrapped__() == tmp_path / "mine" / "pirrht" / "kernels"

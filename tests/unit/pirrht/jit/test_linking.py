@@ -36,17 +36,17 @@ if __name__ == "__main__":
 """.replace("LINES", "        x += math.sin(x) ** 2 + math.cos(x) ** 2 - 1.0\n" * 100)
 
 
+def ran(*words: object, **known: object) -> subprocess.CompletedProcess[str]:
+    """Python with some words and variables of its environment."""
+    env = environment() | {name: str(value) for name, value in known.items()}
+    return subprocess.run([sys.executable, *map(str, words)], env=env, capture_output=True, text=True, check=True)
+
+
 def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_path):
     script = tmp_path / "times.py"
     script.write_text(TIMES)
-
-    def said(*factors: str) -> list[str]:
-        known = environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-        command = [sys.executable, str(script), *factors]
-        return subprocess.run(command, env=known, capture_output=True, text=True, check=True).stdout.splitlines()
-
-    assert [said("2"), said("3")] == [["6"], ["9"]]
-    assert said("2", "3") == ["6", "9"]
+    rows = [ran(script, *factors, NUMBA_CACHE_DIR=tmp_path / "cache").stdout.split() for factors in ("2", "3", "23")]
+    assert rows == [["6"], ["9"], ["6", "9"]]
 
 
 @jitable
@@ -71,14 +71,9 @@ def test_a_function_is_called_alike_from_python_and_from_kernels():
     assert (_squared(3.0), _sum(3.0, 1.0)) == (9.0, 10.0)
 
 
-@pytest.fixture
-def nothing_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Kernels are compiled, whatever lies on disk."""
-    monkeypatch.setattr(linking.cache, "key_of", lambda *_: None)
+def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal(monkeypatch):
+    monkeypatch.setattr(linking.cache, "key_of", lambda *_: None)  # compiled, whatever lies on disk
 
-
-@pytest.mark.usefixtures("nothing_kept")
-def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal():
     @kernel
     def next_of(i):
         return i + 1
@@ -127,18 +122,15 @@ print(whole(address_of(last, (row,)), row, out), *out)
 
 
 def test_without_the_private_interface_kernels_are_compiled_with_the_public_one():
-    done = subprocess.run([sys.executable, "-c", PUBLIC], env=environment(), capture_output=True, text=True, check=True)
+    done = ran("-c", PUBLIC)
     assert done.stdout.split() == ["26.0", "9.0", "12.0"]
     assert "compiled anew by every command" in done.stderr
 
 
-# -- by address ----------------------------------------------------------------------------------------------------
-
 HALVES = """
 import numpy as np
 from numba.core import event
-from pirrht.jit.jit import kernel
-from pirrht.jit.jit import address_of, caller
+from pirrht.jit.jit import address_of, caller, kernel
 
 call = caller(np.empty(0))
 
@@ -184,17 +176,13 @@ def test_a_kernel_calls_different_functions_by_address_and_owns_the_arrays_that_
         assert _calling(address_of(_counted, (ROW, 1)), ROW, 4) == 0 + 1 + 2 + 3 + 4 * 3.0 + 3.0
 
 
-@pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 def test_machine_code_from_disk_is_called_by_address(tmp_path):
     script = tmp_path / "halves.py"
     script.write_text(HALVES)
-    command, known = [sys.executable, str(script)], environment() | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    first, second = (subprocess.run(command, env=known, capture_output=True, text=True, check=True) for _ in range(2))
-    assert (first.stdout.split()[0], second.stdout.split()) == ("[1.5]", ["[1.5]", "0"])
-    assert int(first.stdout.split()[1]) > 0
+    first, second = (ran(script, NUMBA_CACHE_DIR=tmp_path / "cache").stdout.split() for _ in range(2))
+    assert (first[0], second) == ("[1.5]", ["[1.5]", "0"])
+    assert int(first[1]) > 0
 
-
-# -- plain Python, and parts ---------------------------------------------------------------------------------------
 
 STRIP = """
 import numpy as np
@@ -222,22 +210,15 @@ print(*plan.ids, *plan.control, plan.estimate.value)
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["point", "car"])
 def test_a_plan_and_a_control_step_without_compiling_are_those_of_the_kernels(kind):
-    def words(disabled: str) -> list[str]:
-        command = [sys.executable, "-c", STRIP, kind]
-        return subprocess.run(
-            command, env=environment() | {"NUMBA_DISABLE_JIT": disabled}, capture_output=True, text=True, check=True
-        ).stdout.split()
-
-    plain, compiled = words("1"), words("0")
+    plain, compiled = (ran("-c", STRIP, kind, NUMBA_DISABLE_JIT=disabled).stdout.split() for disabled in (1, 0))
     assert plain[:2] == compiled[:2]
     np.testing.assert_allclose(np.array(plain[2:], float), np.array(compiled[2:], float), rtol=1e-5)
 
 
-@pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 def test_a_part_of_a_kernel_hands_on_no_array_that_it_borrowed():
     """Its caller would let go of what it never held, and the memory be given away under its owner."""
     row = np.arange(3.0)
-    assert part(_second)(row) == 1.0
+    assert part(lambda row: row[1])(row) == 1.0
     with pytest.raises(TypeError, match=r"_both is part of a kernel and returns an array; write into one"):
         part(_both)(row)
 
@@ -263,10 +244,6 @@ def _doubled(row, out):
     more = np.zeros(3)
     more[:] = row * 2.0
     out[0] = np.sum(more)
-
-
-def _second(row):
-    return row[1]
 
 
 def _both(row):

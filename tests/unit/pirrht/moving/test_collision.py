@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
+import discs
 import numpy as np
 import pytest
+from moving import clearance_among, moved
 from thoroughly import first
 from tilted import RADIUS, solid
 
-from pirrht.arrays import Array
-from pirrht.geometry.collision import Collision
-from pirrht.geometry.obstacle import Motion, Mover
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
+from pirrht.geometry.obstacle import Mover
+from pirrht.geometry.scene import Footprint, Kind, Obstacle
 from pirrht.moving.collision import MovingObstacles, jumps
 
 FOOTPRINT = Footprint(RADIUS, 0.1)
-EVERYWHERE = np.full(2, np.inf)
 
 
-def disc(radius: float = 0.3, at: tuple[float, float] = (0.0, 0.0)) -> Obstacle:
-    size, position = np.array([radius, 0.5, 0.0]), np.array([*at, 0.5])
-    return Obstacle(name="disc", kind=Kind.CYLINDER, size=size, position=position, rotation=np.eye(3))
-
-
-def mover(rows: list[list[float]], *solids: Obstacle, repeat: bool = False) -> Mover:
-    return Mover(name="m", solids=solids or (disc(),), motion=Motion(rows=np.array(rows), repeat=repeat))
+def disc(radius: float, x: float = 0.0, y: float = 0.0) -> Obstacle:
+    return discs.disc("disc", x, y, radius)
 
 
 def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
@@ -36,14 +30,9 @@ def wandering(seed: int, *, turning: float = 2.0) -> list[Mover]:
     for k, kind in enumerate((Kind.BOX, Kind.MESH, Kind.ELLIPSOID, Kind.CAPSULE, Kind.CYLINDER)):
         times = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 0.6, 4))])
         rows = np.column_stack([times, rng.uniform(-1, 1, (5, 2)), 0.3 + rng.uniform(-turning, turning, 5)])
-        solids = [solid(kind, "a", rng.uniform(-0.4, 0.4, 2), rng), disc(0.1, (0.5, 0.2))]
-        bodies.append(mover(rows.tolist(), *solids, repeat=k % 2 == 0))
+        solids = [solid(kind, "a", rng.uniform(-0.4, 0.4, 2), rng), disc(0.1, 0.5, 0.2)]
+        bodies.append(moved("m", rows, *solids, repeat=k % 2 == 0))
     return bodies
-
-
-def truth(bodies: list[Mover], place: Array, time: float) -> float:
-    solids = tuple(one for body in bodies for one in body.at(time))
-    return float(Collision(Workspace(-EVERYWHERE, EVERYWHERE, solids), FOOTPRINT).clearance(place[None])[0])
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -54,8 +43,9 @@ def test_a_clearance_is_that_of_the_bodies_as_they_stand_then_whatever_was_asked
         place, time = rng.uniform(-2, 2, 2), rng.uniform(0, 5)
         for step in range(4):
             near, later = place + 0.02 * step * rng.standard_normal(2), time + 0.01 * step
-            assert crowd.surely(near, later) <= truth(bodies, near, later) + 1e-5
-            assert crowd.clearance(near, later) == pytest.approx(truth(bodies, near, later), abs=1e-5)
+            truth = clearance_among(bodies, FOOTPRINT, near, later)
+            assert crowd.surely(near, later) <= truth + 1e-5
+            assert crowd.clearance(near, later) == pytest.approx(truth, abs=1e-5)
 
 
 @pytest.mark.parametrize("turning", [2.0, 0.0])
@@ -78,7 +68,7 @@ def test_what_is_surely_free_is_free_and_what_is_met_is_met(seed, turning):
 
 
 def test_a_thin_body_that_is_past_at_the_end_of_a_step_has_met_the_robot():
-    fast = mover([[0, -1, 0, 0], [0.02, 1, 0, 0]], disc(0.002))
+    fast = moved("m", [(0, -1, 0, 0), (0.02, 1, 0, 0)], disc(0.002))
     origin = np.zeros(2)
     assert MovingObstacles([fast], FOOTPRINT).meets(origin, 0.0, origin, 0.02)
     aside = np.array([0.0, RADIUS + 0.003])
@@ -89,7 +79,7 @@ def test_a_thin_body_that_is_past_at_the_end_of_a_step_has_met_the_robot():
 
 
 def test_a_motion_that_starts_over_sweeps_nothing_on_its_way_back_and_is_felt_where_it_lands():
-    back = mover([[0, -2, 0, 0], [1, 2, 0, 0]], disc(0.1), repeat=True)
+    back = moved("m", [(0, -2, 0, 0), (1, 2, 0, 0)], disc(0.1), repeat=True)
     crowd = MovingObstacles([back], FOOTPRINT)
     origin, landing = np.zeros(2), np.array([-2.0, 0.0])
     assert not crowd.meets(origin, 0.99, origin, 1.01)

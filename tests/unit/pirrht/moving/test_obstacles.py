@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from moving import SCENES, busy
+from moving import SCENES, busy, clearance_among
 
 from pirrht.arrays import Array
-from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Scene, Workspace
+from pirrht.geometry.scene import Scene
 from pirrht.geometry.world import NEVER, WALL
 from pirrht.jit.jit import kernel
 from pirrht.moving.collision import MovingObstacles
@@ -19,12 +18,9 @@ from pirrht.moving.distances import disc_of, fastest_of, moving_clearance
 from pirrht.moving.exits import LISTING, SEEN, Watch, sweep, walls, watch
 from pirrht.moving.obstacles import MovingObstacleArrays
 
-EVERYWHERE = np.full(2, np.inf)
-
 
 def truth(scene: Scene, place: Array, time: float) -> float:
-    solids = tuple(one for mover in scene.movers for one in mover.at(time))
-    return float(Collision(Workspace(-EVERYWHERE, EVERYWHERE, solids), scene.footprint).clearance(place[None])[0])
+    return clearance_among(scene.movers, scene.footprint, place, time)
 
 
 @pytest.mark.parametrize("scene", [busy, *SCENES.values()])
@@ -55,12 +51,11 @@ def test_walls_lie_where_the_clearance_rises_from_and_move_as_it_changes():
                 assert truth(alone, place, time) > 0.79
                 continue
             d, nx, ny, vx, vy = rows[0]
-            assert d == pytest.approx(moving_clearance(traffic, place[0], place[1], time), abs=1e-12)
+            assert d == pytest.approx(moving_clearance(traffic, *place, time), abs=1e-12)
             if d > 0.0:
-                off = 1e-6 * np.array([nx, ny])
-                beyond = moving_clearance(traffic, place[0] + off[0], place[1] + off[1], time)
-                assert (beyond - d) / 1e-6 == pytest.approx(1.0, abs=0.06)
-                later = moving_clearance(traffic, place[0], place[1], time + dt)
+                beyond = moving_clearance(traffic, *(place + dt * np.array([nx, ny])), time)
+                assert (beyond - d) / dt == pytest.approx(1.0, abs=0.06)
+                later = moving_clearance(traffic, *place, time + dt)
                 assert (later - d) / dt == pytest.approx(-(vx * nx + vy * ny), abs=0.06)
                 seen += 1
     assert seen > 30
@@ -78,9 +73,6 @@ def test_no_point_of_a_body_is_faster_than_its_bound_or_outside_of_its_disc():
             assert lower <= max(truth(replace(world, movers=(mover,)), place, time), 0.0) + 1e-9
             for row in alone.walls(*place, time, 0.8):
                 assert np.hypot(row[3], row[4]) <= fastest_of(traffic, j) + 1e-9
-
-
-# -- along paths ---------------------------------------------------------------------------------------------------
 
 
 @kernel

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from discs import block, disc, scattered, scene_of
 from numpy.typing import NDArray
 from trees import grown
 
-from pirrht import Dubins, FreeSpace, HomologyTree, Scene, Steering, StraightLine
+from pirrht import Dubins, FreeSpace, HomologyTree, Steering, StraightLine
 from pirrht.planner.expand import PassageSampler
 from pirrht.planner.graph import ROOT, Graph, class_at
 from pirrht.topology.crossings import Turns
@@ -19,23 +20,12 @@ from sim.cli import main
 from sim.drive import episode
 from sim.scenario import Scenario, prepare
 
-SMALL = {"vertices": 60, "samples": 20, "noise": 0.2}
 
-
-@pytest.fixture(scope="module")
-def small() -> Scenario:
-    return prepare("slit", given=SMALL)
-
-
-@pytest.fixture(scope="module")
-def car() -> Scenario:
-    return prepare("clutter", given={"vertices": 60})
-
-
-def drive(scenario: Scenario, grow: int) -> list[episode.Frame]:
-    controller = scenario.controller(scenario.grown_tree())
-    rng = scenario.plant_rng()
-    return list(episode.run(scenario.plant(), controller, scenario.start, rng, max_time=0.2, grow=grow))
+@cache
+def scenario_of(robot: str) -> Scenario:
+    """A point in `slit`, or a car in `clutter`."""
+    given = {"vertices": 60, "samples": 20, "noise": 0.2} if robot == "small" else {"vertices": 60}
+    return prepare("slit" if robot == "small" else "clutter", given=given)
 
 
 def assert_equal_trees(one: HomologyTree, other: HomologyTree) -> None:
@@ -46,8 +36,8 @@ def assert_equal_trees(one: HomologyTree, other: HomologyTree) -> None:
 
 
 @pytest.mark.parametrize("robot", ["small", "car"])
-def test_growing_k_times_is_growing_once(robot: str, request: pytest.FixtureRequest):
-    scenario: Scenario = request.getfixturevalue(robot)
+def test_growing_k_times_is_growing_once(robot: str):
+    scenario = scenario_of(robot)
     once, often = scenario.grown_tree(), scenario.grown_tree()
     once.grow(once.size + 60)
     for _ in range(12):
@@ -56,8 +46,8 @@ def test_growing_k_times_is_growing_once(robot: str, request: pytest.FixtureRequ
 
 
 @pytest.mark.parametrize("robot", ["small", "car"])
-def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot: str, request: pytest.FixtureRequest):
-    scenario: Scenario = request.getfixturevalue(robot)
+def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot: str):
+    scenario = scenario_of(robot)
     together, one_by_one = scenario.empty_tree(), scenario.empty_tree()
     draws = together.steering.draws(together.space, together.rng, 300, goal_share=0.05)
     together.extend_by(draws)
@@ -72,8 +62,13 @@ def test_draws_dealt_with_together_make_the_tree_that_they_make_one_by_one(robot
     assert together.graph.pruned[0] == one_by_one.graph.pruned[0]
 
 
-def test_equal_seeds_grow_and_drive_alike(small: Scenario):
-    one, other = drive(small, 4), drive(small, 4)
+def test_equal_seeds_grow_and_drive_alike():
+    def drive() -> list[episode.Frame]:
+        small = scenario_of("small")
+        controller, rng = small.controller(small.grown_tree()), small.plant_rng()
+        return list(episode.run(small.plant(), controller, small.start, rng, max_time=0.2, grow=4))
+
+    one, other = drive(), drive()
     assert [frame.vertices for frame in one] == [60 + 4 * k for k in range(len(one))]
     for first, second in zip(one, other, strict=True):
         assert first.vertices == second.vertices
@@ -97,21 +92,15 @@ def test_what_cannot_grow_is_refused(capsys):
     assert "--method passive has no tree" in message
 
 
-# -- passages first ------------------------------------------------------------------------------------------------
-
 FEW = 300  # vertices
 
 
-@pytest.fixture(scope="module")
+@cache
 def double_slit() -> FreeSpace:
     """A wall from border to border with two slits of 1.25 robot diameters."""
     blocks = [block("below", 5.0, 2.0, (0.25, 2.0)), block("middle", 5.0, 5.0, (0.25, 0.75)),
               block("above", 5.0, 8.0, (0.25, 2.0))]  # fmt: skip
     return FreeSpace.of(scene_of(blocks, start=(0.5, 5.0), goal=(9.5, 5.0), side=10.0))
-
-
-def tree_of(space: FreeSpace, seed: int) -> HomologyTree:
-    return HomologyTree(space, StraightLine(), limit=0.8, rng=np.random.default_rng(seed))
 
 
 def has_vertex(tree: HomologyTree) -> np.ndarray:
@@ -121,17 +110,15 @@ def has_vertex(tree: HomologyTree) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_few_vertices_find_both_slits_whatever_the_seed(double_slit: FreeSpace, seed: int):
-    tree = tree_of(double_slit, seed)
-    tree.grow(FEW)
+def test_few_vertices_find_both_slits_whatever_the_seed(seed: int):
+    tree = grown(double_slit(), StraightLine(), FEW, seed=seed)
     assert len(tree.lengths(np.array([0.5, 5.0]))) == 2
     assert has_vertex(tree).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_every_open_passage_gets_a_vertex(seed: int):
-    tree = tree_of(FreeSpace.of(scattered(seed)), seed)
-    tree.grow(FEW)
+    tree = grown(FreeSpace.of(scattered(seed)), StraightLine(), FEW, seed=seed)
     assert tree.passages.count > 3
     assert has_vertex(tree).all()
 
@@ -148,28 +135,18 @@ def test_at_least_every_second_draw_is_uniform_and_none_is_offered_twice_in_a_pe
     assert {tuple(x) for k in range(offers.together(0)) if (x := offers.at(k)) is not None} == set(map(tuple, states))
 
 
-# -- a search of the finished graph --------------------------------------------------------------------------------
-
 Class = tuple[int, ...]
 
-CASES = [
-    (steering, classes)
-    for steering in (StraightLine(), Dubins(rho=0.4))
-    for classes in (1, 3, 8, 0)
-    if classes or isinstance(steering, StraightLine)
-]
+CASES = [*((StraightLine(), classes) for classes in (1, 3, 8, 0)), *((Dubins(rho=0.4), k) for k in (1, 3, 8))]
 
 
-def posts() -> Scene:
-    """Five posts between start and goal, the goal in reach of many draws."""
+@cache
+def posts(steering: Steering, classes: int) -> HomologyTree:
+    """A tree among five posts between start and goal, the goal in reach of many draws."""
     spots = [(1.6, 2.0), (2.9, 3.2), (3.0, 1.1), (4.2, 2.3), (1.5, 3.7)]
     obstacles = [disc(f"post{i}", *spot, 0.2) for i, spot in enumerate(spots)]
-    return scene_of(obstacles, start=(0.5, 2.4), goal=(5.3, 2.5, 0.35), side=(6.0, 4.6))
-
-
-@pytest.fixture(scope="module")
-def space() -> FreeSpace:
-    return FreeSpace.of(posts())
+    scene = scene_of(obstacles, start=(0.5, 2.4), goal=(5.3, 2.5, 0.35), side=(6.0, 4.6))
+    return grown(FreeSpace.of(scene), steering, 150, seed=4, classes=classes)
 
 
 def nodes(tree: HomologyTree, vertex: int) -> dict[Class, float]:
@@ -208,8 +185,8 @@ def searched(tree: HomologyTree) -> list[dict[Class, float]]:
 
 
 @pytest.mark.parametrize(("steering", "classes"), CASES)
-def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering: Steering, classes: int) -> None:
-    tree = grown(space, steering, 150, seed=4, classes=classes)
+def test_the_grown_tree_equals_a_search_of_its_graph(steering: Steering, classes: int) -> None:
+    tree = posts(steering, classes)
     expected = searched(tree)
     for v in range(tree.size):
         kept = nodes(tree, v)
@@ -222,8 +199,8 @@ def test_the_grown_tree_equals_a_search_of_its_graph(space: FreeSpace, steering:
 
 
 @pytest.mark.parametrize(("steering", "classes"), CASES)
-def test_every_node_costs_its_parent_plus_its_edge(space: FreeSpace, steering: Steering, classes: int) -> None:
-    tree = grown(space, steering, 150, seed=4, classes=classes)
+def test_every_node_costs_its_parent_plus_its_edge(steering: Steering, classes: int) -> None:
+    tree = posts(steering, classes)
     gr = tree.graph
     for v in range(tree.size):
         for slot in range(int(gr.nodes[v])):

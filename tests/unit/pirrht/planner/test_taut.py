@@ -18,11 +18,6 @@ RADIUS, GOAL = 0.1, 0.1  # of the robot and of the goal's disc [m]
 TOUCHES = 0.01  # clearance of a corner [m]
 
 
-def line_of(reference: Reference) -> Array:
-    points: Array = reference.trajectory.points
-    return points
-
-
 def length(points: Array) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
@@ -31,7 +26,7 @@ def length(points: Array) -> float:
 def test_every_corner_of_a_taut_reference_touches_something(seed: int):
     space = FreeSpace.of(scattered(seed))
     for reference in grown(space, StraightLine(), 500, seed=seed).references(space.scene.start[:2]):
-        points = line_of(reference)
+        points = reference.trajectory.points
         assert np.all(space.collision.segments_free(points[:-1], points[1:]))
         assert space.homology.winding(points) == reference.winding
         assert len(points) == 2 or space.collision.clearance(points[1:-1]).max() < TOUCHES
@@ -62,9 +57,6 @@ def test_around_a_disc_a_reference_has_the_length_of_tangents_and_arc(radius: fl
     assert len(references) == 2
     for reference in references:
         assert whole - GOAL - 1e-6 < reference.length < 1.005 * (whole - GOAL)
-
-
-# -- a steering method of the user's -------------------------------------------------------------------------------
 
 
 class Foreign(Steering):

@@ -10,15 +10,15 @@ from typing import cast
 
 import numpy as np
 import pytest
+from batches import led
 from discs import block, scene_of
 from scipy.integrate import quad
 from scipy.stats import norm
-from solved import Solved, around_corner, around_post, in_channel, slope
+from solved import Solved, around_corner, around_post, in_channel, problem_in, slope
 
-from pirrht import Desirability, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
+from pirrht import Desirability, FreeSpace, PathIntegral, Sampling, path_integral
 from pirrht.arrays import Array
 from pirrht.proposals.desirability_tube import DesirabilityAscent
-from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
 
 Made = Callable[..., Solved]
@@ -65,9 +65,6 @@ def test_in_a_straight_channel_transfers_settle_to_its_slowest_mode(b, width, of
     assert np.quantile(across, 0.9) < 0.1 * mode
 
 
-# -- against the grid --------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("make", [around_corner, around_post])
 @pytest.mark.parametrize(("b", "middling", "most"), [(0.15, 0.01, 0.04), (0.2, 0.02, 0.07), (0.3, 0.05, 0.15)])
 def test_beside_a_reference_the_control_of_a_way_is_that_of_the_grid(make: Made, b, middling, most):
@@ -90,8 +87,6 @@ def test_what_a_way_promises_is_log_psi_of_the_grid(make: Made, b):
     assert way(known)[1].promise == pytest.approx(known.truth.log_psi(known.x), abs=0.45 if b > 0.3 else 0.2)
 
 
-# -- next to walls -------------------------------------------------------------------------------------------------
-
 B = 0.2
 SPEEDS = [0.0, 1e-6, 0.05, 0.4, 1.0]
 
@@ -108,9 +103,7 @@ def mean_slope(c: float, s: float, t: float, away: float = 0.0) -> float:
         return math.exp(-drift * z) * (math.sinh(g * z) if g > 0.0 else z)
 
     def slope(z: float) -> float:
-        return math.exp(-drift * z) * (
-            (g * math.cosh(g * z) if g > 0.0 else 1.0) - drift * (math.sinh(g * z) if g > 0.0 else z)
-        )
+        return math.exp(-drift * z) * (g * math.cosh(g * z) if g > 0.0 else 1.0) - drift * h(z)
 
     spread = B * math.sqrt(t)
 
@@ -162,14 +155,10 @@ def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
     obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
     scene = scene_of([obstacle], start=(0.6, 1.5), goal=(4.3, 1.6, 0.3), side=(5.0, 3.0), radius=0.2)
-    problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
-    space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
+    problem, space, x = problem_in(scene, 0.2), FreeSpace.of(scene), np.array([2.5, 0.903])
     integral = path_integral(problem, space, Sampling(threads=1, first=0.01))
-    leading = integral.proposals
-    climb = leading.climbing(x, np.array([[4.3, 1.6]]))
-    times = integral.steps(6.0)
-    batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))
-    found = integral.estimate(integral.rollout(batch, 1))
+    climb = integral.proposals.climbing(x, np.array([[4.3, 1.6]]))
+    found = integral.estimate(led(integral, x, integral.steps(6.0), climb, count=4000, seed=1))
     assert found.walls.clipped[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
     off = Desirability.of(problem, space).control(x) - found.control
     assert 1.0 < off[1] < 1.2 * found.control_error[1]

@@ -40,10 +40,6 @@ def found(*obstacles, half=5.0, radius=RADIUS):
     return components(Collision(scene.world, scene.footprint))
 
 
-def members(result):
-    return [component.members for component in result]
-
-
 def test_touching_boxes_are_one_component():
     (one,) = found(box(0, 1, 0, 1, "left"), box(1, 2, 0, 2, "right"))
     assert one.members == (0, 1)
@@ -62,7 +58,7 @@ def test_a_gap_counts_when_the_robot_fits_through(gap, count):
 
 def test_a_u_is_one_component_and_what_stands_inside_is_another():
     result = found(box(-2, -1.8, -2, 2), box(-2, 2, -2, -1.8), disc(0, 0), box(1.8, 2, -2, 2))
-    assert members(result) == [(0, 1, 3), (2,)]
+    assert [one.members for one in result] == [(0, 1, 3), (2,)]
     assert result[1].marker == pytest.approx([0, 0])
 
 
@@ -76,8 +72,7 @@ def test_the_marker_is_the_centre_of_the_largest_member_and_ties_go_to_the_first
 @pytest.mark.parametrize("side", range(4))
 def test_a_component_joins_the_border_where_the_robots_centre_cannot_pass(gap, joins, side):
     turn = Rotation.from_euler("z", 90 * side, degrees=True).as_matrix()[:2, :2]
-    discs = [disc(*(turn @ [x, 1.0])) for x in (4.925 - gap, 4.5)]
-    (one,) = found(*discs)
+    (one,) = found(*(disc(*(turn @ [x, 1.0])) for x in (4.925 - gap, 4.5)))
     assert one.joins_border == joins
     assert (one.marker is None) == joins
 
@@ -85,12 +80,9 @@ def test_a_component_joins_the_border_where_the_robots_centre_cannot_pass(gap, j
 def gap_in_mujoco(one, other):
     spec = mujoco.MjSpec()
     for k, obstacle in enumerate((one, other)):
-        geom = spec.worldbody.add_geom(
-            type=getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}"),
-            size=obstacle.size,
-            pos=obstacle.position,
-            quat=Rotation.from_matrix(obstacle.rotation).as_quat(scalar_first=True),
-        )
+        turn = Rotation.from_matrix(obstacle.rotation).as_quat(scalar_first=True)
+        shape = {"type": getattr(mujoco.mjtGeom, f"mjGEOM_{obstacle.kind.name}"), "size": obstacle.size}
+        geom = spec.worldbody.add_geom(**shape, pos=obstacle.position, quat=turn)
         if obstacle.kind is Kind.MESH:
             spec.add_mesh(name=f"mesh{k}", uservert=obstacle.vertices.ravel().tolist())
             geom.meshname = f"mesh{k}"
@@ -102,18 +94,14 @@ def gap_in_mujoco(one, other):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_upright_solids_are_joined_exactly_if_the_robot_is_wider_than_their_gap(seed):
-    rng = np.random.default_rng([2, seed])
-    tried = 0
+    rng, tried = np.random.default_rng([2, seed]), 0
+
+    def drawn():
+        size, place = rng.uniform(0.1, 1.0, 3), rng.uniform(-2, 2, 2)
+        return size, place, Rotation.from_euler("z", rng.uniform(0, 6))
+
     while tried < 40:
-        pair = [
-            solid(
-                rng.choice(list(Kind)),
-                rng.uniform(0.1, 1.0, 3),
-                rng.uniform(-2, 2, 2),
-                Rotation.from_euler("z", rng.uniform(0, 6)),
-            )
-            for _ in range(2)
-        ]
+        pair = [solid(rng.choice(list(Kind)), *drawn()) for _ in range(2)]
         gap = gap_in_mujoco(*pair)
         if gap < 0.02:
             continue
