@@ -18,8 +18,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors
 from sim.drawing.sides import sides, worded
-from sim.drawing.strokes import timed
-from sim.drawing.tubes import Tube, tubes
+from sim.drawing.strokes import Tube, timed, tubes
 from sim.plotting.ground import MOVER, outline
 from sim.scenario import Scenario
 

@@ -78,16 +78,13 @@ def worded(
         while len(differ):  # the fewest obstacles that tell it from all others, one by one
             told.append(int(np.argmax(differ.sum(axis=0))))
             differ = differ[~differ[:, told[-1]]]
-        told.sort()
-        turns = {names[k]: float(straight[k]) + mine[k] for k in told if k < len(names)}
-        parts = [f"once round {name}" for name, turn in turns.items() if abs(turn) >= 1.0]
-        left = [name for name, turn in turns.items() if -1.0 < turn < 0.0]
-        right = [name for name, turn in turns.items() if 0.0 <= turn < 1.0]
-        if len(left) == len(right) == 1 and len(names) == 2:  # of two among many it need not lead through the gap
-            parts.append(f"between {right[0]} and {left[0]}")
-        else:
-            parts += [f"{side} of {' and '.join(group)}" for side, group in (("right", right), ("left", left)) if group]
-        moving = [k - len(names) for k in told if k >= len(names)] or ([] if told else range(len(by)))
-        parts += [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]]
-        found[name] = ", ".join(parts) or "straight ahead"
-    return found
+        groups: dict[str, list[str]] = {"once round": [], "right of": [], "left of": []}
+        for k in sorted(k for k in told if k < len(names)):
+            turn = float(straight[k]) + mine[k]
+            groups["once round" if abs(turn) >= 1.0 else ("right of", "left of")[turn < 0.0]].append(names[k])
+        parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
+        if len(names) == 2 and groups["right of"] and groups["left of"]:  # of many it need not lead through the gap
+            parts = [f"between {groups['right of'][0]} and {groups['left of'][0]}"]
+        moving = [k - len(names) for k in sorted(told) if k >= len(names)] if told else range(len(by))
+        found[name] = ", ".join(parts + [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]])
+    return {name: words or "straight ahead" for name, words in found.items()}

@@ -11,10 +11,12 @@ from sim.importing.scene_file import import_world
 
 GEOMETRY = "<geometry>{}</geometry>"
 MESH = "<mesh><uri>model://sofa/meshes/sofa.dae</uri></mesh>"
+PART = "<mesh><uri>maze.world</uri><submesh><name>a</name></submesh></mesh>"
 CHAIN = "".join(f'<frame name="f{k}"><pose relative_to="f{k + 1}"/></frame>' for k in range(2000))
 BAD_WORLDS = [
     (sdf(model(link(collision(GEOMETRY.format(MESH))))), "sofa.dae"),
     (sdf(model(link(collision(GEOMETRY.format("<heightmap/>"))))), "<heightmap>"),
+    (sdf(model(link(collision(GEOMETRY.format(PART))))), "<submesh>"),
     (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"m::l::c"'),
     (sdf(model(link(collision("")))), '"m::l::c"'),
     (sdf("<include><uri>model://sofa</uri></include>"), "model://sofa"),
