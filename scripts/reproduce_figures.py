@@ -22,7 +22,7 @@ from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from sim.cli.parser import Parser
-from sim.figures import pyplot
+from sim.plotting.prompt import pyplot
 
 
 def main() -> int:

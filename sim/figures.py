@@ -16,11 +16,11 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import ClassColors, rgb, title
-from sim.drawing.sides import NAMED, passing
+from sim.drawing.colors import NAMED, ClassColors, passing, rgb, title
 from sim.drawing.strokes import timed
 from sim.files import replaced
 from sim.plotting import ground, prompt
+from sim.plotting.prompt import pyplot
 from sim.scenario import Scenario
 
 INK = ground.INK
@@ -33,10 +33,10 @@ APART = 0.022  # from each other that numbers are at least, over the width of th
 
 def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
-    plt = pyplot()
     scene = scenario.loaded.scene
     wide, high = scene.upper - scene.lower
-    figure, axes = plt.subplots(figsize=(8.0, 6.2 * high / wide + 0.8))
+    figure = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
+    axes = figure.subplots()
     draw_scene(axes, scenario)
     for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
@@ -52,15 +52,15 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     prompt.classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
-    _save(plt, figure, path, "--png")
+    _save(figure, path, "--png")
 
 
 def draw_convergence(
     path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
 ) -> None:
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
-    plt = pyplot("--convergence")
-    figure, axes = plt.subplots(figsize=(8.0, 4.8), layout="constrained")
+    figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
+    axes = figure.subplots()
     colors = ClassColors()
     colors.meet(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
@@ -79,7 +79,7 @@ def draw_convergence(
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(title="class", **prompt.LEGEND)
-    _save(plt, figure, path, "--convergence")
+    _save(figure, path, "--convergence")
 
 
 def draw_scene(axes: Any, scenario: Scenario) -> None:
@@ -140,17 +140,7 @@ def check(path: Path, option: str) -> None:
         raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
 
 
-def pyplot(option: str = "--png") -> Any:
-    """matplotlib.pyplot without a display; OptionError, naming the option, if matplotlib is not installed."""
-    plt = prompt.pyplot(option)
-    plt.switch_backend("Agg")
-    return plt
-
-
-def _save(plt: Any, figure: Any, path: Path, option: str) -> None:
+def _save(figure: Any, path: Path, option: str) -> None:
     """Write a figure whole or not at all, in the format of the file's ending."""
-    try:
-        with replaced(path, option) as stream:
-            figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")
-    finally:
-        plt.close(figure)
+    with replaced(path, option) as stream:
+        figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")

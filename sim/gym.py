@@ -32,6 +32,7 @@ from pirrht.outcome import Outcome
 from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
+from sim.options import scene_options
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING
 from sim.sweeps import runs, scores
@@ -69,23 +70,22 @@ class Drive(gymnasium.Env[Array, Array]):
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
 
     def __init__(
-        self, scene: str | Path = "slit", *, penalty: float = PENALTY, bound: float = np.inf,
-        render_mode: str | None = None, **options: Any,
+        self, scene: str | Path = "slit", *, penalty: float = PENALTY, bound: float = np.inf, **options: Any
     ) -> None:  # fmt: skip
-        if render_mode is not None:
-            raise OptionError(f"render_mode is {render_mode!r}; there is none: film runs with `pirrht run --video`")
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
-        if strange := options.keys() - ARGUMENTS:
+        if strange := {name for name, value in options.items() if value is not None} - ARGUMENTS:
             fit = ", ".join(sorted({*ARGUMENTS, "penalty", "bound"}))
             raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment; those are {fit}")
         given = {name: options[name] for name in SETTINGS if options.get(name) is not None}
-        task: dict[str, Any] = {name: options.get(name) for name in BY_SCENE}
-        task["freeze"] = task["freeze"] or None
-        s, parts = prepare(scene, **task, given=given), (runs.frozen(task), runs.frozen(given))
-        self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, task=parts[0], given=parts[1])
+        task, noise = scene_options(options), given.get("noise")
+        self.job = Job(
+            scene=str(scene), method="", noise=noise, seed=0, task=runs.frozen(task), given=runs.frozen(given)
+        )
         self._asked: float | None = None  # when an action was asked for, on the clock [s]
-        self.scenario, self.render_mode, self._plant, d = s, None, s.plant(), s.problem.dynamics
+        self.frame: Frame | None = None  # the last period
+        self.scenario = s = prepare(scene, **task, given=given)
+        self._plant, d = s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)
         low, high = np.full(d.m, -bound), np.full(d.m, bound)
@@ -95,7 +95,6 @@ class Drive(gymnasium.Env[Array, Array]):
         if not np.all(low < high):
             raise OptionError("the robot's ctrlranges leave no control; widen them, or choose another speed or bound")
         self.action_space = Box(low, high, (d.m,), np.float64)
-        self.frame: Frame | None = None  # the last period
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
         """Stand at the start; without a seed one is drawn."""
@@ -140,13 +139,11 @@ class Drive(gymnasium.Env[Array, Array]):
         return self.frame.metrics.json()
 
     def _info(self) -> dict[str, Any]:
-        frame = self.frame
-        if frame is None:
-            clearance = self.scenario.space.clearance(self._plant.state)
-            return {"outcome": None, "cost": 0.0, "time": 0.0, "min_clearance": clearance, "path_length": 0.0}
+        frame, m = self.frame, self._metrics
         return {
-            "outcome": None if frame.outcome is None else frame.outcome.name.lower(), "cost": frame.cost,
-            "time": frame.end_time, "min_clearance": frame.metrics.min_clearance, "path_length": frame.length,
+            "outcome": None if frame is None or frame.outcome is None else m.outcome, "cost": m.cost, "time": m.time,
+            "min_clearance": self.scenario.space.clearance(self._plant.state) if frame is None else m.min_clearance,
+            "path_length": m.path_length,
         }  # fmt: skip
 
 
@@ -180,10 +177,9 @@ def score(
     env = Drive(**options) if environment is None else environment
     drive = env.unwrapped
     assert isinstance(drive, Drive)
-    job = replace(drive.job, method=method, noise=drive.scenario.settings.noise)
-    # The key of a run, scene and trees included.
-    known = {"scene": Path(job.scene).stem, "scene_digest": runs.digest(job), "plan_seed": 0}
-    keys = [{**runs.key(replace(job, seed=SEED.check(seed, "seed")), job.noise), **known} for seed in seeds]
+    job = replace(drive.job, method=method, noise=drive.scenario.settings.noise, label=Path(drive.job.scene).stem)
+    job = replace(job, digest=runs.digest(job))
+    keys = [{**runs.key(replace(job, seed=SEED.check(seed, "seed")), job.noise), "plan_seed": 0} for seed in seeds]
     records: list[dict[str, Any]] = []
     into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
     with into_folder or nullcontext(lambda record: None) as keep:
@@ -193,12 +189,9 @@ def score(
             x, _ = env.reset(seed=key["seed"])
             while not over:
                 action = act(x)
-                if isinstance(env.action_space, Box):
-                    where = f"seed {key['seed']}, step {step}: the policy returned"
-                    _control(action, env.action_space.shape, where)
+                _control(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
                 x, _, terminated, truncated, _ = env.step(action)
                 step, over = step + 1, terminated or truncated
-            assert drive.frame is not None
             record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began)
             records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])

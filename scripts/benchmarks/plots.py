@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim.drawing.colors import METHODS
-from sim.figures import pyplot
+from sim.plotting.prompt import pyplot
 
 COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 

@@ -107,7 +107,7 @@ def make(number: int, folder: Path, format: str, effort: Effort, tick: Tick, *, 
     Raises:
         OptionError: matplotlib is missing or the file cannot be written.
     """
-    from sim.figures import pyplot
+    from sim.plotting.prompt import pyplot
 
     entry, plt = FIGURES[number], pyplot("this script")
     file = style.check(folder, entry.name, format)

@@ -1,28 +1,37 @@
-"""A run as a film: MuJoCo's scene with references, samples, driven path and predicted moving obstacles drawn in."""
+"""A run as a film: MuJoCo's scene with references, samples, driven path and predicted moving obstacles drawn in.
+
+Pictures are drawn without a window: by EGL on Linux, or by what MUJOCO_GL names.
+"""
 
 from __future__ import annotations
 
+import copy
+import importlib
+import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, rgb, title
-from sim.drawing.sides import NAMED
-from sim.drawing.strokes import DEAD, Fan, at_most, fans
-from sim.drawing.tubes import foreseen
+from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, ClassColors, Color, mix, rgb, title
+from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
 from sim.drive.episode import Frame
 from sim.files import replaced
-from sim.film.offscreen import Offscreen, Picture
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
+from sim.mjcf.dressed import dress, has_sky
 from sim.mjcf.motions import Mocap
+
+Picture = NDArray[np.uint8]  # (height, width, 3)
 
 WIDTH, HEIGHT = 1280, 720
 RATE = 30  # pictures per second
@@ -35,6 +44,15 @@ FEWEST, ROWS = 0.005, 6  # share of psi from which a class is in the list, and c
 INK: Color = (240, 240, 236)
 GROUND: Color = (206, 209, 207)  # into which predicted outlines fade
 FORESEEN = mix(MOVER, (0, 0, 0), 0.4)
+CHOSEN = os.environ.get("MUJOCO_GL") or not sys.platform.startswith("linux")  # MuJoCo has read it when imported
+BACKEND = "mujoco.egl"
+SKY: Color = (204, 216, 228)  # behind what has no sky
+MOST = 6000  # shapes in a picture
+THIN = 1.5  # width of thin lines [px]
+INSET, ROW, LETTER = 14.0, 26.0, 12.0  # of texts in a picture 720 pixels high [px]
+PANEL = (0.08, 0.09, 0.10, 0.85)  # behind them
+SLICES, STACKS = 28, 8  # corners of round shapes
+ORIGIN, AXES = np.zeros(3), np.eye(3).ravel()
 
 
 class Film:
@@ -58,16 +76,35 @@ class Film:
         for file, option, ending, library in ((video, "--video", ".mp4", "av"), (still, "--png", ".png", "PIL")):
             if file is not None:
                 _check(file, option, ending, library)
-        self._eye = Offscreen(loaded.model, width=wide, height=high, option="--png" if video is None else "--video")
-        self._scene = scene = loaded.scene
-        extent = scene.upper - scene.lower
+        self._model = model = copy.copy(loaded.model)
+        model.vis.global_.offwidth, model.vis.global_.offheight = wide, high
+        # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
+        model.vis.quality.numslices, model.vis.quality.numstacks = SLICES, STACKS
+        model.mat_reflectance[:] = 0.0
+        dress(model)
+        self._sky = has_sky(model)
+        try:
+            self._gl = (mujoco if CHOSEN else importlib.import_module(BACKEND)).GLContext(wide, high)
+            self._gl.make_current()
+        except Exception as error:  # whatever a driver and its bindings raise
+            why = f"{'MUJOCO_GL' if CHOSEN else BACKEND}: {str(error).splitlines()[0][:80]}"
+            remedy = "install libegl1, or libosmesa6 and set MUJOCO_GL=osmesa, or leave it out"
+            option = "--png" if video is None else "--video"
+            raise OptionError(f"{option}: nothing draws without a window ({why}); {remedy}") from None
+        self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
+        self._frame, self._shapes = mujoco.MjrRect(0, 0, wide, high), mujoco.MjvScene(model, maxgeom=MOST)
+        self._shapes.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = 0
+        self._options, self._camera, self._scene = mujoco.MjvOption(), mujoco.MjvCamera(), loaded.scene
+        extent = self._scene.upper - self._scene.lower
         across = max(float(extent[1]), float(extent[0]) * high / wide)
-        center = np.array([*(scene.lower + (0.5, 0.46) * extent), 0.0])  # what is near takes more of the picture
         self._thick = max(1.0, across / 6.0)  # of lines
-        self._eye.look_at(center, distance=1.32 * across, elevation=ELEVATION)
-        self._model, self._data = loaded.model, mujoco.MjData(loaded.model)
-        self._stance, self._colors = Stance(loaded.model, loaded.states), ClassColors()
-        self._mocap = Mocap(loaded.model, scene.movers) if scene.movers else None
+        # What is near takes more of the picture, which looks northward.
+        self._camera.lookat[:] = [*(self._scene.lower + (0.5, 0.46) * extent), 0.0]
+        self._camera.distance, self._camera.elevation, self._camera.azimuth = 1.32 * across, -ELEVATION, 90.0
+        self._data, self._stance = mujoco.MjData(model), Stance(loaded.model, loaded.states)
+        self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
+        self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s] and a state
         self._times: list[float] = []  # of plans
         self._plans: list[tuple[Plan, dict[str, Fan]]] = []
@@ -120,7 +157,11 @@ class Film:
 
     def close(self) -> None:
         """Give the memory of the graphics back; two films cannot draw in turns."""
-        self._eye.close()
+        self._gl.make_current()
+        self._renderer.free()
+        with suppress(Exception):  # MuJoCo 4.0 cannot let go of OSMesa's
+            self._gl.free()
+        self._gl._context = None  # or it would complain when the process ends
 
     def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:
         moving = self.length - round(HOLD * RATE)
@@ -133,12 +174,8 @@ class Film:
     def _picture(self, time: float) -> Picture:
         path = np.concatenate(self._path)
         path = path[: np.searchsorted(path[:, 0], time + 1e-9, side="right")]
-        now, state, eye, over = float(path[-1, 0]), path[-1, 1:], self._eye, time >= self._path[-1][-1, 0]
-        self._stance.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
-        if self._mocap is not None:
-            self._mocap.place(self._data, now)
-        mujoco.mj_forward(self._model, self._data)
-        eye.pose(self._data)
+        now, state, over = float(path[-1, 0]), path[-1, 1:], time >= self._path[-1][-1, 0]
+        self._pose(state, now)
         plan, samples = self._plans[int(np.searchsorted(self._times, time + 1e-9, side="right")) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
@@ -147,21 +184,69 @@ class Film:
         for name, fan in samples.items():  # the heavier the stronger; grey ones do not arrive
             color = DEAD_COLOR if name == DEAD else self._colors[name]
             opacity = np.full(len(fan.strips), 0.35) if name == DEAD else 0.25 + 0.75 * fan.opacity
-            eye.thin(fan.strips, np.column_stack([np.tile(rgb(color), (len(opacity), 1)), opacity]))
+            for strip, share in zip(fan.strips.astype(float), opacity, strict=True):
+                self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
-            eye.label(np.array([*mover.motion.pose(now)[:2], top]), mover.name.replace("_", " "))
+            self._label(np.array([*mover.motion.pose(now)[:2], top]), mover.name.replace("_", " "))
         for one in () if over else foreseen(plan.movers, plan.time):
             if one.after > 0.0:
                 self._line(one.ring, 0.01, mix(GROUND, FORESEEN, one.strength), 0.008)
         self._line(at_most(path[:, 1:3], PATH_POINTS), 0.03, DRIVEN, 0.015)
         heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= FEWEST), key=lambda n: -weights[n])[:ROWS]
         rows = [(f"{title(n)}  {100 * weights[n]:.0f} %", mix(self._colors[n], (255, 255, 255), 0.3)) for n in heavy]
-        return eye.draw([(f"{now:.1f} s", INK), *rows])
+        return self._draw([(f"{now:.1f} s", INK), *rows])
+
+    def _pose(self, state: Array, time: float) -> None:
+        """Place all bodies as they are in a state at a time [s]; what was drawn before is gone."""
+        self._stance.place(self._data, state, np.zeros(2), np.zeros(self._model.nu))
+        if self._mocap is not None:
+            self._mocap.place(self._data, time)
+        mujoco.mj_forward(self._model, self._data)
+        everything = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(self._model, self._data, self._options, None, self._camera, everything, self._shapes)
 
     def _line(self, points: Array, height: float, color: Color, radius: float) -> None:
         """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
-        self._eye.line(np.column_stack([points, np.full(len(points), height)]), color, radius * self._thick)
+        lifted = np.column_stack([points, np.full(len(points), height)])
+        self._join(lifted, mujoco.mjtGeom.mjGEOM_CAPSULE, radius * self._thick, np.array([*rgb(color), 1.0]), 0.2)
+
+    def _label(self, place: Array, text: str) -> None:
+        if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, place, np.ones(4))) is not None:
+            shape.label = text
+
+    def _join(self, points: Array, kind: mujoco.mjtGeom, width: float, rgba: Array, emission: float) -> None:
+        for a, b in zip(points[:-1], points[1:], strict=True):
+            if (shape := self._add(kind, ORIGIN, rgba)) is not None:
+                mujoco.mjv_connector(shape, kind, width, a, b)
+                shape.emission = emission
+
+    def _add(self, kind: mujoco.mjtGeom, center: Array, rgba: Array) -> Any:
+        """Return one more shape; None where there are enough."""
+        if self._shapes.ngeom == MOST:
+            return None
+        shape = self._shapes.geoms[self._shapes.ngeom]
+        mujoco.mjv_initGeom(shape, kind, ORIGIN, center, AXES, rgba.astype(np.float32))
+        self._shapes.ngeom += 1
+        return shape
+
+    def _draw(self, rows: Sequence[tuple[str, Color]]) -> Picture:
+        """Return the picture, with rows of text in the upper left corner, each in its colour."""
+        self._gl.make_current()
+        mujoco.mjr_render(self._frame, self._shapes, self._renderer)
+        width, height, scale = self._frame.width, self._frame.height, self._frame.height / 720.0
+        wide = round(scale * (2 * INSET + LETTER * max(len(text) for text, _ in rows)))
+        high = round(scale * (INSET + ROW * len(rows)))
+        mujoco.mjr_rectangle(mujoco.MjrRect(0, height - high, wide, high), *PANEL)
+        mujoco.mjr_rectangle(self._frame, 0.0, 0.0, 0.0, 0.0)  # what texts are placed in
+        for k, (text, color) in enumerate(rows, 1):
+            at, font = (scale * INSET / width, 1.0 - scale * ROW * k / height), mujoco.mjtFont.mjFONT_NORMAL
+            mujoco.mjr_text(font, text, self._renderer, *at, *(channel / 255.0 for channel in color))
+        pixels, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        mujoco.mjr_readPixels(pixels, depth, self._frame, self._renderer)
+        if not self._sky:
+            pixels[(depth >= 1.0) & ~pixels.any(axis=2)] = SKY  # what is transparent has no depth
+        return pixels[::-1]
 
 
 def _check(file: Path, option: str, ending: str, library: str) -> None:

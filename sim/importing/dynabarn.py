@@ -96,11 +96,9 @@ def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:
     last = -1.0
     for k, key in enumerate(keys, start=1):
         numbers = [_number(value) for value in key] if isinstance(key, list) else []
-        if len(numbers) != 3 or np.isnan(numbers).any():
-            raise SceneError(f"{where}: key {k} is not three finite numbers up to {FARTHEST:g}; write [t, x, y]")
-        if numbers[0] <= last or (k == 1 and numbers[0] != 0.0):
-            after = f" after one at {last:g} s" if k > 1 else ""
-            raise SceneError(f"{where}: key {k} is at {numbers[0]:g} s{after}; times begin at 0 and increase")
+        if len(numbers) != 3 or np.isnan(numbers).any() or numbers[0] <= last or (k == 1 and numbers[0] != 0.0):
+            must = f"three finite numbers up to {FARTHEST:g}, [t, x, y], whose times begin at 0 and increase"
+            raise SceneError(f"{where}: key {k} must be {must}")
         last = numbers[0]
     return name, radius, np.array(keys, dtype=float)
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from trimesh.graph import connected_component_labels
@@ -34,7 +35,7 @@ MOST_CUTS, MOST_PARTS = 100, 1000  # parts of what hangs together, and of one me
 _OPEN = 1.5  # where a surface has an edge, a hull of more than this times its area is no solid
 _SAME = 1e-5  # corners closer than this are one, and points closer to a plane lie on it [m]
 _EMPTY = 1e-12  # area of no triangle [m2]
-_INSIDE = ("node", "skin", "instance_node", "instance_geometry", "instance_controller")  # of a COLLADA scene
+_INSIDE = ("node", "instance_node", "instance_geometry")  # of a COLLADA scene
 
 
 def read_mesh(source: Path) -> World:
@@ -53,7 +54,7 @@ def _by_coacd(source: Path) -> list[Array]:
         raise OptionError(
             f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
         ) from None
-    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source, "")))
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
     coacd.set_log_level("error")
     try:
         found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
@@ -62,14 +63,8 @@ def _by_coacd(source: Path) -> list[Array]:
     return [np.asarray(corners, dtype=float) for corners, _ in found]
 
 
-def split(
-    path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), name: str = "", *, centred: bool = False, hull: bool = False
-) -> tuple[list[Array], float]:
-    """Split a mesh, or its submesh of a name, into convex parts.
-
-    Args:
-        centred: whether the middle of its bounds becomes the origin.
-        hull: whether its hull is asked for.
+def split(path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), *, hull: bool = False) -> tuple[list[Array], float]:
+    """Split a mesh into convex parts, or take its hull where that is asked for.
 
     Returns:
         corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
@@ -77,14 +72,9 @@ def split(
     Raises:
         SceneError: it is unreadable, of another format, or without triangles.
     """
-    triangles = _read(path, name)
+    triangles = _read(path) * scale
     if not len(triangles):
-        which = f" under the name {name!r}" if name else ""
-        raise SceneError(f"{path}: it has no triangles{which}; export it again")
-    if centred:
-        corners = triangles.reshape(-1, 3)
-        triangles = triangles - (corners.min(axis=0) + corners.max(axis=0)) / 2
-    triangles = triangles * scale
+        raise SceneError(f"{path}: it has no triangles; export it again")
     if not np.all(np.abs(triangles) <= FARTHEST):
         raise SceneError(f"{path}: corners are farther out than {FARTHEST:g} m; scale it down")
     pieces = [] if hull else _pieces(triangles)
@@ -95,15 +85,13 @@ def split(
     return [whole.points[whole.vertices]], 0.0 if hull else float(_depths(triangles, whole).max())
 
 
-def _read(path: Path, name: str) -> Array:
+def _read(path: Path) -> Array:
     """Read the corners of a file's triangles, (t, 3, 3)."""
     suffix = path.suffix.lower()
     if suffix == ".dae":
-        return read_collada(path, name)
+        return read_collada(path)
     if suffix not in SUFFIXES:
         raise SceneError(f"{path}: meshes are read from {', '.join(SUFFIXES)}; convert it")
-    if name:
-        raise SceneError(f"{path}: submesh {name!r} is read from .dae only; write a file of its own for it")
     data = content_of(path, "a mesh")
     try:
         mesh = trimesh.load_mesh(BytesIO(data), file_type=suffix[1:], process=False)
@@ -197,69 +185,55 @@ def _indexed(triangles: Array) -> IntArray:
     return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1, 3).astype(np.int64)
 
 
-def read_collada(path: Path, name: str = "") -> Array:
-    """Read the corners of all triangles, or of those under the name of a node or geometry, (t, 3, 3) [m]."""
+def read_collada(path: Path) -> Array:
+    """Read the corners of all triangles, (t, 3, 3) [m]."""
     try:
         root = parse(path, "a COLLADA file")
-        for count, element in enumerate(root.iter()):
-            if count > MOST_ELEMENTS:
-                raise ValueError(f"more than {MOST_ELEMENTS} elements")
+        for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
-        return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root, name)])
+        return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root)])
     except (ValueError, LookupError, OverflowError, AttributeError) as error:
         reason = " ".join(str(error).split())[:100]
         raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
 
 
-def _placed(root: ET.Element, name: str) -> Iterator[Array]:
+def _placed(root: ET.Element) -> Iterator[Array]:
     """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
     ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    shapes: dict[ET.Element, Array] = {}
-    points = cache(_points)
+    points = cache(lambda block: _numbers(block.findtext("float_array")).reshape(-1, 3))
+    shape = cache(lambda geometry: np.concatenate([np.empty((0, 3, 3)), *_polygons(geometry, ids, points)]))
     elements = triangles = 0
     scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
-    todo = [(element, np.eye(4), not name) for element in scene]
+    todo = [(element, np.eye(4)) for element in scene]
     while todo:
-        element, pose, wanted = todo.pop()
-        if element.tag == "skin" or element.tag.startswith("instance_"):
-            element = ids[element.get("url", element.get("source", ""))]
-        wanted = wanted or name in (element.get("name"), element.get("id"))
-        if element.tag == "geometry" and wanted:
-            if element not in shapes:
-                shapes[element] = np.concatenate([np.empty((0, 3, 3)), *_polygons(element, ids, points)])
-            yield shapes[element] @ pose[:3, :3].T + pose[:3, 3]
-        elements, triangles = elements + 1 + len(element), triangles + len(shapes.get(element, ()))
+        element, pose = todo.pop()
+        element = ids[element.attrib["url"]] if element.tag.startswith("instance_") else element
+        if element.tag == "geometry":
+            triangles += len(shape(element))
+            yield shape(element) @ pose[:3, :3].T + pose[:3, 3]
+        elements += 1 + len(element)
         if elements > MOST_ELEMENTS or triangles > MOST_TRIANGLES:
             raise ValueError(f"its instances have more than {MOST_ELEMENTS} elements or {MOST_TRIANGLES} triangles")
         for part in element:
             pose = pose @ _matrix(part)
-        todo += [(part, pose, wanted) for part in reversed(element) if part.tag in _INSIDE]
-
-
-def _points(block: ET.Element) -> Array:
-    width = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
-    return _numbers(block.findtext("float_array")).reshape(-1, width)[:, :3]
+        todo += [(part, pose) for part in reversed(element) if part.tag in _INSIDE]
 
 
 def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.Element], Array]) -> Iterator[Array]:
     """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
     for part in geometry.iterfind("mesh/*"):
-        inputs = {one.get("semantic"): one for one in part.findall("input")}
-        if part.tag in ("triangles", "polylist", "polygons", "trifans", "tristrips") and "VERTEX" in inputs:
-            block = ids[ids[inputs["VERTEX"].get("source")].find("input[@semantic='POSITION']").get("source")]
+        if part.tag in ("triangles", "polylist"):
+            vertex = part.find("input[@semantic='VERTEX']").attrib  # type: ignore[union-attr]
+            block = ids[ids[vertex["source"]].find("input[@semantic='POSITION']").get("source")]
             stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
-            for indices in part.iter("p"):
-                corners = points(block)[
-                    _numbers(indices.text, np.uint64)[int(inputs["VERTEX"].get("offset", 0)) :: stride]
-                ]
-                counts = np.array([len(corners)])
-                if part.tag in ("triangles", "polylist"):
-                    counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
-                place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
-                inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
-                before = inner - 1 if part.tag == "tristrips" else first[inner]
-                yield corners[np.stack([before, inner, inner + 1], axis=1)]
+            corners = points(block)[_numbers(part.findtext("p"), np.uint64)[int(vertex.get("offset", 0)) :: stride]]
+            counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+            place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
+            inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
+            yield corners[np.stack([first[inner], inner, inner + 1], axis=1)]
+        elif part.tag not in ("source", "vertices", "extra", "lines", "linestrips"):
+            raise ValueError(f"<{part.tag}> is not read; write <triangles> or <polylist>")
 
 
 def _matrix(part: ET.Element) -> Array:
@@ -274,8 +248,10 @@ def _matrix(part: ET.Element) -> Array:
     elif part.tag == "rotate":
         *axis, angle = _numbers(part.text)
         matrix[:3, :3] = Rotation.from_rotvec(np.array(axis) * angle / np.linalg.norm(axis), True).as_matrix()
+    elif part.tag == "instance_controller":
+        raise ValueError("<instance_controller> is not read")
     return matrix
 
 
-def _numbers(text: str | None, kind: type = float) -> Array:
+def _numbers(text: str | None, kind: type = float) -> NDArray[Any]:
     return np.array((text or "").split(), dtype=kind)

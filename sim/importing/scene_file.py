@@ -8,7 +8,7 @@ so that a file that is there already is never replaced by a broken one.
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -19,7 +19,6 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
-from sim.files import why_unreadable
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, text
@@ -29,16 +28,13 @@ from sim.mjcf.limits import FARTHEST, FINEST, content_of
 START, GOAL, BORDER = "--start X Y [TH]", "--goal X Y R", "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
 ROVER = "rover"  # robots that map with a lidar turn on the spot, or nearly
-_OPTIONS = {"period": "0.1", "dt": "0.1", "samples": "300", "limit": "0.8", "vertices": "2000"}
-_IMPORTED = {**_OPTIONS, "classes": "16", "phi": "1000", "max_time": "60"}
+_OPTIONS = {
+    **{"period": "0.1", "dt": "0.1", "samples": "300", "limit": "0.8", "vertices": "2000"},
+    **{"classes": "16", "phi": "1000", "max_time": "60"},
+}
 # Kinds of files; what ends otherwise is a world.
-_SUFFIXES = {
-    **{"motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "picture": ros_map.PICTURES, "mesh": meshes.SUFFIXES}
-}
-_MATERIALS = {
-    **{"box": "crate", "mesh": "crate", "cylinder": "drum"},
-    **{"capsule": "log", "sphere": "boulder", "ellipsoid": "boulder"},
-}
+_SUFFIXES = {"motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "mesh": meshes.SUFFIXES}
+_MATERIALS = {"box": "crate", "mesh": "crate", "cylinder": "drum", "capsule": "log"}  # others are boulders
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,13 +74,10 @@ def import_world(
             do not fit, or the target cannot be written. The target is then as it was.
     """
     source, target = Path(source), Path(target)
-    suffix = source.suffix.lower()
-    kind = next((kind for kind, suffixes in _SUFFIXES.items() if suffix in suffixes), "world")
+    kind = next((kind for kind, suffixes in _SUFFIXES.items() if source.suffix.lower() in suffixes), "world")
     kind = "motions" if motion else kind
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
-    why = why_unreadable(source)
-    if why is not None:
-        raise SceneError(f"{source}: it {why}, so it cannot be read; give {what}")
+    content = content_of(source, what)
     if target.suffix.lower() != ".xml":
         raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
     if target.exists() and target.samefile(source):
@@ -99,17 +92,16 @@ def import_world(
             raise OptionError(words)
     if kind == "mesh" and not decompose:
         raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
-    if kind == "picture":
+    if kind == "world" and source.suffix.lower() in ros_map.PICTURES:
         raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
-    if kind == "world" and content_of(source, what).lstrip()[:1] == b"{":
+    if kind == "world" and content.lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
-    readers: dict[str, Callable[[], World]] = {
-        "motions": lambda: dynabarn.read(source, number),
-        "map": lambda: ros_map.read_map(source).world(unknown or "occupied"),
-        "mesh": lambda: meshes.read_mesh(source),
-        "world": lambda: read_sdf(source, folders=models, without=without),
-    }
-    world = readers[kind]()
+    if kind == "motions":
+        world = dynabarn.read(source, number)
+    elif kind == "map":
+        world = ros_map.read_map(source).world(unknown or "occupied")
+    else:
+        world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     obstacles, movers = _write(scene, source, target, world.notes)
     turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
@@ -147,20 +139,21 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     bounds = _workspace(source, world, task[2], np.vstack([place[:2], disc[:2]]))
     half = (bounds[1::2] - bounds[::2]) / 2
     robot = "unicycle" if world.kind == "world" else ROVER
-    options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_IMPORTED}
+    options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_OPTIONS}
     custom = [
         f'<{"text" if key == "robot" else "numeric"} name="pirrht_{key}" data="{value}"/>'
         for key, value in options.items()
     ]
     assets, geoms = [], []
     for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
+        material = _MATERIALS.get(solid.shape, "boulder")
         quaternion, called, shape = np.zeros(4), quoteattr(label), f'size="{text(*solid.size)}"'
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
         if solid.vertices is not None:
             assets.append(f'<mesh name={called} vertex="{text(*solid.vertices.ravel())}"/>')
             shape = f"mesh={called}"
         geoms.append(
-            f'<geom name={called} type="{solid.shape}" material="{_MATERIALS[solid.shape]}" {shape} '
+            f'<geom name={called} type="{solid.shape}" material="{material}" {shape} '
             f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
         )
     lines = {"custom": [*custom, *world.custom], "assets": assets, "parts": [*geoms, *world.bodies]}

@@ -39,13 +39,6 @@ def see_through(model: mujoco.MjModel, opacity: Array, marked: Mask, color: Colo
     return seen
 
 
-def top(model: mujoco.MjModel) -> float:
-    """Return a height [m] that no geom reaches above at zero joint positions, planes aside."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    return float(np.max(data.geom_xpos[:, 2] + model.geom_rbound, initial=0.0))
-
-
 def solids(model: mujoco.MjModel, chosen: Mask, body: str | None = None) -> dict[str, rr.AsComponents]:
     """Chosen geoms (ngeom,) as they are at zero joint positions, by entity path: one per kind, one per mesh.
 

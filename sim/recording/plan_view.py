@@ -1,8 +1,17 @@
-"""Pictures of a plan: references, samples, their means, why, and the references in the lifted trees."""
+"""Pictures of a plan: references, samples, their means, why, and the references in the lifted trees and in time.
+
+/spacetime, with the map as floor and time upward, has what moves in space and time:
+/spacetime/bodies/NAME  the tube of a moving obstacle, to the latest time drawn so far; `name` below it
+/spacetime/walls, /spacetime/goal, /spacetime/axis   static obstacles and the goal, as high; seconds
+/spacetime/now, /spacetime/path   at the height of the time, with the robot below it; the driven path
+/spacetime/braids, /spacetime/names, /spacetime/samples   references, their labels, the heaviest samples of each class
+/spacetime/foreseen     predicted outlines of moving obstacles
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import ceil
 
 import numpy as np
 import rerun as rr
@@ -11,22 +20,22 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
-from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
-from sim.drawing.strokes import lift, packed
-from sim.drawing.tubes import foreseen
-from sim.recording import spacetime
+from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, packed, title
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, tubes
+from sim.plotting.ground import outline
 from sim.recording.reasons import page, reasons, share, words_of
-from sim.recording.static import CONTROL, FLOOR, all_named
-from sim.recording.stream import Stream
-from sim.recording.subject import Subject
+from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, entity
+from sim.recording.subject import Stream, Subject
 from sim.recording.truth_view import VALUE, on_floor, shares_of
 
 SAMPLE_POINTS, CLASS_POINTS = 3200, 300  # of all samples of a picture, less so many for each class: 50 kB together
-REFERENCE_POINTS = 64
+REFERENCE_POINTS, KNOTS = 64, 48  # of a reference on the map, and of a braid, at most
 NAMED = 0.005  # share of psi from which a class bears its name on the map
 MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from this share on
 LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest first
-NOTHING = np.zeros((0, 2, 3), np.float32)
+THREADS, BEADS = 24, 12  # samples in space and time at most, and points of each
+TICKS = 8  # seconds that are named, at most
+BODY, WALL, ARRIVAL = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16)  # see-through
 
 Packed = NDArray[np.uint32]
 
@@ -38,40 +47,34 @@ class Pictures:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._fans: set[str] = set()
         self._now = (0, 0.0)
-        self.in_time = spacetime.SpaceTime(stream, subject, colors) if subject.moves else None
+        self._reached = 0.0  # until when there are tubes [s]
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
         """Log a plan at a step and simulated time [s]."""
         self._now = step, time
         subject, weights = self._subject, plan.estimate.class_weights if plan.estimate else {}
-        lines = [strokes.at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
-        soon = foreseen(plan.movers, plan.time) if subject.moves else []
+        lines = [at_most(r.trajectory.points[:, :2], REFERENCE_POINTS) for r in plan.references]
+        heaviest = sorted(plan.ids, key=lambda n: -weights.get(n, 0.0))
+        labels = {name: title(name) for name in plan.ids[:LIFTED]}
+        if plan.estimate is not None:
+            heavy = [name for name in heaviest if weights.get(name, 0.0) >= NAMED]
+            labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
         self._references(plan, lines, weights)
-        self._means(plan, weights)
+        self._label("/world/names", labels, plan, [strokes.even(line, LIFTED_POINTS) for line in lines])
+        self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
         words = words_of(plan, subject.path_integral, subject.names)
         why = reasons(plan, subject.path_integral, subject.solids, words, self._exact(plan, time))
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
-        labels = {name: title(name) for name in plan.ids[:LIFTED]}
-        if plan.estimate is not None:
-            heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= NAMED), key=lambda n: -weights[n])
-            labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
-        self._label_map(plan, labels, lines)
-        if self.in_time is not None:
-            later = [one for one in soon if one.after > 0.0]
-            pale = packed(fade(MOVER, FLOOR, np.array([one.strength for one in later])))
-            self._strips("/world/foreseen", [lift(one.ring, 0.03) for one in later], pale, 0.008)
-            self.in_time.draw(plan, soon, fans, labels, self._now)
+        if subject.moves:
+            self._draw_in_time(plan, fans, labels, weights)
 
-    def _label_map(self, plan: Plan, labels: Mapping[str, str], lines: Sequence[Array]) -> None:
-        """Log the labels of classes on their lines, and those of moving obstacles."""
-        even = [strokes.even(line, LIFTED_POINTS) for line in lines[: len(plan.ids)]]
-        places = {name: line[i] for name, line, i in zip(plan.ids, even, strokes.apart(even), strict=True)}
-        movers = plan.movers if all_named(self._subject) else ()
-        at = [*(places[name] for name in labels), *(mover.motion.pose(plan.time)[:2] for mover in movers)]
-        texts = [*labels.values(), *(mover.name.replace("_", " ") for mover in movers)]
-        colors = [*(self._colors[name] for name in labels), *(MOVER for _ in movers)]
-        self._names("/world/names", lift(np.array(at).reshape(-1, 2), 0.1), texts, colors)
+    def _label(self, path: str, labels: Mapping[str, str], plan: Plan, lines: Sequence[Array | Floats]) -> None:
+        """Log the labels of classes on their lines (k, 2) or (k, 3) [m]."""
+        places = {name: line[i] for name, line, i in zip(plan.ids, lines, strokes.apart(lines), strict=False)}
+        at = np.array([places[name] for name in labels]).reshape(len(labels), lines[0].shape[1] if lines else 3)
+        points = lift(at, 0.1) if at.shape[1] == 2 else at
+        self._names(path, points, list(labels.values()), [self._colors[name] for name in labels])
 
     def _exact(self, plan: Plan, time: float) -> dict[str, float] | None:
         """Return each class's share by the grid, if there is one; where obstacles move, also draw the floor now."""
@@ -80,27 +83,26 @@ class Pictures:
             self._log(VALUE, on_floor(grid, self._subject.space, time))
         return None if grid is None else shares_of(grid, plan, time)
 
-    def _samples(self, plan: Plan) -> dict[str, strokes.Fan]:
+    def _samples(self, plan: Plan) -> dict[str, Fan]:
         """Log and return samples by class."""
-        fans: dict[str, strokes.Fan] = {}
+        fans: dict[str, Fan] = {}
         if plan.estimate is not None and self._subject.look.samples != "none":
             most = max(0, SAMPLE_POINTS - CLASS_POINTS * len(plan.ids))
             everything = self._subject.look.samples == "all"
             integral = self._subject.path_integral
             fans = strokes.fans(integral, plan.estimate, plan.classes, points=most, everything=everything)
         for name in sorted(self._fans - fans.keys()):
-            self._log(_fan_path(name), rr.LineStrips3D(NOTHING))
+            self._strips(_fan_path(name), [], packed([]), 0.006)
         for name, fan in fans.items():
-            dead = name == strokes.DEAD
+            dead = name == DEAD
             opacity = np.full(len(fan.strips), 0.5) if dead else 0.25 + 0.75 * fan.opacity
             shades = packed(fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity))
             self._strips(_fan_path(name), fan.strips, shades, 0.006)
         self._fans = set(fans)
         return fans
 
-    def _means(self, plan: Plan, weights: Mapping[str, float]) -> None:
+    def _means(self, plan: Plan, heavy: Sequence[str]) -> None:
         """Log the mean paths of the samples of the heavy classes."""
-        heavy = sorted((n for n in plan.ids if weights.get(n, 0.0) >= HEAVY), key=lambda n: -weights[n])[:MEANS]
         means: dict[str, Array] = {}
         if plan.estimate is not None:
             keys = {key: name for key, name in plan.classes.items() if name in heavy}
@@ -125,13 +127,70 @@ class Pictures:
             places = [line[i] for line, i in zip(raised, strokes.apart(raised), strict=True)]
             self._names(f"{path}/names", places, texts, colors[: len(few)])
 
-    def _strips(
-        self, path: str, strips: Sequence[strokes.Floats] | strokes.Floats, colors: Packed, radii: float | list[float]
+    def _draw_in_time(
+        self, plan: Plan, fans: Mapping[str, Fan], labels: Mapping[str, str], weights: Mapping[str, float]
     ) -> None:
+        """Log moving obstacles as predicted, and the plan with time upward."""
+        lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
+        self.reach(max([self._now[1], *(float(line[-1, 2]) for line in lines)]))
+        braids = [self.raised(line) for line in lines]
+        radii = [0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
+        self._strips(f"{TIMES}/braids", braids, packed([self._colors[name] for name in plan.ids]), radii)
+        self._label(f"{TIMES}/names", labels, plan, braids)
+        alive = {name: fan for name, fan in fans.items() if name != DEAD}
+        heavy = slice(-max(1, THREADS // max(1, len(alive))), None)
+        threads = [
+            self.raised(at_most(np.column_stack([strip[:, :2], moments + plan.time]), BEADS))
+            for fan in alive.values()
+            for strip, moments in zip(fan.strips[heavy], fan.moments[heavy], strict=True)
+        ]
+        pale = [fade(self._colors[name], FLOOR, 0.15 + 0.5 * fan.opacity[heavy]) for name, fan in alive.items()]
+        self._strips(f"{TIMES}/samples", threads, packed(np.vstack(pale)) if pale else packed([]), 0.006)
+        soon = foreseen(plan.movers, plan.time)
+        later = [one for one in soon if one.after > 0.0]
+        rings = [self.raised(_at(one.ring, plan.time + one.after)) for one in soon]
+        for path, outlines, strips, radius in (
+            ("/world/foreseen", later, [lift(one.ring, 0.03) for one in later], 0.008),
+            (f"{TIMES}/foreseen", soon, rings, 0.012),
+        ):
+            shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in outlines])))
+            self._strips(path, strips, shades, radius)
+
+    def reach(self, time: float) -> None:
+        """Let tubes, walls and axis go on to a time [s]."""
+        if time <= self._reached:
+            return
+        begin, self._reached = self._reached, float(ceil(time))
+        scene, ends = self._subject.space.scene, np.array([begin, self._reached])
+        turn = np.linspace(0.0, 2.0 * np.pi, ROUGH, endpoint=False)
+        around = scene.goal.center + scene.goal.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        meshes = [
+            (entity(f"{TIMES}/bodies", m.name), tubes(m, begin, self._reached, ROUGH), BODY) for m in scene.movers
+        ]
+        for name, outlines, color in (("walls", map(outline, scene.obstacles), WALL), ("goal", [around], ARRIVAL)):
+            still = [Tube(times=ends, rings=np.stack([ring, ring])) for ring in outlines]
+            meshes.append((f"{TIMES}/{name}", still, color))
+        for path, parts, color in meshes:
+            if parts:
+                places = [_at(ring, at) for part in parts for at, ring in zip(part.times, part.rings, strict=True)]
+                first = np.cumsum([0, *(part.rings.shape[0] * part.rings.shape[1] for part in parts)])
+                faces = np.vstack([part.faces + k for part, k in zip(parts, first, strict=False)]).astype(np.uint32)
+                corners = self.raised(np.vstack(places))
+                self._log(path, rr.Mesh3D(vertex_positions=corners, triangle_indices=faces, albedo_factor=color))
+        seconds = np.arange(begin, self._reached + 1e-9, max(1, ceil((self._reached - begin) / TICKS)))
+        marks = self.raised(np.column_stack([np.broadcast_to(scene.upper, (len(seconds), 2)), seconds]))
+        look = {"labels": [f"{s:g} s" for s in seconds], "colors": [BORDER], "show_labels": True}
+        self._log(f"{TIMES}/axis", rr.Points3D(marks, radii=0.04, **look))
+
+    def raised(self, line: Array) -> Floats:
+        """Places and times (k, 3) [m, m, s] as they are with time upward, (k, 3) [m]."""
+        return lift(line[:, :2], np.rint(256.0 * self._subject.rise * line[:, 2]) / 256.0)
+
+    def _strips(self, path: str, strips: Sequence[Floats] | Floats, colors: Packed, radii: float | list[float]) -> None:
         self._log(path, rr.LineStrips3D(strips, colors=colors, radii=radii))
 
     def _names(
-        self, path: str, places: Sequence[Array] | strokes.Floats, texts: Sequence[str], colors: Sequence[Color]
+        self, path: str, places: Sequence[Array] | Floats, texts: Sequence[str], colors: Sequence[Color]
     ) -> None:
         pale = packed([mix(color, (255, 255, 255), 0.4) for color in colors])
         points = np.array(places, np.float32).reshape(-1, 3)
@@ -139,6 +198,11 @@ class Pictures:
 
     def _log(self, path: str, archetype: rr.AsComponents) -> None:
         self._stream.log(path, *self._now, archetype)
+
+
+def _at(points: Array, time: float) -> Array:
+    """Points (k, 2) [m] at a time [s], (k, 3)."""
+    return np.column_stack([points, np.full(len(points), time)])
 
 
 def _fan_path(name: str) -> str:

@@ -21,8 +21,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from itertools import chain
-from math import inf
+from math import inf, log
 from textwrap import wrap
 from typing import Any
 
@@ -30,24 +31,60 @@ import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
-from sim.drawing.colors import ClassColors
+from pirrht.control.plan import Plan
+from pirrht.estimation.estimate import OTHER
+from pirrht.outcome import Outcome
+from pirrht.problem import Problem
+from sim.drawing.colors import DRIVEN, ClassColors, Color, title
 from sim.drawing.strokes import lift
+from sim.drive.episode import Frame
+from sim.drive.metrics import Truth
 from sim.mjcf.motions import Mocap
-from sim.recording import spacetime
-from sim.recording.camera import FOLLOWING, Following
-from sim.recording.columns import COMPONENTS
+from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
-from sim.recording.plots import Plots
-from sim.recording.static import mover_path, properties, stage
-from sim.recording.step_row import Row
-from sim.recording.stream import Stream
-from sim.recording.subject import Subject
+from sim.recording.reasons import arriving
+from sim.recording.stage import FOLLOWING, MOVERS, TIMES, Following, entity, properties, stage
+from sim.recording.subject import Stream, Subject
+from sim.recording.truth_view import OPTIMUM
 
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
 BATCH_STEPS, BATCH_TIME = 8, 0.36  # rows per chunk at least, and the time they span [s]: a chunk costs 1 to 3 kB
 LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
+LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
+BAND = "one standard error"
+DIM, PLAIN = (120, 122, 128), (164, 128, 230)  # of errors, and of what belongs to no class: seen on any ground
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Row:
+    """One control step; it holds on to samples, of which there may be many, only where they are drawn."""
+
+    step: int
+    time: float  # simulated time at its start [s]
+    duration: float  # [s]
+    states: Array  # (k + 1, n) at its start and after each physics step
+    cells: dict[str, list[Any]]  # its values at `/steps`, by component
+    arriving: dict[str, float]  # share of the samples drawn around each reference that arrive
+    ids: tuple[str, ...]  # classes of the references
+    plan_seconds: float
+    outcome: Outcome | None
+    plan: Plan | None  # where a picture is due
+    news: str | None
+
+    @classmethod
+    def of(cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None) -> Row:
+        """The row of a frame."""
+        plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
+        return cls(
+            step=frame.step, time=frame.time, duration=advance.time, states=np.vstack([plan.state, advance.states]),
+            cells=cells(frame, truth), arriving=arriving(estimate, plan.ids) if estimate else {}, ids=plan.ids,
+            plan_seconds=frame.plan_seconds, outcome=frame.outcome, plan=plan if drawn else None, news=news,
+        )  # fmt: skip
+
+    def __getitem__(self, component: str) -> float:
+        return float(self.cells[component][0])
 
 
 class Writer:
@@ -78,8 +115,6 @@ class Writer:
         self._transforms(FOLLOWING, [0], [0.0], Following(subject.space.scene).poses(start[:, :2], np.zeros(1)))
         self._movers([0], [0.0])
         stage(subject, log)
-        if subject.moves:
-            spacetime.stage(subject, log)
         self._plots.begin()
 
     def add(self, row: Row) -> bool:
@@ -138,8 +173,14 @@ class Writer:
         arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
         self._transforms("/world/robot", steps, times, self._robot.at(np.array(states)), arrows)
         self._movers(steps, times)
-        if self._pictures.in_time is not None:
-            self._pictures.in_time.follow(rows, steps, np.column_stack([np.array(states)[:, :2], times]))
+        if not self._subject.moves:
+            return
+        at = np.column_stack([np.array(states)[:, :2], times])
+        ends = [np.append(r.states[-1, :2], r.time + r.duration) for r in rows]
+        strips = [self._pictures.raised(np.vstack(both)) for both in zip(at, ends, strict=False)]
+        self._columns(f"{TIMES}/path", rows, rr.LineStrips3D.columns(strips=strips))
+        for path, scale in ((f"{TIMES}/now", (0.0, 0.0, self._subject.rise)), (f"{TIMES}/now/robot", (1.0, 1.0, 0.0))):
+            self.stream.columns(path, steps, times, rr.Transform3D.columns(translation=at * scale))
 
     def _movers(self, steps: Sequence[int], times: Sequence[float]) -> None:
         if self._mocap is None:
@@ -149,7 +190,7 @@ class Writer:
         for j, mover in enumerate(self._subject.space.scene.movers):
             if np.any(poses[:, j] != self._shown[j]):
                 self._shown[j] = poses[-1, j]
-                self._transforms(mover_path(mover.name), steps, times, poses[:, j])
+                self._transforms(entity(MOVERS, mover.name), steps, times, poses[:, j])
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
@@ -180,3 +221,90 @@ def _values(rows: Sequence[Row]) -> list[Any]:
         if flat := list(chain.from_iterable(values)):
             parts += rr.AnyValues.columns(**{name: flat}).partition([len(row) for row in values])
     return parts
+
+
+class Plots:
+    """Logs the numbers behind the control into one recording stream: for all other classes together and for a few."""
+
+    def __init__(self, stream: Stream, problem: Problem, colors: ClassColors, *, truth: bool) -> None:
+        self._stream, self._temperature, self._colors = stream, problem.temperature, colors
+        self._controls, self._truth = problem.dynamics.m, truth
+        self._names: list[str] | None = None  # classes that have a line of their own
+
+    def begin(self) -> None:
+        """Names and colours that do not change."""
+        m = self._controls
+        self._style("clearance", ["clearance"], [PLAIN], [1.6])
+        self._style("control", [f"u{k + 1}" for k in range(m)], [PLAIN, DRIVEN, OPTIMUM, DIM][:m], [1.6] * m)
+        self._style("cost", ["so far", "with the value of what is left"], [DRIVEN, PLAIN], [2.0, 1.2])
+        if self._truth:
+            self._style("optimum/control", [BAND, "|u - u*|"], [DIM, OPTIMUM], [1.0, 2.0])
+            names, colors = [BAND, BAND, "all paths", "exact"], [DIM, DIM, PLAIN, OPTIMUM]
+            self._style("optimum/value", names, colors, [1.0, 1.0, 1.2, 2.0])
+
+    def draw(self, rows: Sequence[Row]) -> None:
+        """Log some steps."""
+        names = self._name_classes(rows)
+        spare = [inf] * (LINES - len(names))  # NaN would make equal recordings unequal
+        lines: dict[str, list[list[float]]] = {}
+        for r in rows:
+            weights, sizes = (dict(zip(r.cells["classes"], r.cells[kind], strict=True)) for kind in ("weights", "ess"))
+            share, value = [weights.get(name, 0.0) for name in names], r["value"]
+            by_class = [value - self._temperature * log(w) if w > 0 else inf for w in share]
+            exact, band = r.cells["exact_value"], _band(value, r["value_error"])
+            for path, line in (
+                ("weight", [max(0.0, sum(weights.values()) - sum(share)), *share, *spare]),
+                ("ess", [sizes.get(OTHER, 0.0), *(sizes.get(name, 0.0) for name in names), *spare]),
+                ("arriving", [inf, *(r.arriving.get(name, inf) for name in names), *spare]),
+                ("value", [value, *band, *by_class, *spare, *exact]),
+                ("clearance", r.cells["clearance"]),
+                ("control", r.cells["control"]),
+                ("cost", [r["cost"], r["cost"] + value]),
+            ):
+                lines.setdefault(path, []).append(line)
+            if exact:
+                off = float(np.linalg.norm(np.subtract(r.cells["control"], r.cells["exact_control"])))
+                error = value - exact[0] if value < inf and exact[0] < inf else inf
+                lines.setdefault("optimum/control", []).append([float(np.linalg.norm(r.cells["control_error"])), off])
+                lines.setdefault("optimum/value", []).append([*_band(error, r["value_error"]), error, 0.0])
+        for path, table in lines.items():
+            columns = rr.Scalars.columns(scalars=np.float32(np.concatenate(table))).partition(
+                [len(line) for line in table]
+            )
+            self._stream.columns(f"/why/{path}", [r.step for r in rows], [r.time for r in rows], columns)
+
+    def _name_classes(self, rows: Sequence[Row]) -> list[str]:
+        """Give colours to new classes, and return those with lines: the cheapest at first, then the heavy."""
+        names = list(self._names or ())
+        for row in rows:
+            self._colors.meet(row.ids)
+            weights = zip(row.cells["classes"], row.cells["weights"], strict=True)
+            heavy = [name for name, w in weights if w >= HEAVY and name != OTHER]
+            for name in [*(row.ids[:CHEAPEST] if not names else ()), *heavy]:
+                if name not in names and len(names) < LINES:
+                    names.append(name)
+        if names == self._names:
+            return names
+        self._names = names
+        # The viewer requires equal numbers of lines at all times; those of equal name share a place in its legend.
+        every = [OTHER, *names, *[OTHER] * (LINES - len(names))]
+        titles = [OTHER if name == OTHER else f"class {title(name)}" for name in every]
+        colors, widths = [self._colors[name] for name in every], [2.5] * len(every)
+        for path in ("weight", "ess", "arriving"):
+            self._style(path, titles, colors, widths)
+        titles = ["all paths" if name == OTHER else name for name in titles]
+        colors = [PLAIN if name == OTHER else color for name, color in zip(every, colors, strict=True)]
+        exact = int(self._truth)
+        self._style(
+            "value", [titles[0], BAND, BAND, *titles[1:], *["exact"] * exact],
+            [colors[0], PLAIN, PLAIN, *colors[1:], *[OPTIMUM] * exact], [2.5, 0.8, 0.8, *widths[1:], *[1.2] * exact],
+        )  # fmt: skip
+        return names
+
+    def _style(self, path: str, names: Sequence[str], colors: Sequence[Color], widths: Sequence[float]) -> None:
+        self._stream.static(f"/why/{path}", rr.SeriesLines(names=names, colors=colors, widths=widths))
+
+
+def _band(value: float, error: float) -> list[float]:
+    """One standard error below and above a value, infinite if that is."""
+    return [value - error, value + error] if value < inf else [inf, inf]

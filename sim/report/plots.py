@@ -12,6 +12,7 @@ import numpy as np
 
 from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
+from sim.plotting.prompt import pyplot
 from sim.report.statistics import Interval
 from sim.report.summary import ALL, Point, Report
 
@@ -22,8 +23,6 @@ MARKS = "osD^vP"
 
 def pictures(report: Report) -> dict[str, str]:
     """PNGs in base64 by what they show: success, cost, classes, step times; OptionError if matplotlib is missing."""
-    from sim.figures import pyplot
-
     plt, scenes = pyplot("report.html"), list(dict.fromkeys(p.scene for p in report.points))
     scenes = [ALL] if len(scenes) > MOST + 1 else [scene for scene in scenes if scene != ALL]
     shown, drawn = [p for p in report.points if p.scene in scenes], {}
@@ -48,15 +47,14 @@ def _png(plt: Any, points: Sequence[Point], draw: Callable[[Any, list[Point]], N
     scenes = list(dict.fromkeys(p.scene for p in points))
     height = max(3.6, 0.24 * len(points) / len(scenes) + 1.2)
     size = max(6.5, 3.6 * len(scenes) + 1.4), height
-    figure, panels = plt.subplots(1, len(scenes), figsize=size, layout="constrained", squeeze=False)
-    for axes, scene in zip(panels[0], scenes, strict=True):
+    figure = plt.Figure(figsize=size, layout="constrained")
+    for axes, scene in zip(figure.subplots(1, len(scenes), squeeze=False)[0], scenes, strict=True):
         draw(axes, [p for p in points if p.scene == scene])
         axes.set_title(scene, fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     stream = io.BytesIO()
     figure.savefig(stream, format="png", dpi=120)
-    plt.close(figure)
     return b64encode(stream.getvalue()).decode()
 
 

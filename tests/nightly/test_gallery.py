@@ -13,7 +13,7 @@ from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from sim.film import offscreen
+from sim.film.film import Film
 from sim.mjcf import load, models_folder
 from sim.recording.export import read
 from sim.scenario import prepare
@@ -61,7 +61,7 @@ def test_a_robot_reaches_the_goal_with_one_of_three_seeds_though_it_plans_seldom
 def test_the_script_draws_a_still_and_a_loop_of_a_scene(tmp_path, monkeypatch):
     image = pytest.importorskip("PIL.Image")
     try:
-        offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
+        Film(load("slit"), size=(8, 8)).close()
     except OptionError as error:
         pytest.skip(str(error))
     monkeypatch.setattr(gallery, "STILL", (160, 90))

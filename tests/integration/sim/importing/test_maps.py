@@ -210,5 +210,5 @@ def test_what_could_be_waited_for_without_end_is_not_opened(tmp_path: Path, name
         (os.mkfifo if name == "pipe" else os.mkdir)(tmp_path / place)
     refused(lambda: read_map(written(tmp_path, drawn("#."), image=name)), f"{name} cannot be read")
     for suffix in (".yaml", ".world"):
-        source, why = tmp_path / f"{name}{suffix}", f"{name}{suffix}: it is a {name}, so it cannot be read"
+        source, why = tmp_path / f"{name}{suffix}", f"{name}{suffix}: cannot be read (it is a {name})"
         refused(lambda source=source: import_world(source, tmp_path / "a.xml", **BOTH), why)

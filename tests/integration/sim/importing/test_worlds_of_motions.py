@@ -145,12 +145,12 @@ REFUSED = [  # worlds, number, words of the message
     *((changed(radius=radius), "7", ('("a")', '"radius" of 1e-06 to 1e+06 m')) for radius in (0, "wide", True)),
     *((changed(keys=keys), "7", ('("a")', 'two or more "keys"')) for keys in ([[0, 1, 1]], "many")),
     (changed(name=" "), "7", ("obstacle 1", '"name"')),
-    (changed(keys=[[0, 1, 1], [1, 2]]), "7", ('("a")', "key 2", "three")),
+    (changed(keys=[[0, 1, 1], [1, 2]]), "7", ('("a")', "key 2", "three finite")),
     (changed(keys=[[0, 1, 1], [1, float("nan"), 2]]), "7", ('("a")', "key 2", "finite")),
     (changed(keys=[[0, 1, 1], [1e999, 2, 2]]), "7", ('("a")', "key 2", "finite")),
     (changed(keys=[[0, 1, 1], [1, 10**400, 2]]), "7", ('("a")', "key 2", "finite")),
-    (changed(keys=[[1, 1, 1], [2, 2, 2]]), "7", ('("a")', "key 1", "1 s")),
-    (changed(keys=[[0, 1, 1], [2, 2, 2], [1, 3, 3]]), "7", ('("a")', "key 3", "1 s after one at 2")),
+    (changed(keys=[[1, 1, 1], [2, 2, 2]]), "7", ('("a")', "key 1", "begin at 0")),
+    (changed(keys=[[0, 1, 1], [2, 2, 2], [1, 3, 3]]), "7", ('("a")', "key 3", "increase")),
     (changed(keys=[[0, 11, 0.5], [1, 5, -3]]), "7", ('body "a"', "the start (11, 0)")),
 ]
 

@@ -13,10 +13,10 @@ from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.plotting.ground import MOMENTS, outline
-from sim.recording.options import Look
+from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
-from sim.recording.spacetime import SpaceTime
 from sim.recording.subject import Subject
+from sim.recording.viewer import Look
 
 MAX_TIME = 0.6
 
@@ -126,9 +126,9 @@ def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_pat
     stream = SimpleNamespace(log=lambda path, *rest: logged.append((path, rest[-1])))
     integral = drive.controller.path_integral
     subject = Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(), settings={})
-    shown = SpaceTime(stream, subject, ClassColors())
+    shown = Pictures(stream, subject, ClassColors())
     for time in (1.3, 1.9, 3.2):
-        shown._reach(time, (0, 0.0))
+        shown.reach(time)
     tubes = [picture for path, picture in logged if path == "/spacetime/bodies/b"]
     spans = [np.array(one.vertex_positions.as_arrow_array().to_pylist())[:, 2] / rise(drive) for one in tubes]
     assert [(span.min(), span.max()) for span in spans] == [(0.0, 2.0), (2.0, 4.0)]

@@ -9,8 +9,7 @@ from figures import braids, snapshots
 from figures.effort import Effort
 from moving import moved
 
-from sim.drawing.strokes import timed
-from sim.drawing.tubes import tubes
+from sim.drawing.strokes import timed, tubes
 from sim.mjcf import load
 from sim.plotting import ground as map_of
 from sim.plotting.ground import outline

@@ -9,7 +9,7 @@ import pytest
 
 from pirrht.errors import OptionError
 from sim.cli import main
-from sim.film import film, offscreen
+from sim.film import film
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -22,7 +22,7 @@ def graphics(monkeypatch):
     monkeypatch.setattr(film, "WIDTH", 320)
     monkeypatch.setattr(film, "HEIGHT", 180)
     try:
-        offscreen.Offscreen(load("slit").model, width=8, height=8, option="--video").close()
+        film.Film(load("slit"), size=(8, 8)).close()
     except OptionError as error:
         pytest.skip(str(error))
 
@@ -89,7 +89,7 @@ def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_
     picture = shot(tmp_path / "bare.xml", (320, 180), vertices=50, samples=10, max_time=0.02)
     red, green, blue = (picture[..., k].astype(int) for k in range(3))
     assert np.sum((green > red + 40) & (green > blue + 30)) > 200
-    assert tuple(picture[0, -1]) == offscreen.SKY
+    assert tuple(picture[0, -1]) == film.SKY
     floor, post = picture[150, 160].astype(int), picture[85, 160].astype(int)
     assert floor.min() > 140
     assert post.max() < floor.min() - 30
@@ -98,26 +98,19 @@ def test_what_a_scene_says_nothing_of_has_light_colours_and_a_sky(graphics, tmp_
 
 @pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover", "car"])
 def test_every_robot_is_drawn_where_it_is(graphics, robot):
-    loaded = load("slit", robot=robot)
-    eye = offscreen.Offscreen(loaded.model, width=320, height=180, option="--video")
-    eye.look_at(np.array([3.0, 2.5, 0.0]), distance=6.0, elevation=68.0)
-    data, stance, seen = film.mujoco.MjData(loaded.model), film.Stance(loaded.model), []
+    one, seen = film.Film(load("slit", robot=robot), size=(320, 180)), []
     for x in (1.5, 4.0):
-        stance.place(data, np.array([x, 1.0, 0.0])[: 2 if robot == "puck" else 3], np.zeros(2), np.zeros(2))
-        film.mujoco.mj_forward(loaded.model, data)
-        eye.pose(data)
-        seen.append(eye.draw().astype(int))
-    eye.close()
+        one._pose(np.array([x, 1.0, *6 * [0.0]]), 0.0)
+        seen.append(one._draw([("0.0 s", film.INK)]).astype(int))
+    one.close()
     columns = np.flatnonzero(np.abs(seen[0] - seen[1]).sum(axis=2).max(axis=0) > 60)
     assert columns.min() < 130 < 190 < columns.max()
 
 
 def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphics, monkeypatch):
-    told: list[str] = []
-    monkeypatch.setattr(offscreen.Offscreen, "label", lambda self, place, text: told.append(text))
-    noted: list[str] = []
-    draw = offscreen.Offscreen.draw
-    monkeypatch.setattr(offscreen.Offscreen, "draw", lambda self, rows: noted.extend(t for t, _ in rows) or draw(self))
+    told, noted, draw = list[str](), list[str](), film.Film._draw
+    monkeypatch.setattr(film.Film, "_label", lambda self, place, text: told.append(text))
+    monkeypatch.setattr(film.Film, "_draw", lambda self, rows: noted.extend(t for t, _ in rows) or draw(self, rows))
     for scene, expected in (("crossing", ["crosser"]), ("slit", [])):
         noted.clear()
         told.clear()
@@ -143,8 +136,8 @@ def test_a_file_that_cannot_be_made_is_refused_before_the_drive(tmp_path, monkey
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere there is one way of drawing")
 def test_without_graphics_one_line_says_what_to_install(tmp_path, monkeypatch, capsys):
     pytest.importorskip("PIL")
-    monkeypatch.setattr(offscreen, "CHOSEN", None)
-    monkeypatch.setattr(offscreen, "BACKEND", "nowhere")
+    monkeypatch.setattr(film, "CHOSEN", None)
+    monkeypatch.setattr(film, "BACKEND", "nowhere")
     assert main([*SHORT, "--png", str(tmp_path / "a.png")]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1

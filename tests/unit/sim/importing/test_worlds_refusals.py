@@ -11,10 +11,12 @@ from sim.importing.scene_file import import_world
 
 GEOMETRY = "<geometry>{}</geometry>"
 MESH = "<mesh><uri>model://sofa/meshes/sofa.dae</uri></mesh>"
+PART = "<mesh><uri>maze.world</uri><submesh><name>a</name></submesh></mesh>"
 CHAIN = "".join(f'<frame name="f{k}"><pose relative_to="f{k + 1}"/></frame>' for k in range(2000))
 BAD_WORLDS = [
     (sdf(model(link(collision(GEOMETRY.format(MESH))))), "sofa.dae"),
     (sdf(model(link(collision(GEOMETRY.format("<heightmap/>"))))), "<heightmap>"),
+    (sdf(model(link(collision(GEOMETRY.format(PART))))), "<submesh>"),
     (sdf(model(link(collision(BALL.replace("</geometry>", "<empty/></geometry>"))))), '"m::l::c"'),
     (sdf(model(link(collision("")))), '"m::l::c"'),
     (sdf("<include><uri>model://sofa</uri></include>"), "model://sofa"),
@@ -45,7 +47,7 @@ BAD_WORLDS = [
     (sdf(ball('<pose relative_to="m">0 0 0 0 0 0</pose>')), '"m"'),
     (sdf(ball('<pose frame="a">0 0 0 0 0 0</pose>')), 'frame="a"'),
     (sdf(CHAIN + '<frame name="f2000"/>' + ball('<pose relative_to="f0"/>')), "chain"),
-    (sdf('<model name="m" placement_frame="l"><static>1</static></model>'), '"l"'),
+    (sdf('<model name="m" placement_frame="x"><static>1</static>' + link(collision(BALL)) + "</model>"), '"x"'),
     (sdf(ball("<pose>2 2 0 0 0 0</pose>") + ball("<pose>4 2 0 0 0 0</pose>")), 'model "m"'),
     (sdf('<state><model name="m"><scale>2 1 1</scale></model></state>' + ball("")), "'2 1 1'"),
     (sdf("<state><insertions><model/></insertions></state>"), "<insertions>"),
