@@ -10,6 +10,7 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.risk import CollisionProbability
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
@@ -87,15 +88,19 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
     return {**known, "margin": scenario.margin, **({"predict": s.predict} if scenario.moving else {})}
 
 
-def run_json(scenario: Scenario, references: Sequence[Reference], result: dict[str, Any]) -> dict[str, Any]:
-    """The public JSON of `run`."""
+def run_json(
+    scenario: Scenario, references: Sequence[Reference], result: dict[str, Any],
+    collision: CollisionProbability | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """The public JSON of `run`, with the probability of a collision that its first plan predicts."""
+    risk = {"collision_probability": None if collision is None else collision._asdict()}
     grow = scenario.settings.grow if scenario.settings.real_time else scenario.settings.grow or 0
-    return {**settings_json(scenario), "grow": grow, **result, **_windings_json(scenario, references)}
+    return {**settings_json(scenario), "grow": grow, **result, **risk, **_windings_json(scenario, references)}
 
 
 def estimate_json(
     scenario: Scenario, references: Sequence[Reference], estimates: Sequence[Estimate | None],
-    truth: Truth | None = None,
+    truth: Truth | None = None, collisions: Sequence[CollisionProbability | None] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `estimate`; null where every sample died. With a truth also that and the errors."""
 
@@ -115,7 +120,8 @@ def estimate_json(
         tail=lambda e: None if np.isnan(e.tail) else e.tail,
         samples=lambda e: sum(part.size for part in e.parts),
     )
-    return {**exact, **found, **_windings_json(scenario, references)}
+    risks = {"collision_probability": [None if one is None else one._asdict() for one in collisions]}
+    return {**exact, **found, **risks, **_windings_json(scenario, references)}
 
 
 def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:

@@ -186,7 +186,10 @@ def estimate(arguments: argparse.Namespace) -> int:
     decisions = [controller.plan(x) for _ in range(arguments.repeat)]
     estimates, references = [one.estimate for one in decisions], decisions[-1].references
     notice().finish()
+    collisions = [scenario.collisions(one) for one in decisions]
     print(tables.estimate_table(estimates, [r.id for r in references], truth))
+    if known := [one for one in collisions if one is not None]:
+        say(tables.chance(known[0]) + (", of the first repeat" if len(known) > 1 else ""))
     if dead := sum(e is None for e in estimates):
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
     if truth is not None:
@@ -196,7 +199,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     if settings.weights == "biased":
         say("--weights biased leaves the likelihood ratio out: v and shares are no estimates, however many samples")
     if arguments.json:
-        write_json(arguments.json, estimate_json(scenario, references, estimates, truth))
+        write_json(arguments.json, estimate_json(scenario, references, estimates, truth, collisions))
     return 0
 
 

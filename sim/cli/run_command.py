@@ -64,8 +64,8 @@ def run(arguments: argparse.Namespace) -> int:
         observers.append(stack.enter_context(Bar("run", scenario.settings.max_time, "s")).show)
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
-    result = last.metrics.json()
-    tables.summary(last.metrics)
+    result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
+    tables.summary(last.metrics, collision)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.record:
         print(f"recording: {path_text(arguments.record)}  (open it with: rerun {path_text(arguments.record)})")
     if arguments.json:
-        write_json(arguments.json, run_json(scenario, references, result))
+        write_json(arguments.json, run_json(scenario, references, result, collision))
     if film is not None:
         with Progress("film", film.length, " pictures") as bar:
             film.save(bar.update)

@@ -7,6 +7,7 @@ from typing import Any
 
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
@@ -132,7 +133,12 @@ def odds(scenario: Scenario) -> str:
     return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
 
 
-def summary(run: EpisodeMetrics) -> None:
+def chance(collision: CollisionProbability) -> str:
+    """State the predicted probability of a collision."""
+    return f"probability of a collision {100 * collision.probability:.2g} % +- {100 * collision.error:.1g} %"
+
+
+def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) -> None:
     """Print the results of a run; with a truth also how far from the optimal control it was."""
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
@@ -145,10 +151,14 @@ def summary(run: EpisodeMetrics) -> None:
         f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
         f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free distance "
         "around the footprint)")  # fmt: skip
+    if collision is not None:
+        say(f"predicted at the start: {chance(collision)}")
     if so_far and run.fallbacks > run.steps // 2:
         say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
     if run.outcome == "collision":
-        say("noise moves the robot between two controls: --margin M makes plans leave more clearance [m]")
+        say(
+            "noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more clearance"
+        )
     if run.doubtful_plans:
         weakest = f"{run.least_ess:.1f} at {run.least_ess_time:.2f} s"
         say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "

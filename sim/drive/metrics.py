@@ -181,6 +181,7 @@ class EpisodeMetrics:
         self.deadline_misses = 0  # plans that took longer than the period, by a clock those that were late
         self.blocked: list[tuple[float, float]] = []  # from when to when the robot was [s]
         self.last: Frame | None = None
+        self.first_plan: Plan | None = None
         self.plan_seconds: list[float] = []  # wall time of each [s]
         self._late: list[Array] = []  # how late physics steps began [s]
         self._ready: list[tuple[int, float]] = []  # samples and slack [s] of plans that were ready in time
@@ -231,6 +232,7 @@ class EpisodeMetrics:
         """Count a plan of a time [s]; return lines for a person on what is new."""
         estimate, news = plan.estimate, list[str]()
         if self.last is None:
+            self.first_plan = plan
             self.value_estimate = plan.exact if estimate is None else estimate.value
         was_blocked = self.last is not None and self.last.plan.fallback is not None
         if plan.fallback is not None:

@@ -151,12 +151,17 @@ class Scenario:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, self.settings.classes or Settings().classes))
 
-    def collisions(self, plan: Plan, margin: float = 0.0) -> CollisionProbability | None:
+    def collisions(self, plan: Plan | None, margin: float = 0.0) -> CollisionProbability | None:
         """Predict the probability of a collision from a plan on, with a wider margin by so much [m].
 
         None: there are no samples, or the noise does not act on the position, for which nothing is predicted.
         """
-        if plan.estimate is None or not self.problem.dynamics.noisy_position or self.settings.exit != "bridge":
+        if (
+            plan is None
+            or plan.estimate is None
+            or not self.problem.dynamics.noisy_position
+            or self.settings.exit != "bridge"
+        ):
             return None
         step, wide = float(self.loaded.model.opt.timestep), self.margin + margin
         return collision_probability(self.problem, plan.estimate, step=step, margin=wide, classes=plan.classes)
