@@ -43,25 +43,26 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
         OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
     """
     more = [0.0]
-    margin, wide, closed, nearest = 0.0, 0.0, math.inf, (math.inf, None)  # type: float, float, float, Any
+    margin, wide, closed = 0.0, 0.0, math.inf
+    nearest: tuple[float, Scenario] | None = None
     for _ in range(ROUNDS):
         try:
             scenario = at(margin)
-            if not nearest[1]:
+            if nearest is None:
                 spread = scenario.problem.dynamics.position_spread(scenario.start)
                 widest = WIDEST * spread * math.sqrt(scenario.loaded.model.opt.timestep)
                 more = np.arange(0.0, widest + FINEST, FINEST).tolist()
             found = predicted(scenario, more)
         except (NoReference, SceneError):  # no way is as wide as that
             found = None
-        if found is None and margin == 0.0:
+        if found is None and nearest is None:
             raise OptionError(
                 "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
             )
         if found is None:
             closed = margin
         else:
-            if found[0].most < nearest[0]:
+            if nearest is None or found[0].most < nearest[0]:
                 nearest = found[0].most, scenario
             if found[0].most <= risk:
                 return scenario
@@ -69,10 +70,10 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
         margin = round(wide + enough if wide + enough < closed else 0.5 * (wide + closed), 4)
         if margin in (wide, closed):
             break
+    assert nearest is not None
     if stop:
         raise OptionError(
             f"--risk is {risk:g}; with a margin of {nearest[1].margin:g} m the probability of a collision is at most "
             f"{nearest[0]:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
         )
-    kept: Scenario = nearest[1]
-    return kept
+    return nearest[1]
