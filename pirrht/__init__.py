@@ -27,7 +27,8 @@ from typing import Any
 _NAMES = {
     "control.baselines": "Mppi", "control.controller": "Controller", "control.plan": "Plan",
     "errors": "NoReference NoSurvivingSample NotLinearlySolvable OptionError PirrhtError SceneError",
-    "estimation.assembly": "path_integral", "estimation.estimate": "Estimate", "estimation.sampler": "PathIntegral",
+    "estimation.assembly": "path_integral", "estimation.estimate": "Estimate",
+    "estimation.risk": "CollisionProbability collision_probability", "estimation.sampler": "PathIntegral",
     "estimation.sampling": "Sampling", "exact.desirability": "Desirability Optimal", "freespace": "FreeSpace",
     "geometry.scene": "Goal Kind Obstacle Scene", "outcome": "Outcome", "planner.references": "Reference",
     "planner.tree": "HomologyTree", "problem": "Problem", "steering.dubins": "Dubins", "steering.motion": "Trajectory",
@@ -37,7 +38,7 @@ _NAMES = {
 _HOME = {name: module for module, names in sorted(_NAMES.items()) for name in names.split()}
 
 __all__ = [*_HOME]
-__version__ = "0.32.0"
+__version__ = "0.33.0"
 
 
 def __getattr__(name: str) -> Any:

@@ -12,20 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Law
+from pirrht.control.plan import ClassMixture
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = (
     2.2  # deviations of a step off a wall at most: 5 % more collisions at a flat wall, a fifth of the control's cost
 )
-NEAR = 6.0  # deviations of a step from a wall beyond which the drift is small
+NEAR_WALL = 6.0  # deviations of a step from a wall beyond which the drift is small
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class HeldLaw:
     """A law whose controls are held for a step, and move the robot off a wall no farther than that can help."""
 
-    law: Law
+    law: ClassMixture
     walls: WallDrift
     step: float  # time for which a control is held [s]
     deviation: float  # of the position after it [m]
@@ -34,7 +34,7 @@ class HeldLaw:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
         u = self.law(x, s)
         c, nx, ny, d, mx, my = map(float, self.walls.walls(x, s, closest=-np.inf))
-        if c > NEAR * self.deviation:
+        if c > NEAR_WALL * self.deviation:
             return u
         most, away = THROW * self.deviation, np.array([nx, ny])
         if nx * mx + ny * my < -0.5:  # a gap
@@ -42,3 +42,7 @@ class HeldLaw:
         G = self.walls.problem.dynamics.G_c(x)[:2]
         excess = self.step * float(away @ G @ u) - most
         return u if excess <= 0.0 else u - np.linalg.pinv(G) @ away * (excess / self.step)
+
+    def weights(self, x: Array, s: float) -> dict[str, float]:
+        """Return the weight of every class at state x (n,), s [s] after the plan."""
+        return self.law.weights(x, s)

@@ -2,7 +2,7 @@
 
 It has two parts. With a finite final cost phi the law accepts collisions: their share is the weight of samples that end
 in a wall. And a control that is held for a step h is not the law of continuous time, which turns round at every wall.
-Beside a flat wall at a distance c the law's drift is b^2 / c, so that one held step ends behind the wall with the
+At a flat wall at a distance c the law's drift is b^2 / c, so that one held step ends behind the wall with the
 probability Phi(-(a + 1 / a)), a = c / (b sqrt(h)). Optimal paths have a density like c^2 there. A path that comes
 within d of the wall with a chance of r d (`Paths.exposure`, small d) then collides with a chance of r d for
 
