@@ -19,8 +19,6 @@ Examples:
     Outcome.GOAL
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import Any
 

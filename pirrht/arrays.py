@@ -1,7 +1,5 @@
 """Types of the arrays that the records of this package are made of."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Errors that a caller can fix; each message names a remedy."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 

@@ -1,7 +1,5 @@
 """Format objects at the prompt: one line each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 WIDEST = 24  # most characters of a name

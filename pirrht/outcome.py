@@ -1,7 +1,5 @@
 """Ends of paths, common to rollouts and runs in MuJoCo."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 

@@ -1,7 +1,5 @@
 """The first-exit stochastic optimal control problem (paper, sections II and III-A)."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field

@@ -22,8 +22,6 @@
 Times depend on the machine: quote ratios from one run.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A world from Python in which a crate appears in front of the robot, which replans to another class."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 Two loops show what noise does to a choice: two drives of one scene side by side, with little noise and with much.
 """
 
-from __future__ import annotations
-
 import argparse
 import io
 import sys

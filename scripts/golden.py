@@ -10,8 +10,6 @@ recording. Six robots, static and moving obstacles, known motion and prediction 
 stands the wall time of its command. The hashes belong to one machine and one set of libraries; they are no test.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Writes the scenes of the gallery that are made, not drawn by hand: `python scripts/make_scenes.py [FOLDER]`."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from pathlib import Path

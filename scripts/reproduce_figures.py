@@ -10,8 +10,6 @@
 Those of the documents: --only 1,2,5,6 --format png --dpi 160 -o docs
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -7,8 +7,6 @@ Lengths are in metres, x is ahead and z up; wheels stand at the origin and turn 
 dynamics are in the robots' MJCF files alone.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path

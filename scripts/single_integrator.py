@@ -1,7 +1,5 @@
 """The paper's first example through the Python API: plan, look at every way around, drive in MuJoCo, record."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

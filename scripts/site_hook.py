@@ -3,8 +3,6 @@
 Pages write formulas in LaTeX between pairs of dollar signs. Docstrings, which terminals show, write them plainly.
 """
 
-from __future__ import annotations
-
 import re
 from html import escape
 from pathlib import Path

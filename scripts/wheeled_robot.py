@@ -1,7 +1,5 @@
 """The paper's second example through the Python API: a car that cannot turn on the spot, in clutter."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -6,8 +6,6 @@ Each line of the output is `file:line: term: use instead`. Docstrings begin with
 neighbour. Messages of a library name no option of a command line.
 """
 
-from __future__ import annotations
-
 import ast
 import io
 import re

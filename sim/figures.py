@@ -3,8 +3,6 @@
 Among moving obstacles they show where these and the references are at equal moments.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from textwrap import wrap

@@ -1,7 +1,5 @@
 """Files: output is refused before any work is done and replaced once it is complete; input has an end."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

@@ -13,8 +13,6 @@ Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on 
 `reset(seed=s)` gives the plant the noise that it has under `pirrht run --seed s`.
 """
 
-from __future__ import annotations
-
 import reprlib
 import time
 from collections.abc import Callable, Iterable

@@ -3,8 +3,6 @@
 The parser, the numerics that a scene may carry, the help and docs/cli.md follow from them.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Mapping

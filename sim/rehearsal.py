@@ -1,7 +1,5 @@
 """A plan in a small room, so that whatever must be compiled or loaded is before any clock runs."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Public JSON of plans, runs and estimates, which programs read."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 from typing import Any

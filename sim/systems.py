@@ -12,8 +12,6 @@ guides make them feasible. References are then not the system's optimum, and the
 the point. The pace is where the system's cost per meter is least, if there is such a one; else declare `pace`.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import re

@@ -1,7 +1,5 @@
 """Text for people: numbers with their nouns, lines, tables."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from pirrht.errors import printable

@@ -5,8 +5,6 @@ plain words and numbers, so that another tree is refused by name. Kernels follow
 checked; nodes are searched for anew over the edges. The zip's checksums find damage that is still a tree.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 from contextlib import nullcontext

@@ -1,7 +1,5 @@
 """Fixtures that are slow to make and that no test changes."""
 
-from __future__ import annotations
-
 import signal
 
 import pytest

@@ -17,8 +17,6 @@ cost, so the cost after the horizon must be guessed, as users of MPPI do: the st
 speed without obstacles and noise. Behind a wall this misleads, which a reference would not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 

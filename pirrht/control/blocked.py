@@ -1,7 +1,5 @@
 """Braking and waiting while the robot has no path, within what is known to be free."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial

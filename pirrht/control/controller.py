@@ -1,7 +1,5 @@
 """Algorithm 4, the execution phase: references of every class, samples around all of them, one control."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

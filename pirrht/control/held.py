@@ -5,8 +5,6 @@ a deviations b sqrt(h) away, in a narrow gap into the wall on the other side. Wh
 a few deviations, and in a gap by half of the way to its middle line.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,8 +15,6 @@ read off the samples' covariance is the linear part of it, and noisier. Since ps
 samples, those of earlier plans add to those of the last one once carried along, at a weight that fades.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property

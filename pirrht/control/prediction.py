@@ -4,8 +4,6 @@ A robot sees poses and velocities; it predicts constant velocities and turn rate
 observation contradicts it: then it is updated, with a new tree.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

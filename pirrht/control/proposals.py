@@ -3,8 +3,6 @@
 A tree must fit the problem; it gives one path per class, and grows anew in another scene.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace

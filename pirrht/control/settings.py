@@ -4,8 +4,6 @@ All methods steer one robot under the noise of one plant, and those with samples
 exit rule. Around each of H references there are N samples; "best-class" has as many in all, and "single", "passive" and
 "mppi" are given N times the classes that are allowed at the start (sim), at least as many."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf

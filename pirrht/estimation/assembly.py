@@ -1,7 +1,5 @@
 """Assembly of an estimator: its backend, its guides and proposals, and the predicted world that they share."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Proposal controls of samples around references, their wall drift, and the tables of a batch for the kernels."""
 
-from __future__ import annotations
-
 import math
 import operator
 from collections.abc import Sequence

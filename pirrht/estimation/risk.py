@@ -17,8 +17,6 @@ Samples head for the goal. A law that ends in a wall on purpose, which is optima
 is not among them.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from functools import lru_cache

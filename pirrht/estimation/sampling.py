@@ -1,7 +1,5 @@
 """Settings of a sampler, and the numbers that tune the estimator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 

@@ -8,8 +8,6 @@ Simpson, Gelman, Yao and Gabry, JMLR 2024). The fit is that paper's: Zhang and S
 little towards 1/2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from pirrht.arrays import Array, IntArray

@@ -11,8 +11,6 @@ around the goal's disc, exp(-(m + n) d) at a flat wall from which noise and its 
 of m b^2, n^2 = m^2 + k^2. So share_g is what the sum over grid points is short of that, its error at the kink included.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ many factors of e per grid point: cubic in space, kept between the values around
 a wall or the goal ends there. Sweeps in place, in alternating directions, go on until v no longer changes.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ integrate to over the right part of their cells. Gaussian steps (`smooth`) are t
 points closer than the Gaussian is wide are exact but for rounding, even where psi is a steep exponential.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from typing import Any, NamedTuple

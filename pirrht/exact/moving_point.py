@@ -7,8 +7,6 @@ period until psi repeats itself. Between kept frames psi is one more such step, 
 so the control grows as 1/distance at each wall.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Iterator, Sequence

@@ -9,8 +9,6 @@ the goal's rim: no boundary is moved to the grid. Unknowns are chi = psi exp(s) 
 errors of a tenth of a micrometer would decide on the sign of psi: theirs begin at a place further off the wall.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

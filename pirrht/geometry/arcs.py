@@ -5,8 +5,6 @@ are exact: no curve is divided into steps. Clearance is 1-Lipschitz, so a disc o
 free. A march from disc to disc, each begun where the last one ended, certifies what it covers (paper, `ObstacleFree`).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -9,8 +9,6 @@ Blocks are fine where walls are near or change, else coarse; all of one level ha
 share one constant block.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

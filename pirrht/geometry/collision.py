@@ -4,8 +4,6 @@ The robot is a sphere at a fixed height. `collide` of FCL is right for every con
 paths; distances are those of `shapes`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 

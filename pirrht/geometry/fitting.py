@@ -6,8 +6,6 @@ then the maximum of two 1-Lipschitz functions, so every certificate that rests o
 of the minimum of the clearance with the smaller radius and the distance to the rim of that disc.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -13,8 +13,6 @@ wide a passage is. It also has an axis: the line through it along which the clea
 wide.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -6,8 +6,6 @@ they stay occupied. Taken are, largest first, those that cover a cell which no e
 smallest first, those that cover a cell which no later one covers; whatever others cover in the end is left out.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

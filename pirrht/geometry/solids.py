@@ -1,7 +1,5 @@
 """Make walls on the ground from plain numbers: boxes, discs, polygons and grids of occupied cells."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

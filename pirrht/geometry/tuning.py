@@ -1,7 +1,5 @@
 """Hold the tuning numbers of the geometry: each trades accuracy for time or memory."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

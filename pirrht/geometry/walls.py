@@ -4,8 +4,6 @@ Sampled paths are killed at both, each taken as flat. The next box of a wall mad
 the facing wall of a passage does, and so does the other side of a concave corner.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -8,8 +8,6 @@ Loading a kernel runs code of its file. So nothing is read but from a folder and
 root and that nobody else may write to, and nothing is unpickled unless it has the digest with which its file begins.
 """
 
-from __future__ import annotations
-
 import builtins
 import dis
 import enum

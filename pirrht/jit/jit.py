@@ -5,8 +5,6 @@ undo in a long function: 460 counts in the rollout loop made it five times slowe
 which keeps them alive, and hands addresses of their elements to the functions that it calls in its loops.
 """
 
-from __future__ import annotations
-
 import ctypes
 import logging
 import os

@@ -3,8 +3,6 @@
 An exception that breaks into LLVM while it makes or loads machine code leaves that in pieces, and a crash later.
 """
 
-from __future__ import annotations
-
 import gc
 import os
 from _thread import interrupt_main

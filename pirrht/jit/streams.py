@@ -11,8 +11,6 @@ crossing is then drawn exactly.
 In a kernel a literal is double and makes all that meets it double, so constants of loops over lanes are named here.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

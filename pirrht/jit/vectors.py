@@ -3,8 +3,6 @@
 Numba assigns slices with a message for shapes that differ, which takes a seventh of the time that kernels compile.
 """
 
-from __future__ import annotations
-
 import ctypes
 from functools import cache
 from typing import Any

@@ -5,8 +5,6 @@ speed and the obstacle's turning times its radius let it. A march by that bound 
 of both rule out far obstacles first.
 """
 
-from __future__ import annotations
-
 import math
 
 from pirrht.geometry.arcs import BLOCKED, FREE, LEAST_STEP, UNSURE

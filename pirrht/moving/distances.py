@@ -4,8 +4,6 @@ All times are on one clock, on which 0 is now. Between two rows of its motion an
 piece of a motion is given by the pose at a time, the rates at which it changes, and until when it does so.
 """
 
-from __future__ import annotations
-
 import math
 
 from pirrht.geometry.shapes import offset_of, outside

@@ -6,8 +6,6 @@ constant speed a noisy path is a Brownian bridge, which misses that wall with pr
 and d being the clearances when the step begins and ends.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any, NamedTuple
 

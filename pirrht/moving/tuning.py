@@ -1,7 +1,5 @@
 """Hold the tuning numbers of moving obstacles, and the widths of their arrays."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

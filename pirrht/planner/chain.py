@@ -6,8 +6,6 @@ stretch that it replaces; the cheapest chain is a shortest path over the station
 search of ever smaller steps, so that corners come to lie next to what the path bends around.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Algorithm 1: states become vertices of the graph with their edges, in compiled code as far as it can decide."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -11,8 +11,6 @@ knots and the duration, so a Newton step solves a matrix of three side diagonals
 well only outside of solids: no step is longer than the robot.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

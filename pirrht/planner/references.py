@@ -5,8 +5,6 @@ optima: to pass in front of a moving obstacle's end or to wait for it may both b
 two be free. A tree keeps the cheaper at every vertex, which need not be the cheaper once both are shortened.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple

@@ -3,8 +3,6 @@
 The paper's allowed set is |1 - H_i| <= H_limit for every obstacle; H comes without the 1 here.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -2,8 +2,6 @@
 
 Polylines have their own: shortcuts between corners, and corners blunted where they touch."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

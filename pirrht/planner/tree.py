@@ -4,8 +4,6 @@ Comments give the paper's lines. Draws of which nothing is doubtful run through 
 `expand.grow`. Costs that a new vertex changes are relaxed by `rewire.relax`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import cached_property
 from importlib import import_module

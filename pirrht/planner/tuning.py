@@ -1,7 +1,5 @@
 """Numbers of the planner that were tuned, with their reasons."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

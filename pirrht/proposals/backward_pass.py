@@ -4,8 +4,6 @@ A step leads from x (n,) under a change of its noise (modes,) to J (n, n + modes
 gradient and Hessian of the cost-to-go, g and Q those of it before the step, of state and noise.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

@@ -6,8 +6,6 @@ added. The quadratic model of the cost-to-go yields a = a_ref + K (x - x_ref) an
 noise of a step: lambda dt Q_aa^-1 of the passive one.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

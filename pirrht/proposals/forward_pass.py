@@ -5,8 +5,6 @@ u + 2 sqrt(3) r (t/dt - 1/2) at t within a step, r leaves the end of the step an
 of rollouts does (`rollouts.step`).
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any, NamedTuple

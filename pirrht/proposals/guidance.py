@@ -9,8 +9,6 @@ interior point methods (Fiacco and McCormick 1968) a cold start is therefore opt
 there on for less.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import NamedTuple

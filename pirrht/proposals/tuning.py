@@ -1,7 +1,5 @@
 """Tuned numbers of proposals: optimisation of guides, wall drift and desirability tubes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 Stage = tuple[float, int]  # times lambda that a wall costs, and backward passes at most

@@ -5,8 +5,6 @@ from the chord: the point at a share t of it is (1 - t) x_0 + t x_1 + t (1 - t) 
 obstacles count where they are when the step passes a point; each is a wall of its own.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 

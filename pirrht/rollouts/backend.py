@@ -1,7 +1,5 @@
 """Backend: the interface between the estimator and what simulates its sample paths."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from pirrht.arrays import Array, IntArray

@@ -1,7 +1,5 @@
 """Judge whether and where a path leaves within a step: into the goal, a wall or a moving obstacle."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

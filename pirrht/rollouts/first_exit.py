@@ -5,8 +5,6 @@ exp(-2 c0 c1 / variance); the time of the first crossing is then drawn exactly. 
 through the clearance field.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

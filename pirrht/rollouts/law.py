@@ -4,8 +4,6 @@ A linear law has rows of m modes per step or, where sways are drawn too, twice a
 samples home in on the goal.
 """
 
-from __future__ import annotations
-
 import math
 from functools import cache
 from typing import Any

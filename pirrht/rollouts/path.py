@@ -17,8 +17,6 @@ walls the law changes faster than the optimal control, and nothing of a steady o
 Every step queries the moving obstacles near it; it ends when the motion of one changes that is near a noisy position.
 """
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any, NamedTuple
 

@@ -4,8 +4,6 @@ Exits and close walls, which are rare, are done lane by lane; paths that have en
 `rollouts.path` up to rounding: the same numbers are drawn in the same order.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

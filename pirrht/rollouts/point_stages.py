@@ -5,8 +5,6 @@ which compiles to vector instructions of single precision: positions round to a 
 under the reference followed, the one large sum, carries its rounding errors along.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -3,8 +3,6 @@
 Kernels are compiled for one `KernelSpec`; all parts take the scratch that paths of a thread share (`path.Scratch`).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import cache

@@ -1,7 +1,5 @@
 """Tuning numbers of rollouts."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

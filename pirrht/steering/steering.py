@@ -1,7 +1,5 @@
 """Connect two states optimally without obstacles (the paper's TPBVP)."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Tuning numbers of steering methods."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 

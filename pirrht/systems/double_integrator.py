@@ -4,8 +4,6 @@ The cost of an optimal motion that takes T seconds is J(T) = q T + A / T^3 + B /
 2013; `steering.double_integrator` has the coefficients). It may have two minima.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

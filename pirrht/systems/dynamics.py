@@ -5,8 +5,6 @@ and B_c. In the input form dx = f(x) dt + G(x) (u dt + s dw) they enter any stat
 are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A robot on two driven wheels: speed and turn rate are its controls, and noise enters through both."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

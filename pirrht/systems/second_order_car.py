@@ -1,7 +1,5 @@
 """A car with inertia: it turns and accelerates, so heading and speed are state and both are noisy."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

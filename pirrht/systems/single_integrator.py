@@ -1,7 +1,5 @@
 """A point that is pushed around (paper, first example)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from pirrht.arrays import Array

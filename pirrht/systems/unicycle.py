@@ -1,7 +1,5 @@
 """A car of constant speed that is steered (paper, second example)."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

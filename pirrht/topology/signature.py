@@ -1,7 +1,5 @@
 """Define the homology signature of a path: the interface between topology, tree, sampler and run."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from functools import cache

@@ -4,8 +4,6 @@ Around a goal of radius r0 in a round room of radius r1 whose wall costs phi, ps
 psi(r0) = 1 and psi(r1) = exp(-phi/lambda). The room is handed over as a clearance, since no solid is hollow.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -11,8 +11,6 @@ With --part car truth is a million samples, see `calibration_car`; with --part m
 `calibration_moving`; with --part mazes scenes are mazes, see `calibration_mazes`.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor

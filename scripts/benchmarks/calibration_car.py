@@ -6,8 +6,6 @@ what the steps do; plans of default size what few samples do besides. States wit
 those where truth has fewer than ENOUGH effective samples are counted, not judged.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from typing import Any

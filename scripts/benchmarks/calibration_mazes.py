@@ -6,8 +6,6 @@ effective samples, a heavy tail, or a class that matters and hardly has a sample
 estimate --at`, with a limit that is wide enough for the state.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 from collections.abc import Iterator

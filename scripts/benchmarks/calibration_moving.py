@@ -11,8 +11,6 @@ is a ratio of sums over few samples that weigh.
 `--png` draws coverage and errors over room, and one scene with its states.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor

@@ -1,7 +1,5 @@
 """The picture of `calibration`: coverage and errors over room, and a scene with its states; v above, u below."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

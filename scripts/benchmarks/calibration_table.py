@@ -1,7 +1,5 @@
 """Sums of what plans claim and how far they are off, by room and in total."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

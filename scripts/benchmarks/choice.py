@@ -4,8 +4,6 @@ A state counts if two runs of a million samples, the second with guides that the
 the same class a weight of at least CLEAR; where they disagree a million samples do not know the answer either.
 """
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ At most random places one class has all of the weight, and that they agree there
 start and random places and times at which a first plan leaves the favourite less than nine tenths.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 

@@ -5,8 +5,6 @@ effective sample the scatter says little: the paths that weigh most are too rare
 out too small and its error with it.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass

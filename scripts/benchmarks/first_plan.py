@@ -1,7 +1,5 @@
 """What a plan claims that knows nothing from before."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What a step of a rollout cannot do without: its normal numbers, and the arithmetic of the paper's kernel."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Import of ROS maps, and the first plan in them, against the number of pixels: halls of clean and of fuzzy walls."""
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

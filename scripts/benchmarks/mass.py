@@ -10,8 +10,6 @@ Truth is the first kind, and plans of default size are held against it. A state'
 within its clearance. With --part line truth is an exact grid, see `mass_line`.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

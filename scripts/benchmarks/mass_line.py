@@ -6,8 +6,6 @@ ends nothing, so psi is that of the line but for the rim's bend: paths that are 
 later, which v feels by less than 0.0005 at b = 0.3.
 """
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

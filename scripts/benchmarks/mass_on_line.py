@@ -8,8 +8,6 @@ rounding. Kept, and interpolated along p between the values around, is -lambda l
 is monotone. A second grid of half the spacing and step tells the error.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

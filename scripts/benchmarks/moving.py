@@ -5,8 +5,6 @@ same scene with nothing that moves in it. The rate counts steps of the grid: fit
 uniform ones each is one step of a path.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

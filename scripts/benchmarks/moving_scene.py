@@ -1,7 +1,5 @@
 """Random scenes in which discs and boxes move about; a seed means a scene."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MJCF of random scenes in which bodies move, by the conventions of `sim.mjcf`."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

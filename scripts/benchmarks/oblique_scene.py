@@ -4,8 +4,6 @@ Small enough for the exact grid. Bodies go along ways with corners at changing s
 still in the end; two or three of them, beside what stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

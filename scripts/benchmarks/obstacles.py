@@ -1,7 +1,5 @@
 """Planning and a control step against the number of obstacles, cylinders on a jittered lattice."""
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

@@ -3,8 +3,6 @@
 Both look clearances up in the arrays of our own field, use float32 and their own random numbers, and have all cores.
 """
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ OMPL asks Python whether a motion is free. The answer comes from the same compil
 inside of it is measured: what is left is OMPL without any collision checks, but with the crossings into Python.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

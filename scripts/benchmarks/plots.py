@@ -1,7 +1,5 @@
 """Figures of the tables of `quality`, in colours that stay apart for colour-blind eyes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

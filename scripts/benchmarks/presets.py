@@ -5,8 +5,6 @@ of the grid above LEAST, where the grid is trusted. The car of `clutter` has no 
 there is the puck's.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from itertools import islice

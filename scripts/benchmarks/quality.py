@@ -4,8 +4,6 @@ The exact answer comes from `pirrht.exact`. Errors of u are root mean squares ov
 points of the unscrambled Halton sequence that have room (clearance of 5 cm, outside the goal).
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Iterator

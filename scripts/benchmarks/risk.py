@@ -7,8 +7,6 @@ greatest ratio of a cell, of those with at least 20 collisions. With --part movi
 `crossing`, `pincer` and `closing_door`, at several times.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from typing import Any

@@ -4,8 +4,6 @@ All hold the same tapes and judge exits at the ends of steps; ours with the defa
 steps, is a row of its own, since no peer offers that.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from functools import partial

@@ -4,8 +4,6 @@ Everything is timed in one process, compiled before, and takes turns; figures ar
 many times ours it takes, the rate, effective samples per second, and what is needed to judge it.
 """
 
-from __future__ import annotations
-
 import argparse
 import tempfile
 import time

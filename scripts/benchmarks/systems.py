@@ -5,8 +5,6 @@ holds tapes; one tape also with exits judged at the ends of steps, which is what
 steps of the grid; near walls each of them may be several of a path's own.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

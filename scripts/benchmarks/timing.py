@@ -1,7 +1,5 @@
 """Wall times of several functions that take turns, so that a busy moment of the machine falls on all of them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -3,8 +3,6 @@
 Each scene runs in a process of its own with NUMBA_DISABLE_JIT=1, since a compiled kernel enters no module.
 """
 
-from __future__ import annotations
-
 import argparse
 import ast
 import json

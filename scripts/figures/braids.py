@@ -1,7 +1,5 @@
 """Space and time: the best path of every class as a braid around the tubes that moving bodies sweep, time upward."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil

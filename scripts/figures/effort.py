@@ -1,7 +1,5 @@
 """How much work goes into the paper's figures; less for a quick look, or for a test."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The list of figures: what each shows, how much work it is, how it is made."""
 
-from __future__ import annotations
-
 from argparse import ArgumentTypeError
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What every map of the paper's figures has in common: workspace, obstacles, goal and robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

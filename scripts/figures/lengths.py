@@ -1,7 +1,5 @@
 """Fig. 3: lengths of the best paths of the car per class while the tree grows, and the references at the end."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

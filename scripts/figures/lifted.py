@@ -1,7 +1,5 @@
 """Fig. 1: the tree in the H-augmented space, one panel per obstacle, and the best path of every class."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

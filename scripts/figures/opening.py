@@ -1,7 +1,5 @@
 """The picture that the documentation opens with: drives side by side, as pixels, one picture after another."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The fifth figure: how probable it is that the optimally controlled path is of each class, against the noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

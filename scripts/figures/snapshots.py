@@ -1,7 +1,5 @@
 """Figs. 2 and 4: snapshots of drives with samples, references, how the heaviest class went on average, the robot."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

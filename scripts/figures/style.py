@@ -1,7 +1,5 @@
 """How the paper's figures look: sizes, type, the colours of the recordings, files that come out the same every time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What psi is, as a picture: the exact value on the floor, and the optimal control as arrows, per noise level."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

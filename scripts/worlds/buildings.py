@@ -1,7 +1,5 @@
 """An office with doors and furniture, and a warehouse with racks."""
 
-from __future__ import annotations
-
 from worlds import meshes
 from worlds.page import Page, box, drum, seen
 

@@ -1,7 +1,5 @@
 """Small scenes with one question each: two slits, a bridge, a trap."""
 
-from __future__ import annotations
-
 from worlds.page import Page, box, seen
 
 

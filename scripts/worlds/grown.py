@@ -1,7 +1,5 @@
 """Scenes that a seed grows: a forest, a field of cylinders like those of BARN."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy import ndimage
 

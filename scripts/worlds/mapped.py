@@ -1,7 +1,5 @@
 """A house as a robot's map shows it: an occupancy grid in ROS's form, taken over by `pirrht import`'s own code."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 

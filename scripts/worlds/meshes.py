@@ -3,8 +3,6 @@
 MuJoCo collides the convex hull of a mesh, and the plan knows that hull: nobody drives under a table.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

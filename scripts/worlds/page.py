@@ -1,7 +1,5 @@
 """The frame that all scenes of the gallery share: settings, looks, floor, rim, workspace, start and goal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from xml.sax.saxutils import quoteattr

@@ -1,7 +1,5 @@
 """The command `pirrht`; modules that take long to import are imported once the words are known to be good."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 __all__ = ["main"]

@@ -1,7 +1,5 @@
 """Commands of the CLI by name, and those that make no plan themselves: lists, sweeps, reports, imports and exports."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Write docs/cli.md, the reference of the command line: `python -m sim.cli.docs`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text

@@ -3,8 +3,6 @@
 This module is there before any slow one, so it imports next to nothing.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

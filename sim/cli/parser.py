@@ -1,7 +1,5 @@
 """Parse the command line of `pirrht` by its options."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Commands `pirrht plan` and `pirrht estimate`, and what all share: read the scene, grow the tree, show progress."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import sys

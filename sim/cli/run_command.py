@@ -1,7 +1,5 @@
 """Commands `pirrht run`, one run that is recorded, and `pirrht play`, runs in which somebody interferes."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

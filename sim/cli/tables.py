@@ -1,7 +1,5 @@
 """Tables and lines that a person reads on the terminal of plans, estimates, runs and sweeps."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

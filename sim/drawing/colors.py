@@ -4,8 +4,6 @@ A path passes a moving obstacle before or behind it, or left or right if that re
 classes, from where the robot is, and from the other classes: the fewest obstacles that set a class apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import chain, count
 from zlib import crc32

@@ -3,8 +3,6 @@
 And of moving obstacles their outlines at some moments, and the tubes that they sweep in space and time.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

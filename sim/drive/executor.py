@@ -10,8 +10,6 @@ A step of white noise may be longer than a wall is thick: what is between two st
 Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot, inf, sqrt

@@ -1,7 +1,5 @@
 """Figures of a run: their names, units and sentences, for the JSON of `run`, rows of sweeps and scores."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

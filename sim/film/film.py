@@ -3,8 +3,6 @@
 Pictures are drawn without a window: by EGL on Linux, or by what MUJOCO_GL names.
 """
 
-from __future__ import annotations
-
 import copy
 import importlib
 import os

@@ -11,8 +11,6 @@ where the last place is the first one half that of its neighbours around the joi
 is uniform in the number of the key: unequal times between keys change the speed at a key at once, and not the curve.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

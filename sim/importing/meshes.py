@@ -5,8 +5,6 @@ lies within `CONCAVE` of its hull. Walls and furniture of flat faces come out ex
 as Gazebo places them, by their unit and nodes but not by `<up_axis>`.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache

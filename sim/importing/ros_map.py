@@ -8,8 +8,6 @@ a wall is its darkness, and what is transparent is unknown; map_server hands on 
 scale map, which count as unknown here. In the mode raw the pixel is the chance in per cent, and unknown above 100.
 """
 
-from __future__ import annotations
-
 import os
 import reprlib
 import warnings

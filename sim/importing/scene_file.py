@@ -5,8 +5,6 @@ the ground plane has a size that is meant, or the map is not turned. The new fil
 so that a file that is there already is never replaced by a broken one.
 """
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ models, links, collisions, frames, `relative_to` and `placement_frame`. Poses of
 Gazebo: those of models and links are in world coordinates.
 """
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections import defaultdict
 from collections.abc import Iterator, Sequence

@@ -5,8 +5,6 @@ collision meshes become absolute paths. Nothing is downloaded: an address of Gaz
 on this machine. An address that leads out of the searched folders is refused.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import xml.etree.ElementTree as ET

@@ -1,7 +1,5 @@
 """What importers read: solids in the world, the ground, and notes and options for a scene made of them."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import product

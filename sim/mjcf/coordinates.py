@@ -5,8 +5,6 @@ A robot that slides has one joint per state that is its place; states "vx" and "
 heading of its body. It is placed at rest on its wheels, yet at its speed: the equation knows no start from standstill.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import atan2, cos, remainder, sin, tau
 

@@ -3,8 +3,6 @@
 What a file does say stays. The site `workspace` bounds the plan and is no thing: it is never drawn.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Scenes of other people, edited before they are compiled: bodies are left out, welded where they are, or set loose."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Sequence
 from itertools import chain
 from pathlib import Path

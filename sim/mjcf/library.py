@@ -1,7 +1,5 @@
 """Where scenes and robots are found, and how their files become MuJoCo specs."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ MuJoCo opens whatever a file names and allocates whatever it asks for. Here ever
 size; then a child process of bounded memory and time reads and compiles the scene before this one does.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -9,8 +9,6 @@ The joined model takes timestep and looks from the scene; gravity, contact model
 `robot/`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isnan

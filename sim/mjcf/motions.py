@@ -3,8 +3,6 @@
 In MuJoCo they move about the vertical through where they stand.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf, remainder, tau

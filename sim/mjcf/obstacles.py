@@ -1,7 +1,5 @@
 """Obstacles of a compiled MuJoCo model, and how far the workspace reaches."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import mujoco

@@ -8,8 +8,6 @@ motors where velocities are states. The text `pirrht_dynamics` names a registere
 is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

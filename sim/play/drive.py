@@ -4,8 +4,6 @@ Events take place at the beginning of a control period, pushes at every step. Pl
 background, and take over.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor

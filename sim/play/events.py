@@ -3,8 +3,6 @@
 A script is a list of steps, each at a time of the run, as in FORM.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Maps: workspace, static and moving obstacles seen from above, start and goal."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

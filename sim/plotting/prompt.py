@@ -1,7 +1,5 @@
 """Draw trees and plans, as `HomologyTree.plot` and `Plan.plot` do, from edges, classes and samples."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

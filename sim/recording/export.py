@@ -3,8 +3,6 @@
 Columns of a class bear its title, as all tables and pictures do; the class' whole id is in the column's description.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """Solids of a MuJoCo model as Rerun archetypes, and poses of the robot along a run."""
 
-from __future__ import annotations
-
 import copy
 
 import mujoco

@@ -8,8 +8,6 @@
 /spacetime/foreseen     predicted outlines of moving obstacles
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import ceil
 

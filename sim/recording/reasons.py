@@ -1,7 +1,5 @@
 """Reasons for the weights of a plan: what each class costs, how many of its samples die, and where; in Markdown."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What stays as it is in a recording: scene, robot, tree, legend, settings; the eyes of its views, and its layout."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import version

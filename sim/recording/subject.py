@@ -1,7 +1,5 @@
 """Context of a recording, fixed before the run, names for what is in it, and the stream that it is written to."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The exact solution in a recording: the value as a picture on the floor, and psi class by class."""
 
-from __future__ import annotations
-
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The pictures of a report, with matplotlib (extra `figures`), in colours that stay apart for colour-blind eyes."""
 
-from __future__ import annotations
-
 import io
 from base64 import b64encode
 from collections import Counter

@@ -3,8 +3,6 @@
 SciPy does the work and is imported late, since a report is one command of many.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import nan, sqrt

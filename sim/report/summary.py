@@ -1,7 +1,5 @@
 """Shares and means of a sweep's runs with intervals, and methods compared on equal seeds."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

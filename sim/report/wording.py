@@ -1,7 +1,5 @@
 """A report for people: tables and sentences as lines of a terminal, as Markdown, and as a page that loads nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from math import isfinite, log2

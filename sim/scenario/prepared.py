@@ -1,7 +1,5 @@
 """Prepare a scenario from a scene and options; without a margin, noise and clearance decide."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches

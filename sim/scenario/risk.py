@@ -1,7 +1,5 @@
 """Choose the least safety margin with which a run collides with at most a given probability."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

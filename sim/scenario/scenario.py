@@ -1,7 +1,5 @@
 """A scene with a robot, a problem and settings, and the objects of a run: tree, policy, exact solution, plant."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, replace

@@ -3,8 +3,6 @@
 Each file is whole or absent (`sim.sweeps.parts`); of a run that is in several the last counts.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

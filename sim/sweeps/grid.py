@@ -1,7 +1,5 @@
 """Grid of a sweep: scenes, methods, noise levels and seeds, of which every combination is a run."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Rows of a dataset, and the files that hold them: whole or absent, whoever else writes next to them."""
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

@@ -1,7 +1,5 @@
 """One drive of a sweep as a record, and the plans that drives of one scene share."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 import time

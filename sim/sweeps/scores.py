@@ -1,7 +1,5 @@
 """Drives of other people's controllers as rows of a sweep's dataset, so that its report shows them beside ours."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

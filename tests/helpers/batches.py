@@ -1,7 +1,5 @@
 """Batches put together by hand: tapes, corners and guides of one's own instead of those of a tree."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Systems whose noise enters through their inputs, and the scene of the number that plain simulation gave for one."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

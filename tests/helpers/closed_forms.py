@@ -4,8 +4,6 @@ Statistical tests compare the mean over independent seeds (0, 1, ...) with the e
 standard error of that mean; "within 3" is wrong for one stream of random numbers in two hundred.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

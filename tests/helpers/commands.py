@@ -1,7 +1,5 @@
 """Commands in a folder of their own, as a user types them."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Scenes of standing cylinders and boxes, with a task, for tests that know the answer in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What README and docs show: their blocks, links and pictures."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A wall with one door, and somebody who walks into it and stays for a while, or for good."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 DOOR = """<mujoco model="door">

@@ -1,7 +1,5 @@
 """A drive to record, and recordings read back."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Backend in NumPy: the paper's Euler rollouts of a point in an empty room, an oracle for compiled ones."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from pirrht.arrays import Array, IntArray

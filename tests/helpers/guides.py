@@ -1,7 +1,5 @@
 """Guides as a controller has them, and what samples around proposals say of psi."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """MJCF files that somebody with bad intentions, or a broken program, might hand over; the same for the same seed."""
 
-from __future__ import annotations
-
 import os
 import struct
 from collections.abc import Callable

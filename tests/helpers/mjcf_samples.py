@@ -1,7 +1,5 @@
 """Small MJCF texts and the way tests load what is wrong."""
 
-from __future__ import annotations
-
 import pytest
 
 from pirrht.errors import PirrhtError

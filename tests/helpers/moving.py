@@ -1,7 +1,5 @@
 """Scenes with bodies that move, written as numbers: the three of the package, and what small tests need."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Scenes with bodies that move, written as MJCF."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 SIZE = 50.0  # of the workspace around the origin [m]

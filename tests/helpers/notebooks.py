@@ -1,7 +1,5 @@
 """Notebooks as programs: their cells of code, one after the other, in one namespace."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

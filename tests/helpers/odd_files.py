@@ -1,7 +1,5 @@
 """Files that end nowhere, or are none."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """One robot in an empty field, in MuJoCo and by its equation alone."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Policies of a line for environments."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

@@ -1,7 +1,5 @@
 """Sweeps that nobody drove, for reports of them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import sweep_samples

@@ -1,7 +1,5 @@
 """Where the repository lies, for tests that run a command or read a file of it."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

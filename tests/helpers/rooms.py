@@ -1,7 +1,5 @@
 """Rooms of boxes, each given by its extent (x, y, x, y) seen from above."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

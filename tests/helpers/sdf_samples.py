@@ -1,7 +1,5 @@
 """Small SDF worlds, the task they are imported with, and how imports are refused."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

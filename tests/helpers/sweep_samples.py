@@ -1,7 +1,5 @@
 """Rows of a sweep that nobody drove, and a clock that stands still."""
 
-from __future__ import annotations
-
 from sim.sweeps.parts import KEY, RESULTS
 
 SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}

@@ -1,7 +1,5 @@
 """Tasks for processes and clusters, and what is done with them; workers import this module by name."""
 
-from __future__ import annotations
-
 import os
 import signal
 import time

@@ -1,7 +1,5 @@
 """Parameters with which a test says again what it has said already: `--thorough` runs them too."""
 
-from __future__ import annotations
-
 import pytest
 
 

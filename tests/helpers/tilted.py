@@ -1,7 +1,5 @@
 """Small scenes of tilted solids of every kind, for tests that compare with FCL."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

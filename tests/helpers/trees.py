@@ -1,7 +1,5 @@
 """Trees that tests ask, grown to a number of vertices, and controllers of a point with one."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's H of a curve, marker by marker: what the method finds at cuts is held against it."""
 
-from __future__ import annotations
-
 from pirrht.geometry.arcs import along, turns_of_piece
 from pirrht.jit.jit import kernel
 

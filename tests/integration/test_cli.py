@@ -1,7 +1,5 @@
 """The command line keeps its contract: names in JSON, exit statuses, and one line for whoever gave it wrong input."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 from collections.abc import Callable

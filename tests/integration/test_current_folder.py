@@ -1,7 +1,5 @@
 """Nothing in the user's current folder is imported or executed, whatever its files are called, but by `--system`."""
 
-from __future__ import annotations
-
 import importlib.util
 import subprocess
 import sys

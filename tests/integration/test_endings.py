@@ -1,7 +1,5 @@
 """However a command is stopped, it ends with the status that reports it and at most one line."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

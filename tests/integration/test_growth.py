@@ -1,7 +1,5 @@
 """A tree that grows between two plans does not grow without end."""
 
-from __future__ import annotations
-
 from sim.drive import episode
 from sim.scenario import Scenario
 

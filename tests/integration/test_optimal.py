@@ -1,7 +1,5 @@
 """The grid's law as a driver, and `--truth`."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

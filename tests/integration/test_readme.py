@@ -1,7 +1,5 @@
 """Commands of README and docs are understood, links lead somewhere, pages agree, and each example runs."""
 
-from __future__ import annotations
-
 import re
 import runpy
 import shlex

@@ -1,7 +1,5 @@
 """Commands for a unicycle and among moving obstacles; tests/nightly has the other robots."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

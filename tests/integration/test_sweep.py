@@ -1,7 +1,5 @@
 """Sweeps that are killed, stopped and taken up again come out as if nothing had happened."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Wrong input costs one line that names culprit and remedy, and loses nothing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Scripts: tables of benchmarks add up and compare like with like, random scenes are what they promise."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import re

@@ -1,7 +1,5 @@
 """Sweeps on a Dask cluster on this machine: equal results, whatever happens to workers and scheduler."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

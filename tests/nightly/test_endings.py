@@ -1,7 +1,5 @@
 """The long tests of integration/test_endings.py."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

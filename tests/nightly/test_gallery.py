@@ -1,7 +1,5 @@
 """The scenes of the gallery: made by their scripts, planned in with more than one way, driven to the goal, drawn."""
 
-from __future__ import annotations
-
 import re
 
 import gallery

@@ -1,7 +1,5 @@
 """Viewers while a drive goes on: served on the loopback interface alone, never able to stop or stall the run."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,7 +1,5 @@
 """The systems of docs/own-robot.md, its boat and the examples, are short and go wherever the robots of the house go."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

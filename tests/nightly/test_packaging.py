@@ -1,7 +1,5 @@
 """What is installed is complete: a wheel brings scenes and robots along and drives from any folder."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

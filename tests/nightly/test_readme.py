@@ -1,7 +1,5 @@
 """The long tests of integration/test_readme.py: every command and snippet of a page runs, and the site is built."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import shutil

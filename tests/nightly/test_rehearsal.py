@@ -1,7 +1,5 @@
 """What a rehearsal compiles and loads is all that a run uses: nothing is compiled while the clock runs."""
 
-from __future__ import annotations
-
 import pytest
 from commands import call
 from repository import ROOT

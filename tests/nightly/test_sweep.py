@@ -1,7 +1,5 @@
 """The long tests of integration/test_sweep.py."""
 
-from __future__ import annotations
-
 import random
 import signal
 import subprocess

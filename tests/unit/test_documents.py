@@ -1,7 +1,5 @@
 """Documents name files, packages, equations' homes and tests that exist."""
 
-from __future__ import annotations
-
 import re
 from importlib import import_module
 from operator import attrgetter

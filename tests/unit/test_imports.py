@@ -1,7 +1,5 @@
 """Slow libraries are imported late, and public names come on demand; import-linter checks who may import whom."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

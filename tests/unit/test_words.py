@@ -1,7 +1,5 @@
 """The check of terms finds names, phrases and forms of docstrings, each at its line."""
 
-from __future__ import annotations
-
 import pytest
 import words
 

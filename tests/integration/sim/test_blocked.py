@@ -1,7 +1,5 @@
 """Somebody stands in the only door: the robot waits, is reported to be blocked, and goes on; nobody is hit."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

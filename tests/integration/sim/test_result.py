@@ -1,7 +1,5 @@
 """Figures of a run agree, add up, and show when to doubt it; times hold no compiling."""
 
-from __future__ import annotations
-
 import json
 from types import SimpleNamespace
 from typing import Any

@@ -1,7 +1,5 @@
 """A crate that stands in MuJoCo all along, and of which the controller learns under way."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Every scene is an environment for others; scores are records of a sweep, and nothing else gets among them."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import warnings

@@ -1,7 +1,5 @@
 """The long tests of integration/sim/importing: all worlds of the benchmarks BARN and DynaBARN."""
 
-from __future__ import annotations
-
 import json
 import re
 

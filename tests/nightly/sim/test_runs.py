@@ -1,7 +1,5 @@
 """Robots are not hit, first plans are no guesses, and systems of one's own, the optimal law and margins are driven."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from doors import door

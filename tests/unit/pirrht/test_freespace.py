@@ -1,7 +1,5 @@
 """A new task in the same world is examined without examining the world again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What objects look like at the prompt and in `help`: a line each, pictures, examples that run, shapes and units."""
 
-from __future__ import annotations
-
 import doctest
 import inspect
 import re

@@ -1,7 +1,5 @@
 """Systems and scenes that the method cannot serve are refused by name; noise through inputs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Output files: an old one stays until the new one is complete, links are followed, odd names cost one line."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

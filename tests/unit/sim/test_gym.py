@@ -1,7 +1,5 @@
 """Environments drive the same plant under the same noise as `pirrht run`."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

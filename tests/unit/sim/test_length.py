@@ -1,7 +1,5 @@
 """The length of a noisy path: that of the path it is driven along, however fine its steps are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rooms import room

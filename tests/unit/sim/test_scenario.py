@@ -1,7 +1,5 @@
 """Margins, limits and lengths of a scenario follow from its scene and noise."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Settings and options: bounded, and all that parser, scenes, help and datasets know of options."""
 
-from __future__ import annotations
-
 import inspect
 import re
 from dataclasses import fields, replace

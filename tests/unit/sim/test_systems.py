@@ -1,7 +1,5 @@
 """Systems are records in a registry: robots name them, and somebody's own comes by module and name."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A saved tree is the tree: it answers alike and grows on alike; any other file is refused with one line."""
 
-from __future__ import annotations
-
 import json
 import zipfile
 from contextlib import suppress

@@ -1,7 +1,5 @@
 """ROS maps become scenes: the walls are the occupied cells, exactly, and what cannot be read is named."""
 
-from __future__ import annotations
-
 import os
 import re
 from pathlib import Path

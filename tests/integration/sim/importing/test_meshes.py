@@ -1,7 +1,5 @@
 """A mesh becomes a scene of its convex parts."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 What cannot be taken over is named.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

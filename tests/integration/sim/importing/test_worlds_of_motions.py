@@ -1,7 +1,5 @@
 """Motions of DynaBARN become scenes: rows stay within 5 mm of Gazebo's way, and what cannot be one is named."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

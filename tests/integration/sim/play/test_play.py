@@ -1,7 +1,5 @@
 """Runs that somebody interferes with: a push moves the robot, a moved obstacle is there, and plans follow."""
 
-from __future__ import annotations
-
 import json
 import re
 import threading

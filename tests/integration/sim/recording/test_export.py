@@ -1,7 +1,5 @@
 """A recording as a table: every column is described, holds what the frames held, and survives a broken recording."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

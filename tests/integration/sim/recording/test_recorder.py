@@ -1,7 +1,5 @@
 """Recordings read back: what is in them, what they cost, and what happens when a run or a viewer dies."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """How a recording ends: killed, without a viewer, late, or refused before it begins."""
 
-from __future__ import annotations
-
 import threading
 import time
 

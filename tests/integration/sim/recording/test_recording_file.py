@@ -1,7 +1,5 @@
 """The file of a recording: full disks, links, pipes and odd names cost one line and never what was there before."""
 
-from __future__ import annotations
-
 import os
 import sys
 

@@ -1,7 +1,5 @@
 """Recordings of scenes with moving bodies: where plans take them to be, and the tab with time upward."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

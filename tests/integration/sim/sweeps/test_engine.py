@@ -1,7 +1,5 @@
 """Tasks on processes: each is done once, whatever happens to those who do them."""
 
-from __future__ import annotations
-
 import signal
 
 import pytest

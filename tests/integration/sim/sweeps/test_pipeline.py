@@ -1,7 +1,5 @@
 """Drives begin as soon as their own tree is there, and no more trees are kept than are needed."""
 
-from __future__ import annotations
-
 import heapq
 import io
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Estimates against closed forms, collocation and grids, over many seeds."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """psi among moving obstacles against closed forms, against standing worlds, against samples and against itself."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """At any size the clearance field errs as little as in a small world, or says which size it can do."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from functools import cache

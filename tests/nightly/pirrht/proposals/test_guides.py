@@ -1,7 +1,5 @@
 """Guides of any system: gains are Riccati's, derivatives are exact, and psi is the same whatever is followed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 from itertools import combinations

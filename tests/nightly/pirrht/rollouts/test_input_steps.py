@@ -1,7 +1,5 @@
 """Sampled paths: noise through inputs, and fitted steps of a car against finer ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cache
 

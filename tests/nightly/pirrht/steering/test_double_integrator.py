@@ -1,7 +1,5 @@
 """The double integrator's two-point optimum, its cubic paths, and trees of them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The state that `pirrht estimate --at` names: how much of it must be given, and speeds that nothing can brake."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The robot on wheels: friction carries it where the stochastic equation goes, as far as its file claims."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

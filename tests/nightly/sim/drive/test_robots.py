@@ -1,7 +1,5 @@
 """Hover, rover and car: a step of MuJoCo is that of their equation, and contacts and goals end a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

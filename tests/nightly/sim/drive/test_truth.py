@@ -1,7 +1,5 @@
 """The exact law next to runs: in recordings, on the terminal and in JSON, and driven in MuJoCo itself."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

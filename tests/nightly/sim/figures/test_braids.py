@@ -1,7 +1,5 @@
 """Pictures of scenes with moving bodies: bodies where they are, braids around their tubes, two noise levels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from discs import disc

@@ -1,7 +1,5 @@
 """On the map of a plan a dot, a number and an outline say where references and bodies are at one moment."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The paper's figures: each is made whole, with units on its axes and the colours that recordings have."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,7 +1,5 @@
 """The map of a plan among bodies of several parts: words of sides, numbers of classes, a legend that fits."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Films of drives: pictures of the scene with references and path, and one line where none can be made."""
 
-from __future__ import annotations
-
 import sys
 
 import numpy as np

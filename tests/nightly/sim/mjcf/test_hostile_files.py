@@ -1,7 +1,5 @@
 """Files of bad intent load or are refused with one line, in bounded time and memory."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 from collections import Counter

@@ -1,7 +1,5 @@
 """The long tests of integration/sim/recording/test_recorder_endings.py."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """The long tests of integration/sim/recording/test_recording_file.py."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """The long tests of integration/sim/recording/test_space_time.py."""
 
-from __future__ import annotations
-
 import pytest
 from drives import timed
 from thoroughly import first

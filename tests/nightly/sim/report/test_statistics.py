@@ -1,7 +1,5 @@
 """The long tests of unit/sim/report/test_statistics.py."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

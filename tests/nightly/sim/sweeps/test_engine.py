@@ -1,7 +1,5 @@
 """The long tests of integration/sim/sweeps/test_engine.py."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """Without a way a robot brakes within what is free, waits there and gives way to what comes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from discs import disc, scene_of

@@ -1,7 +1,5 @@
 """The controller names classes by the whole drive, goes on when nothing is known, leaves out what takes long."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Feedback between plans: the control follows the state, class by class, in time and next to moving walls."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

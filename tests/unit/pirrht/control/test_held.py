@@ -1,7 +1,5 @@
 """Controls near walls, held for a step."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

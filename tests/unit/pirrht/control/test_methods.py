@@ -1,7 +1,5 @@
 """Methods differ in what they make of references and samples; MPPI is the path integral of one warm sequence."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

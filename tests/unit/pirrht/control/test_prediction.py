@@ -1,7 +1,5 @@
 """Drives among bodies that move: what is known or foretold of them, and that classes keep their names."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from discs import disc

@@ -1,7 +1,5 @@
 """A proposal of the user's joins the mixture of every class, leaves v unbiased and stays after a new map."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from trees import point

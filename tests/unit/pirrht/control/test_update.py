@@ -1,7 +1,5 @@
 """Obstacles come and go while a controller drives: classes keep their names, and what is known of them goes on."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Samples among bodies that move against closed forms, the grid, standing worlds, and against each other."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from functools import cache

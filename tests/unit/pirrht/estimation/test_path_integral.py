@@ -1,7 +1,5 @@
 """Symmetries of estimates, which problems are linearly solvable, traps of the paper, steps, pairs, backends."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Estimates of a point against grid solutions, at the start of `slit` and elsewhere, and what they do not depend on."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The predicted probability of a collision against closed forms, the exact law and the envelope theorem."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

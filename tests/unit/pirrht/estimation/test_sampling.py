@@ -1,7 +1,5 @@
 """How samples are shared out, when there are enough, and the shape of the tail of their weights."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The grid against closed forms, against samples and against itself."""
 
-from __future__ import annotations
-
 import math
 from functools import cache
 

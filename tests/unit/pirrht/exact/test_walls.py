@@ -1,7 +1,5 @@
 """Grid points that all but touch a wall: psi there, and around, is that of an independent solution."""
 
-from __future__ import annotations
-
 import discs
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """FCL behind its door, compared with MuJoCo, which measures the same solids by other algorithms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """The clearance field never claims more room than FCL finds, nor much less, for the first wall and for the second."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Passages are found and as wide as they are; starts within margins and covered goals are fitted to walls."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import combinations
 

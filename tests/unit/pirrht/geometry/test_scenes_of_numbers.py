@@ -1,7 +1,5 @@
 """Scenes and motions from plain numbers are those that files describe, and hold what was given and nothing else."""
 
-from __future__ import annotations
-
 from functools import partial
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Kernels on disk: named by what they compute, found by the next process, and run only where nobody else wrote them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """What Python calls and what kernels call, by name and by address; code of several processes; parts of kernels."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

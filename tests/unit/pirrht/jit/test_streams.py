@@ -1,7 +1,5 @@
 """The numbers that samples are made of: normal, independent, and the same for everyone who asks again."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.stats import chi2, kstest

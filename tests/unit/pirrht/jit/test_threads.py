@@ -1,7 +1,5 @@
 """Work shared among threads is over when the call returns, and what interrupts LLVM comes a little later."""
 
-from __future__ import annotations
-
 import signal
 import threading
 import time

@@ -1,7 +1,5 @@
 """What is known of bodies that move never says more than FCL does where they are."""
 
-from __future__ import annotations
-
 import discs
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """What kernels know of moving obstacles is what FCL says, whatever was queried before."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

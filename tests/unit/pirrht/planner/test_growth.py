@@ -1,7 +1,5 @@
 """The tree is what a search of its finished graph gives, draws in passages first, and grows by counts."""
 
-from __future__ import annotations
-
 import heapq
 import json
 from functools import cache

@@ -1,7 +1,5 @@
 """What the tree finds in the slit is known exactly, and its limits mean what they say."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

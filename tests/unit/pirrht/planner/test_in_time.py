@@ -1,7 +1,5 @@
 """Trees and taut paths in space and time, against closed forms, dynamic programming and FCL."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from io import BytesIO
 

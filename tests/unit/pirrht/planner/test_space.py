@@ -4,8 +4,6 @@ World, steering and signature are doubles that use the three interfaces only. St
 ring, so a path may pass it by, go through it and come back outside, or come back through it.
 """
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 

@@ -1,7 +1,5 @@
 """References are as short as can be: free, of their class, taut; by our own shortening and by that of any steering."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

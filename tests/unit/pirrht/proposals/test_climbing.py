@@ -1,7 +1,5 @@
 """Proposals of a point: psi of a path's class against closed forms and grids, and the control next to flat walls."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Callable

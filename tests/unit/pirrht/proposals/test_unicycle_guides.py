@@ -3,8 +3,6 @@
 Statistical tests compare a mean over independent samples or seeds with the exact value in units of its standard error.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cache
 

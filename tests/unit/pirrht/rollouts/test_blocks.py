@@ -1,7 +1,5 @@
 """The kernel that simulates points many abreast, against the one that simulates any dynamics path by path."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

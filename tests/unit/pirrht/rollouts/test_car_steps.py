@@ -4,8 +4,6 @@ A sampled path of the plain chain is steered by one number per step. What it can
 about the integral of (du/dt dt)^2 / 24, several lambda at steps of 0.1 s.
 """
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -1,7 +1,5 @@
 """First exits within a step against the law of the Brownian bridge; swept steps against FCL."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from rooms import walled as room

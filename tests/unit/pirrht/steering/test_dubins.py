@@ -1,7 +1,5 @@
 """Dubins curves: shortest, exact, and wound around markers as fine polylines are."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from discs import scene_of

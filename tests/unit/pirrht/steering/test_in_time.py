@@ -1,7 +1,5 @@
 """Edges in space and time: forward, no faster than the limit, paid for by the integral, never through anything."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

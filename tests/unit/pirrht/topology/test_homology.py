@@ -1,7 +1,5 @@
 """Signatures obey the calculus of the integers behind them; turns at few cuts equal those by angle."""
 
-from __future__ import annotations
-
 from itertools import product
 
 import numpy as np

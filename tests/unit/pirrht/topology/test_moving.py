@@ -1,7 +1,5 @@
 """Turns about moving obstacles, by fine angles and edge by edge, and the classes that follow from them."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Topological obstacles: what the robot cannot pass between is one."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

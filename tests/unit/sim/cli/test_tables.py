@@ -1,7 +1,5 @@
 """Tables and lines of commands: classes, doubts about estimates, predicted motions, noise in its unit."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tubes and outlines of moving bodies are where the bodies are."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Classes in words, in colours, and as the way that samples went on average."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations
 

@@ -1,7 +1,5 @@
 """The plant: MuJoCo is the stochastic equation up to contacts, and runs are judged and paid for alike."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

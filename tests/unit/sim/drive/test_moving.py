@@ -1,7 +1,5 @@
 """Moving obstacles are in the plant where their motions say, and a robot that they run over has collided."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from moving_scenes import body, moving_scene, rows

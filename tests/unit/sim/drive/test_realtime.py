@@ -1,7 +1,5 @@
 """Real-time runs, on a clock that knows how long everything takes."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """A film that the disk does not take."""
 
-from __future__ import annotations
-
 import io
 
 import numpy as np

@@ -3,8 +3,6 @@
 COLLADA files give the triangles that Gazebo draws: units and nodes count, the up axis does not.
 """
 
-from __future__ import annotations
-
 from itertools import product
 from pathlib import Path
 

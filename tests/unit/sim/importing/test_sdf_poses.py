@@ -1,7 +1,5 @@
 """Poses of SDF compose and invert as rigid motions do, whichever way they are written."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from pathlib import Path
 

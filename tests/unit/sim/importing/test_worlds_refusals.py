@@ -1,7 +1,5 @@
 """Worlds, tasks and targets that cannot work are refused in one line, and no file is harmed."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, model, refused, sdf

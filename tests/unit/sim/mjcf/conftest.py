@@ -1,7 +1,5 @@
 """Files of scenes and robots, written where tests need them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Robots that are driven by forces, and what of them is refused in one line."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Files are regular and of bounded size before MuJoCo reads them, and a child process bounds what it makes of them."""
 
-from __future__ import annotations
-
 import os
 import re
 import sys

@@ -1,7 +1,5 @@
 """A margin is room that plans keep: the footprint grows, the robot itself does not."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

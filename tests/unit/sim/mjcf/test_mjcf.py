@@ -1,7 +1,5 @@
 """Scenes and robots from MJCF: what is read agrees with MuJoCo and with what is written."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Scenes, robots and requests that break a convention are refused in one line that names file and element."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Mocap bodies with a motion are read as bodies that move; what cannot move so is refused by name."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from mjcf_samples import refusal

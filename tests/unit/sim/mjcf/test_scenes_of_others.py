@@ -1,7 +1,5 @@
 """Scenes that were made for another robot: what moves is welded or left out, and all that is in the way is named."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

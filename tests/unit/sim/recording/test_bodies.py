@@ -1,7 +1,5 @@
 """Bodies in a recording: what is drawn only changes no motion, a script makes the meshes, nothing is at the origin."""
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 

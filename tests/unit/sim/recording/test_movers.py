@@ -1,7 +1,5 @@
 """Recordings show bodies that move where they are at the time."""
 
-from __future__ import annotations
-
 import numpy as np
 from drives import Moving, columns, timed
 from moving_scenes import body, moving_scene, rows

@@ -1,7 +1,5 @@
 """Why, in words: what classes cost and how many of their samples die and where."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The exact solution in a recording: what is painted on the floor, and psi class by class."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from types import SimpleNamespace
 

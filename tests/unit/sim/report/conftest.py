@@ -1,7 +1,5 @@
 """A sweep whose shares and means one counts by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Reports of sweeps that are unfinished, empty, damaged or too small."""
 
-from __future__ import annotations
-
 import pytest
 from report_samples import record, stored
 

@@ -1,7 +1,5 @@
 """A report tells of a sweep what a person would count by hand, and says plainly what is significant."""
 
-from __future__ import annotations
-
 import json
 import re
 from html.parser import HTMLParser

@@ -1,7 +1,5 @@
 """Intervals and tests against published values, exact enumeration and their own coverage."""
 
-from __future__ import annotations
-
 from itertools import product
 from math import comb
 

@@ -1,7 +1,5 @@
 """A sweep's folder with a clock that stands still."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

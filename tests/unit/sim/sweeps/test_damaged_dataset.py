@@ -1,7 +1,5 @@
 """A folder of a sweep that is damaged, another's, or on a full disk is refused or mended, and no run is lost."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os

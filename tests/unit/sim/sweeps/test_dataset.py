@@ -1,7 +1,5 @@
 """A sweep on disk: whole files only, nothing lost, nothing twice, nothing mixed."""
 
-from __future__ import annotations
-
 import numpy as np
 from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 

@@ -1,7 +1,5 @@
 """What a sweep is asked for comes out of the text that it is written as, and nothing too large does."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
