@@ -3,6 +3,8 @@
 Options of the command line, numerics of scenes, arguments of `prepare` and of environments, and docs/cli.md follow.
 """
 
+from __future__ import annotations
+
 import math
 import reprlib
 from collections.abc import Callable, Mapping, Sequence
