@@ -32,7 +32,7 @@ Observer = Callable[[Frame], object]
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, run, record and sum up."""
-    from sim.recording.options import Look
+    from sim.recording.viewer import Look
 
     sinks, scenario = _sinks(arguments), scenario_of(arguments)
     samples, lift = arguments.record_samples, arguments.record_lift
@@ -113,7 +113,7 @@ def _driven(frames: Generator[Frame], observers: Sequence[Observer], ends: Calla
 
 def _sinks(arguments: argparse.Namespace) -> Any:
     """Check and return where a recording goes, before any work is done."""
-    from sim.recording.options import Sinks
+    from sim.recording.viewer import Sinks
 
     file = getattr(arguments, "record", None)
     sinks = Sinks(file=file, connect=arguments.connect, view=arguments.view, serve=arguments.serve)
@@ -223,7 +223,7 @@ class Live:
             tqdm.write(frame.news)
         space, world = frame.plan.space, self._game.live.built
         if any(self._urls) and space is not None and space is not self._space:
-            from sim.recording.options import Sinks
+            from sim.recording.viewer import Sinks
 
             self.close()
             self._space = space

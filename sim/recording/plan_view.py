@@ -25,8 +25,7 @@ from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foresee
 from sim.plotting.ground import outline
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, entity
-from sim.recording.stream import Stream
-from sim.recording.subject import Subject
+from sim.recording.subject import Stream, Subject
 from sim.recording.truth_view import VALUE, on_floor, shares_of
 
 SAMPLE_POINTS, CLASS_POINTS = 3200, 300  # of all samples of a picture, less so many for each class: 50 kB together

@@ -7,11 +7,16 @@ kept for later: threads share one interpreter, and pictures take more of it than
 
 from __future__ import annotations
 
+import os
+import tempfile
 import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
+from pathlib import Path
+from typing import Any
+from zlib import crc32
 
 import rerun as rr
 
@@ -21,12 +26,12 @@ from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import CLOCKED, Frame
 from sim.drive.metrics import Truth
+from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.mjcf import Loaded
 from sim.recording import viewer
-from sim.recording.options import Look, Sinks
 from sim.recording.stage import layout
-from sim.recording.stream import Stream, ToFile, ToViewer
-from sim.recording.subject import Subject
+from sim.recording.subject import Stream, Subject
+from sim.recording.viewer import Look, Sinks
 from sim.recording.writer import Row, Writer
 from sim.systems import POSE
 
@@ -35,17 +40,22 @@ __all__ = ["Look", "Recorder", "Sinks"]
 ROOM, KEPT = 256, 10_000  # rows a queue holds, and of a file while a run goes against the clock
 NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # for a viewer to take the last rows [s]
+PATIENCE = 10.0  # after which a file that takes nothing is given up, and a viewer is queried again [s]
+ATTEMPT = 0.5  # of a flush to a file [s]
+PROBE = bytes(1 << 16)
 DEFAULT = Look()
 
 
-class Sink:
-    """Takes rows in and writes them to a target, which is opened when the first one comes."""
+class ToViewer:
+    """Takes rows in and writes them on a thread of its own: to a viewer as many as it can take."""
 
-    def __init__(self, subject: Subject, target: ToFile | ToViewer) -> None:
-        self.dropped = 0
-        self._target = target
-        self._stream = Stream(subject.application, subject.id, orderly=target.lossless)
-        self._writer = Writer(self._stream, subject)
+    lossless = False
+
+    def __init__(self, subject: Subject, target: Any) -> None:
+        self.dropped, self._target = 0, target  # URL, or path of a file
+        self.stream = Stream(subject.application, subject.id, orderly=self.lossless)
+        self._blueprint = layout(subject, live=not self.lossless)
+        self._writer = Writer(self.stream, subject)
         self._writer.begin()  # kept in memory until the target is open
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
@@ -54,34 +64,40 @@ class Sink:
         threading.Thread(target=self._work, name="recorder", daemon=True).start()
 
     def put(self, row: Row) -> None:
-        """Hand over a row; a file takes it sooner or later or raises, a viewer only if its queue is not full."""
-        while self._target.lossless and self._failure is None and len(self.rows) >= ROOM and not self._later():
-            time.sleep(0.001)
-        self._check()
-        if self._failure is None and (self._target.lossless or len(self.rows) < ROOM):
+        """Hand over a row, unless the queue is full."""
+        if self._failure is None and len(self.rows) < ROOM:
             self.rows.append(row)
         else:
             self.dropped += 1
 
-    def _later(self) -> bool:
-        """Return whether rows are kept until the run is over."""
-        return self._target.lossless and CLOCKED.is_set() and len(self.rows) < KEPT
-
     def close(self) -> None:
-        """Let the thread finish, for which a viewer gets little time; an OptionError if a file was not written."""
+        """Let the thread finish, for which it gets little time."""
         self._closing.set()
-        self._done.wait(None if self._target.lossless else GRACE)
-        if not self._target.lossless:
-            self.dropped += len(self.rows)
-            if not self._done.is_set() or self._failure is not None:
-                self.dropped += self._under_way
-                rr.unregister_shutdown()  # Rerun's last attempt to reach a viewer may take forever
-        self._check()
+        self._done.wait(GRACE)
+        self.dropped += len(self.rows)
+        if not self._done.is_set() or self._failure is not None:
+            self.dropped += self._under_way
+            rr.unregister_shutdown()  # Rerun's last attempt to reach a viewer may take forever
 
-    def _check(self) -> None:
-        if self._failure is not None and isinstance(self._target, ToFile):
-            self._done.wait()  # until the old file is back
-            raise self._target.failed(self._failure) from self._failure
+    def open(self) -> None:
+        """Connect."""
+        self.stream.native.connect_grpc(self._target, default_blueprint=self._blueprint)
+
+    def deliver(self) -> None:
+        """Wait for the viewer as long as it is there."""
+        while not self.stream.flush(PATIENCE):
+            viewer.probe(self._target)
+
+    def end(self) -> None:
+        """Close the stream."""
+        self.stream.native.disconnect()
+
+    def later(self) -> bool:
+        """Return whether rows are kept until the run is over."""
+        return self.lossless and CLOCKED.is_set() and len(self.rows) < KEPT
+
+    def abandon(self) -> None:
+        """Leave it alone after a failure."""
 
     def _work(self) -> None:
         try:
@@ -90,28 +106,138 @@ class Sink:
         except Exception as error:  # the control thread reports it, or goes on without the viewer
             self._failure = error
             rr.unregister_shutdown()
-            self._target.abandon()
+            self.abandon()
             self._done.set()
             threading.Event().wait()  # letting go of a stream waits for whoever reads it: where nobody does, for ever
 
     def _write(self) -> None:
         opened = False
         while self.rows or not self._closing.is_set():
-            if opened and self._target.lossless and self._writer.secure():
-                self._target.deliver(self._stream)
-            if not self.rows or self._later():
+            if opened and self.lossless and self._writer.secure():
+                self.deliver()
+            if not self.rows or self.later():
                 time.sleep(NAP)
                 continue
             if not opened:
-                self._target.open(self._stream)
+                self.open()
                 opened = True
             self._under_way += 1
             if self._writer.add(self.rows.popleft()):  # what cannot be delivered must not pile up: one batch at a time
-                self._target.deliver(self._stream)
+                self.deliver()
                 self._under_way = 0
         if opened:
             self._writer.end()
-            self._target.end(self._stream)
+            self.end()
+
+
+class ToFile(ToViewer):
+    """Writes everything to a file, in order, however long that takes; a device is written straight to.
+
+    A file grows as a draft `.NAME.part` and takes its place as soon as it holds rows of the run: a run that is killed
+    leaves them there. What was there before is `.NAME.old` until the recording is complete; if that fails, it returns.
+    """
+
+    lossless = True
+    _published = False
+    _draft: Draft | None = None
+    _old: Path | None = None
+
+    def put(self, row: Row) -> None:
+        """Hand over a row, sooner or later; an OptionError if the file can no longer be written."""
+        while self._failure is None and len(self.rows) >= ROOM and not self.later():
+            time.sleep(0.001)
+        self._check()
+        self.rows.append(row)
+
+    def close(self) -> None:
+        """Let the thread finish; an OptionError if the file was not written."""
+        self._closing.set()
+        self._done.wait()
+        self._check()
+
+    def _check(self) -> None:
+        if self._failure is None:
+            return
+        self._done.wait()  # until the old file is back
+        reason = getattr(self._failure, "strerror", None) or self._failure
+        name = path_text(self._target)
+        left = f"{name} holds what was recorded until then" if self._published else "nothing was recorded"
+        if self._old is not None or (not self._published and self._target.exists()):
+            left = f"{name} is what it was before"
+        raise OptionError(f"{name}: the recording broke off ({reason}); {left}") from self._failure
+
+    def open(self) -> None:
+        """Begin a draft next to the file."""
+        if not takes_as_it_comes(self._target):
+            self._draft = Draft(self._target)
+            os.close(self._draft.handle)
+        file = self._target if self._draft is None else self._draft.file
+        options = {"default_blueprint": self._blueprint}
+        saving = threading.Thread(target=self.stream.native.save, args=(file,), kwargs=options, daemon=True)
+        saving.start()  # it hands on what was logged before, and never returns where that cannot be written
+
+        def saved() -> bool:
+            saving.join(ATTEMPT)
+            return not saving.is_alive()
+
+        self._wait(saved)
+
+    def deliver(self) -> None:
+        """Return once everything logged is written, and is there under the file's name, or raise OSError."""
+        self._wait(lambda: self.stream.flush(ATTEMPT))
+        if os.name != "nt":  # there, what is open cannot be moved
+            self._publish()
+
+    def _wait(self, done: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + PATIENCE
+        while not done():
+            if self._draft is not None:
+                _probe(self._draft.target if self._published else self._draft.file)
+            if time.monotonic() > deadline:
+                raise TimeoutError(f"nothing could be written for {PATIENCE:g} s")
+
+    def end(self) -> None:
+        """Write the file's footer; what was there before goes."""
+        self.deliver()
+        self.stream.native.disconnect()
+        self._publish()
+        with suppress(OSError):
+            if self._old is not None:
+                self._old.unlink()
+
+    def abandon(self) -> None:
+        """Put back what was there before."""
+        if self._draft is not None:
+            self._draft.discard()
+            if self._old is not None:
+                os.replace(self._old, self._draft.target)
+
+    def _publish(self) -> None:
+        if self._draft is not None and not self._published:
+            if self._draft.target.exists():
+                self._old = _set_aside(self._draft.target)
+            self._draft.publish()
+        self._published = True
+
+
+def _probe(file: Path) -> None:
+    """Write next to a file where it ends, to learn from the system why it cannot grow."""
+    with tempfile.TemporaryFile(dir=file.parent, buffering=0) as probe:
+        probe.seek(file.stat().st_size)
+        for _ in range(2):  # the first one may be cut
+            probe.write(PROBE)
+
+
+def _set_aside(file: Path) -> Path:
+    """Give a file a second name, equal every time."""
+    name = file.name if len(file.name) <= SHOWN else f"{file.name[:SHOWN]}.{crc32(file.name.encode()):08x}"
+    old = file.with_name(f".{name}.old")
+    old.unlink(missing_ok=True)
+    try:
+        os.link(file, old)
+    except OSError:  # no file system for links: for a moment there is no file
+        os.replace(file, old)
+    return old
 
 
 class Recorder:
@@ -124,6 +250,7 @@ class Recorder:
 
     Attributes:
         server: that serves browsers, if there is one.
+        live: whether a viewer shows the run.
 
     Raises:
         OptionError: the file cannot be written, no viewer listens at the URL or none can be started, or an obstacle
@@ -149,9 +276,9 @@ class Recorder:
         self.server = viewer.Server.start() if sinks.serve else None
         served = None if self.server is None else self.server.url
         urls = (sinks.connect, viewer.spawn() if sinks.view else None, served)
-        shown = layout(subject, live=True)
-        self._live = [Sink(subject, ToViewer(url, shown)) for url in urls if url is not None]
-        self._file = [] if sinks.file is None else [Sink(subject, ToFile(sinks.file, layout(subject, live=False)))]
+        self._sinks = [ToViewer(subject, url) for url in urls if url is not None]
+        self.live = bool(self._sinks)
+        self._sinks += [ToFile(subject, file) for file in (sinks.file,) if file is not None]
 
     def __enter__(self) -> Recorder:
         """The recorder itself."""
@@ -163,14 +290,9 @@ class Recorder:
             self.close()
 
     @property
-    def live(self) -> bool:
-        """Return whether a viewer shows the run."""
-        return bool(self._live)
-
-    @property
     def dropped(self) -> int:
         """Frames that a viewer could not take."""
-        return sum(sink.dropped for sink in self._live)
+        return sum(sink.dropped for sink in self._sinks)
 
     def log(self, frame: Frame, news: str | None = None, truth: Truth | None = None) -> None:
         """Record a control step, with a line for the log if there is news, and the truth if it is known.
@@ -182,10 +304,10 @@ class Recorder:
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
         row = Row.of(frame, drawn, news, truth)
-        for sink in [*self._live, *self._file]:
+        for sink in self._sinks:
             sink.put(row)
 
     def close(self) -> None:
         """Write what is left and close everything; an OptionError if the file could not be written."""
-        for sink in [*self._live, *self._file]:
+        for sink in self._sinks:
             sink.close()

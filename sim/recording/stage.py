@@ -57,7 +57,7 @@ DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
 NARROW = 1.4  # width over height of the narrowest map that is not cut
 TREE_EDGES = 8000
 STATIC, MOVING = 0.6, 0.8  # opacity of static and moving obstacles: neither hides the robot
-MARK_SIZE = 9.0  # radius of the disc that marks the robot on the map and in space and time [px]
+MARK_SIZE = 0.025  # radius of the disc that marks a small robot on the map, over the height of the map
 LEVELS = (0.5, 1.0, 1.5)  # of H that are marked
 SHARE = (-0.03, 1.08)  # of an axis for shares
 
@@ -124,14 +124,15 @@ def stage(subject: Subject, log: Log) -> None:
     looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)
     log("/world/robot", rr.Arrows3D.from_fields(origins=origins, colors=colors, radii=radii))
-    dot = {"radii": rr.Radius.ui_points(MARK_SIZE), "colors": [DRIVEN]}
-    log(MARK, rr.Points3D([(0.0, 0.0, 1.0)], **dot))  # above the robot, whatever its height
     # An eye over the middle, north being up: Rerun fits the height of what it sees, whatever the width.
     wide, high = 2.0 * MARGIN * half
     size = 100.0 * np.array([wide, max(high, wide / NARROW)])
     far = HEIGHT * float(size.max()) / 100.0
     lens = rr.Pinhole(focal_length=100.0 * far, width=size[0], height=size[1], image_plane_distance=DEPTH)
     log(ABOVE, [rr.Transform3D(translation=(*middle, far), mat3x3=np.diag([1.0, -1.0, -1.0])), lens])
+    if (radius := MARK_SIZE * size[1] / 100.0) > scene.robot_radius:
+        disc = {"lengths": [0.01], "radii": [radius], "centers": [(0.0, 0.0, 1.0)]}  # above any robot
+        log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))
     log(FOLLOWING, rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH))
     named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
@@ -148,7 +149,7 @@ def stage(subject: Subject, log: Log) -> None:
         log(f"{TIMES}/now", rr.LineStrips3D(border[None], radii=0.008, colors=[mix(CONTROL, FLOOR, 0.4)]))
         sheet = {"vertex_positions": border[:4], "triangle_indices": [(0, 1, 2), (0, 2, 3)]}
         log(f"{TIMES}/now/sheet", rr.Mesh3D(**sheet, albedo_factor=(*CONTROL, 4)))
-        log(f"{TIMES}/now/robot", rr.Points3D([(0.0, 0.0, 0.0)], **dot))
+        log(f"{TIMES}/now/robot", rr.Points3D([(0.0, 0.0, 0.0)], radii=rr.Radius.ui_points(9.0), colors=[DRIVEN]))
 
 
 def _texts(subject: Subject, log: Log) -> None:

@@ -1,23 +1,27 @@
-"""Context of a recording, fixed before the run, and names for what is in it."""
+"""Context of a recording, fixed before the run, names for what is in it, and the stream that it is written to."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import rerun as rr
 
 from pirrht.arrays import Array
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
+from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.mjcf import Loaded
 from sim.recording import geoms
-from sim.recording.options import Look
+from sim.recording.viewer import Look
 
 TREES = 2  # lifted trees shown, one per obstacle
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
@@ -130,3 +134,53 @@ def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
     static = range(len(tree.space.homology.markers))
     apart = [k for winding in others for k in static if winding[k] != first[k]]
     return tuple(dict.fromkeys([*apart, *static]))[:most]
+
+
+class Stream:
+    """One recording with the timelines `step` and `sim_time`: equal data makes equal chunks in the same order.
+
+    Args:
+        orderly: keep chunks in the order in which they were logged, which files need to be compared.
+    """
+
+    def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
+        self._orderly = orderly
+        self.native = rr.RecordingStream(
+            application,
+            recording_id=recording_id,
+            send_properties=False,  # they would hold the wall time
+            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
+        )
+        self.native.set_log_time_enabled(False)
+
+    def static(self, path: str, archetype: rr.AsComponents | Sequence[rr.AsComponents]) -> None:
+        """Log something, or several things together, that hold at all times."""
+        together = archetype if isinstance(archetype, Sequence) else [archetype]
+        self.native.log(path, *together, static=True)
+        self.cut()
+
+    def log(self, path: str, step: int, time: float, archetype: rr.AsComponents) -> None:
+        """Log something at a step and simulated time [s]."""
+        IDLE.wait(LONGEST_WAIT)
+        self.native.set_time("step", sequence=step)
+        self.native.set_time("sim_time", duration=time)
+        self.native.log(path, archetype)
+        self.cut()
+
+    def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
+        """Log a row for each of many steps."""
+        IDLE.wait(LONGEST_WAIT)
+        index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
+        self.native.send_columns(path, indexes=index, columns=columns)
+
+    def flush(self, timeout: float) -> bool:
+        """Hand on everything logged so far; whether that worked within the time [s]."""
+        with suppress(RuntimeError, ValueError):
+            self.native.flush(timeout_sec=timeout)
+            return True
+        return False
+
+    def cut(self) -> None:
+        """Keep chunks in order: those that wait together leave in any; a flush in between is not waited for."""
+        if self._orderly:
+            self.native.flush(timeout_sec=0)

@@ -45,8 +45,7 @@ from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import arriving
 from sim.recording.stage import FOLLOWING, MOVERS, TIMES, Following, entity, properties, stage
-from sim.recording.stream import Stream
-from sim.recording.subject import Subject
+from sim.recording.subject import Stream, Subject
 from sim.recording.truth_view import OPTIMUM
 
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]

@@ -7,9 +7,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pirrht.arrays import Array
+from pirrht.estimation.estimate import Rollouts
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
+
+
+def led(
+    integral: PathIntegral, x: Array, times: Array, *leads: ProposalControl, count: int, seed: int, time: float = 0.0
+) -> Rollouts:
+    """`count` samples around each of some proposals."""
+    proposals = tuple(Proposal(lead=lead, count=count) for lead in leads)
+    return integral.rollout(Batch(state=x, times=times, proposals=proposals, time=time), seed)
+
+
+def still(times: Array, m: int = 2) -> Tape:
+    """Control sequence of nothing."""
+    return Tape(times, np.zeros((len(times) - 1, m)))
 
 
 def batch_of(

@@ -19,7 +19,6 @@ from pirrht.arrays import Array
 
 SEEDS = 24
 SPEED = 1.0  # of straight references, optimal for q = 1 and R = 2 I [m/s]
-LEFT, RIGHT = (-1,), (1,)
 
 
 @cache

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
+from batches import led
 
 from pirrht import PathIntegral, Trajectory
 from pirrht.arrays import Array
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide
-from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
+from pirrht.proposals.proposal import ProposalControl
 
 Found = tuple[float, float, float]  # log psi, its standard error and the share of effective samples
 
@@ -38,14 +38,7 @@ def psi_around(
     integral: PathIntegral, x: Array, times: Array, leads: Sequence[ProposalControl], count: int, seed: int
 ) -> Found:
     """What `count` samples around each of some proposals say together."""
-    proposals = tuple(Proposal(lead=lead, count=count) for lead in leads)
-    log_weight = integral.rollout(Batch(state=x, times=times, proposals=proposals), seed).log_weight
+    log_weight = led(integral, x, times, *leads, count=count, seed=seed).log_weight
     w = np.exp(log_weight - log_weight.max())
     error = float(w.std() / w.mean() / np.sqrt(len(w)))
     return float(log_weight.max() + np.log(w.mean())), error, float(w.mean() ** 2 / (w**2).mean())
-
-
-def assert_alike(found: Sequence[Found]) -> None:
-    """Every two agree within 3 standard errors."""
-    for (one, its, _), (other, error, _) in combinations(found, 2):
-        assert abs(one - other) < 3.0 * np.hypot(its, error)

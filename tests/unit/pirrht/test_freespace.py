@@ -13,12 +13,9 @@ from pirrht.geometry.field import clearance
 from pirrht.geometry.world import World
 from pirrht.jit.jit import kernel
 
-POSTS = tuple(
-    Obstacle(
-        name=kind.value, kind=kind, size=np.array([0.3, 0.2, 0.4]), position=np.array([*at, 0.1]), rotation=np.eye(3)
-    )
-    for kind, at in ((Kind.BOX, (1.0, 1.0)), (Kind.CYLINDER, (2.6, 1.2)), (Kind.SPHERE, (1.8, 2.6)))
-)
+PLACES = {Kind.BOX: (1.0, 1.0, 0.1), Kind.CYLINDER: (2.6, 1.2, 0.1), Kind.SPHERE: (1.8, 2.6, 0.1)}
+SHAPE = {"size": np.array([0.3, 0.2, 0.4]), "rotation": np.eye(3)}
+POSTS = [Obstacle(name=kind.value, kind=kind, position=np.array(at), **SHAPE) for kind, at in PLACES.items()]
 SCENE = scene_of(POSTS, start=(0.3, 0.3), goal=(3.6, 3.0, 0.2), side=(4.0, 3.5), radius=0.15, name="posts")
 TASK = {"start": np.array([3.5, 0.4, 1.0]), "goal": Goal(center=np.array([0.4, 2.9]), radius=0.3)}
 
@@ -27,12 +24,8 @@ def test_a_new_task_is_that_of_a_fresh_examination() -> None:
     space, fresh = FreeSpace.of(SCENE).with_task(**TASK), FreeSpace.of(replace(SCENE, **TASK))
     assert (space.scene.start is TASK["start"], space.scene.goal is TASK["goal"]) == (True, True)
     assert [o.members for o in space.obstacles] == [o.members for o in fresh.obstacles] == [(0,), (1,), (2,)]
-    homologies = zip(
-        (space.homology.markers, space.homology.goal), (fresh.homology.markers, fresh.homology.goal), strict=True
-    )
-    samples = zip(space.field.arrays, fresh.field.arrays, strict=True)
-    cuts = zip(space.homology.cuts.arrays, fresh.homology.cuts.arrays, strict=True)
-    for one, other in (*homologies, *samples, *cuts):
+    numbers = ([s.homology.markers, s.homology.goal, *s.homology.cuts.arrays, *s.field.arrays] for s in (space, fresh))
+    for one, other in zip(*numbers, strict=True):
         np.testing.assert_array_equal(one, other)
     assert space.field[:6] == fresh.field[:6]
 
@@ -45,10 +38,10 @@ def test_what_a_new_task_leaves_out_stays_and_the_old_one_is_kept() -> None:
     assert moved.field is space.field
 
 
-@pytest.mark.parametrize("start", [(1.0, 1.0, 0.0), (5.0, 1.0, 0.0)], ids=["in the box", "outside"])
-def test_a_task_that_cannot_be_is_refused(start: tuple[float, ...]) -> None:
-    with pytest.raises(SceneError, match="posts: the start"):
-        FreeSpace.of(SCENE).with_task(start=np.array(start))
+def test_a_task_that_cannot_be_is_refused() -> None:
+    for start in ((1.0, 1.0, 0.0), (5.0, 1.0, 0.0)):  # in the box, and outside
+        with pytest.raises(SceneError, match="posts: the start"):
+            FreeSpace.of(SCENE).with_task(start=np.array(start))
 
 
 @kernel

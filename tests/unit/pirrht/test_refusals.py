@@ -43,6 +43,7 @@ def posed(dynamics: Dynamics, R: Any = None) -> Problem:
     return Problem(dynamics=dynamics, scene=SCENE, R=np.eye(dynamics.m) if R is None else R)
 
 
+METHOD = r"drift\(x, p, out\) cannot be called .* make it a @staticmethod"
 REFUSED = {
     "a height": ({"states": ("x", "y", "z", "vx")}, r'"z" is a third position, but scenes are planar'),
     "a line": ({"n": 1, "m": 1, "states": ("x",)}, "at least the 2 states x and y"),
@@ -52,21 +53,12 @@ REFUSED = {
     "no control": ({"m": 0}, "m is 0; of 4 states at least 1 and at most 4"),
     "more controls than states": ({"m": 5}, "m is 5; of 4 states"),
     "a block of G": ({"control_block": np.eye(3)}, r"control_block is \(3, 3\); with n = 4, m = 2 it must be \(2, 2\)"),
-    "a list": (
-        {"control_block": [[1.0, 0.0], [0.0, 1.0]]},
-        "control_block is a list; it must be an array or a function",
-    ),
+    "a list": ({"control_block": [[1.0, 0.0]]}, "control_block is a list; it must be an array or a function"),
     "no inverse": ({"diffusion_block": np.zeros((2, 2))}, "diffusion_block is .* it must have an inverse"),
     "no drift": ({"drift": None}, "drift missing; a Dynamics declares n, m, parameters, drift"),
-    "a method": ({"drift": no_drift}, r"drift\(x, p, out\) cannot be called .* make it a @staticmethod"),
-    "a method of itself": (
-        {"drift": lambda self, x, p, out: None},
-        r"drift\(x, p, out\) cannot be called .* make it a @staticmethod",
-    ),
-    "a row of B": (
-        {"diffusion_block": np.ones(2)},
-        r"diffusion_block is \(2,\); with n = 4, m = 2 it must be \(2, 2\)",
-    ),
+    "a method": ({"drift": no_drift}, METHOD),
+    "a method of itself": ({"drift": lambda self, x, p, out: None}, METHOD),
+    "row of B": ({"diffusion_block": np.ones(2)}, r"diffusion_block is \(2,\); with n = 4, m = 2 it must be \(2, 2\)"),
 }
 
 
@@ -156,6 +148,7 @@ def test_differences_of_headings_are_at_most_half_a_turn() -> None:
 
 
 X = np.array([0.3, -0.2, 0.7])
+PAPERS = {"input_matrix": None, "control_block": np.eye(2), "diffusion_block": np.eye(2)}
 
 
 def cart(**changes: Any) -> Dynamics:
@@ -175,15 +168,8 @@ def cart(**changes: Any) -> Dynamics:
         ({"input_matrix": "G"}, "input_matrix is a str; it must be an array or a function"),
         ({"input_matrix": Driven.input_matrix}, r"input_matrix\(x, p, out\) cannot be called without self"),
         ({"control_block": np.eye(2)}, "control_block belongs to the paper's form; leave it out"),
-        (
-            {"input_matrix": None, "control_block": np.eye(2), "diffusion_block": np.eye(2)},
-            "input_noise belongs to the input form; leave it out, or declare an input_matrix",
-        ),
-        (
-            {"input_matrix": None, "input_noise": None, "stratonovich": True, "control_block": np.eye(2)}
-            | {"diffusion_block": np.eye(2)},
-            "stratonovich belongs to the input form",
-        ),
+        (PAPERS, "input_noise belongs to the input form; leave it out, or declare an input_matrix"),
+        (PAPERS | {"input_noise": None, "stratonovich": True}, "stratonovich belongs to the input form"),
     ],
 )
 def test_an_input_form_that_is_none_is_refused_by_name(changes, told):
@@ -230,8 +216,7 @@ def test_a_step_goes_along_the_heading_of_its_start_or_of_its_middle(stratonovic
 
 def test_the_way_home_is_priced_at_the_best_speed_along_the_heading():
     """sqrt(2 q r) per meter, whatever turning would cost."""
-    beyond = straight_home(driven())
-    assert beyond(np.array([[0.8, -0.6, 1.0]]))[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)
-    assert straight_home(Problem(dynamics=SingleIntegrator(b=0.5), scene=around_a_disc(), R=2.0 * np.eye(2)))(
-        np.array([[0.8, -0.6]])
-    )[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)
+    point, x = Problem(dynamics=SingleIntegrator(b=0.5), scene=around_a_disc(), R=2.0 * np.eye(2)), [0.8, -0.6, 1.0]
+    for problem in (driven(), point):
+        beyond = straight_home(problem)(np.array([x[: problem.dynamics.n]]))
+        assert beyond[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)

@@ -20,7 +20,7 @@ from pirrht.control.settings import ControlSettings
 from pirrht.errors import OptionError
 from sim.cli import docs, main, parser
 from sim.options import DAILY, GIB, OPTIONS, check_size, options_of
-from sim.recording.options import Look
+from sim.recording.viewer import Look
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING, IDENTIFYING, Option, Settings, refuse_unused
 from sim.systems import named, names

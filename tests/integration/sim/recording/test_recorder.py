@@ -10,9 +10,9 @@ from rerun.chunk import RrdReader
 
 from sim.drawing import strokes
 from sim.recording import geoms
-from sim.recording.options import Look
 from sim.recording.stage import layout
 from sim.recording.subject import Subject, telling
+from sim.recording.viewer import Look
 
 STATIC_BYTES = 510_000  # scene, robot, tree, legend, the last picture, and 215 kB of blueprint
 

@@ -11,8 +11,7 @@ from drives import Drive, columns
 from pirrht.errors import OptionError
 from sim.drive.episode import CLOCKED
 from sim.recording import viewer
-from sim.recording.recorder import NAP, ROOM
-from sim.recording.stream import ToViewer
+from sim.recording.recorder import NAP, ROOM, ToViewer
 
 
 @pytest.mark.parametrize("url", ["localhost", "http://127.0.0.1:9876/proxy", "rerun+http://127.0.0.1:99999/proxy"])
@@ -25,7 +24,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
     drive, release = Drive(), threading.Event()
     frame = next(drive.frames())
     monkeypatch.setattr(viewer, "probe", lambda url: None)
-    monkeypatch.setattr(ToViewer, "open", lambda self, stream: release.wait())
+    monkeypatch.setattr(ToViewer, "open", lambda self: release.wait())
     monkeypatch.setattr("sim.recording.recorder.GRACE", 0.1)
     recorder = drive.recorder(tmp_path / "both.rrd", connect=viewer.EXAMPLE)
     for _ in range(ROOM + 100):  # what waited for the viewer would wait for ever
@@ -36,7 +35,7 @@ def test_a_viewer_that_hangs_costs_frames_but_not_time(tmp_path, monkeypatch):
 
 
 def waiting(recorder):
-    return len(recorder._file[0].rows)
+    return len(recorder._sinks[-1].rows)
 
 
 def test_a_file_is_written_after_a_drive_against_the_clock_and_misses_nothing(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import pytest
 
 from pirrht.errors import OptionError
 from sim.cli import main
-from sim.recording.options import Sinks
+from sim.recording.viewer import Sinks
 
 SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20", "--max-time", "0.4"]
 

@@ -13,10 +13,10 @@ from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
 from sim.plotting.ground import MOMENTS, outline
-from sim.recording.options import Look
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject
+from sim.recording.viewer import Look
 
 MAX_TIME = 0.6
 

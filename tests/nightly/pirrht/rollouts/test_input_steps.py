@@ -7,6 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import led
 from by_inputs import PushedMass, driven
 from guides import best
 from thoroughly import thorough
@@ -15,9 +16,8 @@ from unit.pirrht.rollouts.test_car_steps import STEP, case
 from pirrht import FreeSpace, PathIntegral, Problem, Sampling, path_integral
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
-from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import LinearFeedback
-from pirrht.proposals.proposal import Batch, Proposal, Tape
+from pirrht.proposals.proposal import Tape
 from pirrht.steering.motion import Trajectory, running_cost
 from pirrht.systems.double_integrator import DoubleIntegrator, into_goal
 from sim.mjcf import load
@@ -39,8 +39,7 @@ def drawn(integral: PathIntegral, tape: Sequence[float], count: int, seed: int, 
     times = integral.steps(horizon)
     controls = np.zeros((len(times) - 1, 2))
     controls[times[1:] <= tape[2] + 1e-9] = tape[:2]
-    proposal = Proposal(lead=Tape(times, controls), count=count)
-    return integral.rollout(Batch(state=np.array([0.0, 0.0, 0.4]), times=times, proposals=(proposal,)), seed)
+    return led(integral, np.array([0.0, 0.0, 0.4]), times, Tape(times, controls), count=count, seed=seed)
 
 
 def mean(weight: Array) -> tuple[float, float]:
@@ -75,21 +74,16 @@ def in_slit(partition: bool) -> PathIntegral:
 @pytest.mark.thorough
 def test_a_mass_is_the_same_in_input_form_as_in_the_papers_partition():
     """Guide, likelihood ratios, paths and controls agree to rounding."""
-    x, key = np.array([1.0, 2.5, 0.0, 0.0]), None
-    push = Trajectory(
-        controls=np.array([[0.7, 0.2], [-0.2, -0.1]]), durations=np.array([2.5, 2.5]), path=None, cost=5.0, length=5.0
-    )
-    found = []
+    x = np.array([1.0, 2.5, 0.0, 0.0])
+    controls, found = np.array([[0.7, 0.2], [-0.2, -0.1]]), []
+    push = Trajectory(controls=controls, durations=np.array([2.5, 2.5]), path=None, cost=5.0, length=5.0)
     for partition in (True, False):
         integral = in_slit(partition)
-        assert isinstance(integral.guidance, DDPGuidance)
         times = integral.steps(12.0)
         key = integral.space.homology.key((0,) * len(integral.space.obstacles))
         guide = best(integral.guidance, x, times, key, push)
-        assert guide is not None
-        leads = (LinearFeedback(guide), Tape(times, push.tape(times)))
-        proposals = tuple(Proposal(lead=lead, count=100) for lead in leads)
-        rollouts = integral.rollout(Batch(state=x, times=times, proposals=proposals), 7)
+        leads = LinearFeedback(guide), Tape(times, push.tape(times))
+        rollouts = led(integral, x, times, *leads, count=100, seed=7)
         found.append((guide, rollouts, integral.estimate(rollouts)))
     (one, first, told), (other, second, again) = found
     np.testing.assert_allclose(other.modes, one.modes, rtol=1e-6, atol=1e-6)
@@ -106,8 +100,8 @@ def value(x: Array, dt: float, steps: str, samples: int = 4000, seed: int = 0) -
     references = tree.references(x)
     times = integral.grid(max(running_cost(problem, x, r.trajectory) for r in references))
     found = [best(integral.guidance, x, times, space.homology.key(one.winding), one.trajectory) for one in references]
-    proposals = tuple(Proposal(lead=LinearFeedback(guide), count=samples) for guide in found if guide is not None)
-    estimate = integral.estimate(integral.rollout(Batch(state=x, times=times, proposals=proposals), seed))
+    leads = (LinearFeedback(guide) for guide in found if guide is not None)
+    estimate = integral.estimate(led(integral, x, times, *leads, count=samples, seed=seed))
     return estimate.value, estimate.value_error
 
 
@@ -123,9 +117,7 @@ def test_fitted_steps_of_a_car_say_what_steps_a_tenth_as_long_do_and_uniform_one
     assert value(x, STEP, "uniform")[0] - fine > 2.0 * allowed
 
 
-@pytest.mark.parametrize(
-    "x", [(0.0, 0.0, 0.0, 0.0), (0.0, 0.0, -1.0, 0.5), (1.5, 0.9, 1.0, 0.0), (1.9, 1.7, 0.0, -2.0)]
-)
+@pytest.mark.parametrize("x", [(0, 0, 0, 0), (0, 0, -1.0, 0.5), (1.5, 0.9, 1.0, 0), (1.9, 1.7, 0, -2.0)])
 def test_homing_brings_a_mass_into_the_goal_from_anywhere(x):
     """Noise 0.1, q / lambda = 50, as with R = 2: the disc around (2, 1) of radius 0.3 within 6 s."""
     state, a, h = np.array(x, dtype=float), np.zeros(2), 0.01

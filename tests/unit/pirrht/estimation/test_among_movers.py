@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import led
 from discs import block, disc, scene_of
 from moving import SCENES, hall, moved
 from thoroughly import thorough
@@ -30,7 +31,7 @@ def held(integral: PathIntegral, x: Array, control: Array, count: int, time: flo
     """Samples around one control that is held."""
     times = integral.steps(T * integral.sampling.dt)
     tape = Tape(times, np.tile(control, (len(times) - 1, 1)))
-    return integral.rollout(Batch(state=x, times=times, proposals=(Proposal(lead=tape, count=count),), time=time), 3)
+    return led(integral, x, times, tape, count=count, seed=3, time=time)
 
 
 def walled(speed: float) -> Scene:

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from batches import led, still
 from scipy.stats import kstest
 from solved import Solved, around_corner, around_post, error_of, in_channel, is_the_grids, shares
 
 from pirrht import Estimate, Outcome, PathIntegral, Plan, Sampling, path_integral
 from pirrht.arrays import Array
-from pirrht.proposals.proposal import Batch, Proposal, Tape
+from pirrht.estimation.estimate import Rollouts
 from pirrht.topology.signature import class_id
 from sim.scenario import Scenario
 
@@ -23,9 +24,7 @@ def plan_at_start(scenario: Scenario, tree, b: float, samples: int, **settings) 
 
 
 def at_start(scenario: Scenario, tree, b: float, samples: int, **settings) -> Estimate:
-    estimate = plan_at_start(scenario, tree, b, samples, **settings).estimate
-    assert estimate is not None
-    return estimate
+    return plan_at_start(scenario, tree, b, samples, **settings).estimate
 
 
 @pytest.mark.parametrize(("b", "value", "share"), [(0.1, 8.443, 1.0), (0.2, 8.825, 0.98), (0.3, 9.535, 0.05)])
@@ -53,9 +52,8 @@ def test_the_plain_average_is_too_high_by_a_share_of_lambda_ln_3(slit, slit_tree
 
 
 def test_a_sample_belongs_to_the_class_of_its_own_path(slit, slit_tree):
-    plan = plan_at_start(slit, slit_tree, 0.3, 400)
-    estimate = plan.estimate
-    rollouts, homology = estimate.rollouts, slit.space.homology
+    plan, homology = plan_at_start(slit, slit_tree, 0.3, 400), slit.space.homology
+    estimate, rollouts = plan.estimate, plan.estimate.rollouts
     chosen = np.arange(rollouts.size)
     arrived = rollouts.paths.outcome == Outcome.GOAL
     states, steps = plan.replay.trace(rollouts, chosen)
@@ -84,11 +82,10 @@ def test_the_number_of_threads_does_not_change_a_bit(slit, slit_tree, exit_rule)
 FINE = {"steps": "uniform", "dt": 0.1 / 64}
 
 
-def passive(integral: PathIntegral, x: Array, count: int) -> Batch:
+def passive(integral: PathIntegral, x: Array, count: int, seed: int) -> Rollouts:
     """Samples of no guide for eight seconds."""
     times = integral.steps(8.0)
-    still = Proposal(lead=Tape(times, np.zeros((len(times) - 1, 2))), count=count)
-    return Batch(state=x, times=times, proposals=(still,))
+    return led(integral, x, times, still(times), count=count, seed=seed)
 
 
 def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
@@ -97,7 +94,7 @@ def test_split_steps_leave_when_and_where_passive_paths_end_as_it_is():
     times, outcomes = [], []
     for settings in ({}, FINE):
         integral = path_integral(replace(known.problem, phi=0.0), known.space, Sampling(guide="open-loop", **settings))
-        paths = integral.rollout(passive(integral, known.x, 20_000), 7).paths
+        paths = passive(integral, known.x, 20_000, 7).paths
         times.append(paths.work)
         outcomes.append(paths.outcome)
     reached = [np.mean(outcome == Outcome.GOAL) for outcome in outcomes]
@@ -112,7 +109,7 @@ def test_with_a_small_final_cost_psi_is_that_of_the_grid_with_that_cost(make: Ca
     """Walls are worth exp(-1) or exp(-4), so most of psi comes from them; passive paths, 8 seeds."""
     known = make(0.5, phi)
     integral = path_integral(known.problem, known.space, Sampling(guide="open-loop"))
-    rollouts = [integral.rollout(passive(integral, known.x, 8000), seed) for seed in range(8)]
+    rollouts = [passive(integral, known.x, 8000, seed) for seed in range(8)]
     assert not rollouts[0].tables.weighed
     values = shares(known, [integral.estimate(one) for one in rollouts])
     assert error_of(values) < 0.006

@@ -14,7 +14,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.arcs import BLOCKED, FREE, UNSURE, certify_curve, certify_segment
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import REACH, clearance, interpolate
-from pirrht.geometry.scene import Footprint, Kind, Obstacle, Workspace
+from pirrht.geometry.scene import Footprint, Kind, Workspace
 from pirrht.geometry.walls import APART_COSINE, RISE_SINE
 
 ROUNDING = 1e-6  # the field is kept in single precision [m]
@@ -82,8 +82,7 @@ def test_what_the_field_says_of_a_segment_fcl_confirms(seed):
 
 def test_a_certified_arc_is_free_by_fcl_at_every_point():
     space = cluttered(None)
-    rng = np.random.default_rng(7)
-    certified = 0
+    rng, certified = np.random.default_rng(7), 0
     for start in points_in(space, 800, 8):
         kappa, length = rng.uniform(-3, 3), rng.uniform(0.1, 1.5)
         pose = np.array([*start, rng.uniform(-np.pi, np.pi)])
@@ -101,29 +100,18 @@ GAP = 0.012  # the field tells at most this much less than the clearance in what
 HEIGHT = 0.12
 
 
-def workspace_of(*obstacles: Obstacle) -> Collision:
-    return Collision(Workspace(np.zeros(2), np.full(2, 4.0), obstacles), Footprint(HEIGHT, HEIGHT))
-
-
 def slopes(collision: Collision, m: int, points: Array) -> Array:
     """Planar gradients of the distance from one solid, (k, 2)."""
-    h = 1e-6
-    ahead, back = (
-        np.array([collision.obstacle_distance(m, points + sign * h * axis) for axis in np.eye(2)]) for sign in (1, -1)
-    )
-    return ((ahead - back) / (2 * h)).T
-
-
-def vectors(collision: Collision, points: Array) -> tuple[Array, Array]:
-    """Distances (M, k) [m] of all solids and vectors (M, k, 2) from their nearest points [m], by FCL's distances."""
-    count = len(collision.world.obstacles)
-    distances = np.array([collision.obstacle_distance(m, points) for m in range(count)])
-    return distances, distances[..., None] * np.array([slopes(collision, m, points) for m in range(count)])
+    h = 1e-6 * np.eye(2)
+    ahead, back = ([collision.obstacle_distance(m, points + step) for step in side] for side in (h, -h))
+    return (np.subtract(ahead, back) / 2e-6).T
 
 
 def expected(collision: Collision, points: Array, reach: float) -> tuple[Array, Array, BoolArray]:
     """Distances of the two walls of k points, and where neither kind of rounding decides which they are, 3 x (k,)."""
-    distances, away = vectors(collision, points)
+    count = range(len(collision.world.obstacles))
+    distances = np.array([collision.obstacle_distance(m, points) for m in count])  # (M, k)
+    away = distances[..., None] * np.array([slopes(collision, m, points) for m in count])  # from nearest points
     which, columns = np.argmin(distances, axis=0), np.arange(len(points))
     first, a = distances[which, columns], away[which, columns]
     along, lengths = np.sum(away * a, axis=-1), np.linalg.norm(away, axis=-1) * np.linalg.norm(a, axis=-1)
@@ -140,17 +128,12 @@ def expected(collision: Collision, points: Array, reach: float) -> tuple[Array, 
     return np.minimum(first, reach), np.where(first < reach, np.minimum(second, reach), reach), sure
 
 
-def of_field(space: FreeSpace, points: Array) -> tuple[Array, Array]:
-    field = space.field
-    both = [[interpolate(field, grid, x, y) for x, y in points] for grid in (field.nearest, field.second)]
-    return np.array(both[0]), np.array(both[1])
-
-
 @pytest.mark.parametrize("reach", [0.5, 3.0])
 @pytest.mark.parametrize("seed", range(3))
 def test_both_walls_are_those_of_a_search_through_all_solids(seed: int, reach: float) -> None:
     rng = np.random.default_rng([3, seed])
-    collision = workspace_of(*(solid(kind, kind.value, rng.uniform(0.5, 3.5, 2), rng) for kind in [*Kind, *Kind]))
+    solids = tuple(solid(kind, kind.value, rng.uniform(0.5, 3.5, 2), rng) for kind in [*Kind, *Kind])
+    collision = Collision(Workspace(np.zeros(2), np.full(2, 4.0), solids), Footprint(HEIGHT, HEIGHT))
     points = rng.uniform(0, 4, (300, 2))
     found = collision.nearest_walls(points, range(12), reach)
     first, second, sure = expected(collision, points, reach)
@@ -170,8 +153,9 @@ def test_both_jambs_of_a_doorway_count_although_they_join() -> None:
     assert len(space.obstacles) == 1
     points = np.array([[3.2, 2.5], [3.4, 2.5], [3.4, 2.45], [3.65, 2.6]])
     jambs = np.abs(points[:, 1:] - [2.25, 2.75])
-    nearest, second = of_field(space, points)
-    for found, exact in ((nearest, jambs.min(axis=1)), (second, jambs.max(axis=1))):
+    field = space.field
+    for grid, exact in ((field.nearest, jambs.min(axis=1)), (field.second, jambs.max(axis=1))):
+        found = np.array([interpolate(field, grid, x, y) for x, y in points])
         assert np.all(found <= exact - 0.1 + 1e-6)
         assert np.all(found > exact - 0.1 - GAP)
 

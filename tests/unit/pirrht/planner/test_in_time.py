@@ -11,7 +11,7 @@ from discs import disc
 from moving import SCENES, hall, moved
 from trees import grown
 
-from pirrht import FreeSpace, Homology, HomologyTree, OptionError, Reference
+from pirrht import FreeSpace, HomologyTree, OptionError, Reference
 from pirrht.moving.collision import MovingObstacles
 from pirrht.planner.shorten import resume, shorten
 from pirrht.steering.edges import EdgeChecker
@@ -20,11 +20,7 @@ from pirrht.steering.motion import Legs
 from sim.tree_file import load, save
 
 START = np.array([1.0, 2.5, 0.0])
-WAYS = {  # classes that matter
-    "crossing": ["0", "1"],
-    "closing_door": ["0,0", "-1,0"],
-    "pincer": ["0,0", "1,0", "0,-1"],
-}
+WAYS = {"crossing": ["0", "1"], "closing_door": ["0,0", "-1,0"], "pincer": ["0,0", "1,0", "0,-1"]}  # that matter
 
 
 def in_time(space: FreeSpace, seed: int, vertices: int = 250) -> HomologyTree:
@@ -92,9 +88,8 @@ def test_far_bodies_do_not_multiply_the_classes_that_count():
     corners = [(0.4, 0.4), (5.6, 0.4), (0.4, 4.6), (5.6, 4.6)]
     far = []
     for k in range(12):
-        rows = np.column_stack(
-            [np.arange(5) * 0.8, np.array(corners[k % 4]) + rng.normal(0.0, 0.1, (5, 2)), np.zeros(5)]
-        )
+        spots = np.array(corners[k % 4]) + rng.normal(0.0, 0.1, (5, 2))
+        rows = np.column_stack([np.arange(5) * 0.8, spots, np.zeros(5)])
         far.append(moved(f"far{k}", rows, disc("disc", 0.0, 0.0, 0.1)))
     alone = in_time(FreeSpace.of(crossing), 0, 300).references(START)
     found = in_time(FreeSpace.of(replace(crossing, movers=(*crossing.movers, *far))), 0, 300).references(START)
@@ -145,10 +140,10 @@ def test_who_is_pressed_goes_on_with_earlier_paths_and_shortens_no_others():
 STEERING = InTime()
 
 
-def taut(space: FreeSpace, knots: np.ndarray, steering: InTime = STEERING) -> np.ndarray:
-    """Knots of the shortened path."""
-    path = EdgeChecker.of(space, steering).until_goal(steering.connect(knots[:-1], knots[1:]))
-    return np.asarray(shorten(path, steering, EdgeChecker.of(space, steering)).knots)
+def taut(space: FreeSpace, knots: np.ndarray) -> Legs:
+    """The shortened path."""
+    checker = EdgeChecker.of(space, STEERING)
+    return shorten(checker.until_goal(STEERING.connect(knots[:-1], knots[1:])), STEERING, checker)
 
 
 def cost_of(knots: np.ndarray) -> float:
@@ -158,7 +153,7 @@ def cost_of(knots: np.ndarray) -> float:
 
 def test_with_nothing_in_the_way_a_crooked_path_becomes_the_straight_one_at_the_best_speed():
     knots = np.array([[1.0, 2.5, 0.0], [1.2, 4.0, 2.0], [3.0, 1.0, 5.0], [4.0, 2.0, 5.6], [5.5, 2.5, 9.0]])
-    found = taut(FreeSpace.of(hall("empty", [])), knots)
+    found = taut(FreeSpace.of(hall("empty", [])), knots).knots
     assert cost_of(found) == pytest.approx(2.0 * 4.2, rel=1e-4)
     assert found[-1] == pytest.approx([5.2, 2.5, 4.2], abs=0.02)
 
@@ -169,12 +164,8 @@ def least_cost(space: FreeSpace, side: int, x0: float, width: float) -> float:
     A path is two straight ways at constant speeds with a short stretch beside the body's column in between, whose
     places and times are all tried: a bound from above that is as fine as the grid.
     """
-    crosser = space.scene.movers[0].motion
-    start, goal = np.array([1.0, 2.5]), np.array([5.5, 2.5])
-    xs = np.linspace(x0, x0 + width, 25)
-    times = np.linspace(1.4, 3.4, 201)
-    ys = np.linspace(-0.9, 0.9, 361)
-    best = np.full((len(times), len(ys)), np.inf)
+    crosser, start, goal = space.scene.movers[0].motion, np.array([1.0, 2.5]), np.array([5.5, 2.5])
+    xs, times, ys = np.linspace(x0, x0 + width, 25), np.linspace(1.4, 3.4, 201), np.linspace(-0.9, 0.9, 361)
     X, T, Y = xs[0], times[:, None], ys[None, :] + 2.5
     best = T + ((X - start[0]) ** 2 + (Y - start[1]) ** 2) / T
     best = np.where(_free(crosser, X, Y, T, side), best, np.inf)
@@ -206,23 +197,16 @@ def _free(crosser, x: float, y: np.ndarray, t: np.ndarray, side: int) -> np.ndar
 @pytest.mark.parametrize(("side", "winding", "via"), [(1, (0,), (3.25, 3.1, 2.2)), (-1, (1,), (3.25, 2.0, 2.6))])
 def test_before_and_behind_cost_what_dynamic_programming_finds(side, winding, via):
     space = FreeSpace.of(SCENES["crossing"]())
-    found = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]]))
-    ways: Homology = STEERING.homology(space)
-    assert ways.winding(found) == winding
-    truth = least_cost(space, side, 2.85, 0.8)
-    assert cost_of(found) == pytest.approx(truth, rel=4e-3)
+    found = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])).knots
+    assert STEERING.homology(space).winding(found) == winding
+    assert cost_of(found) == pytest.approx(least_cost(space, side, 2.85, 0.8), rel=4e-3)
     assert cost_of(found) > 2.0 * 4.2
 
 
 def later(via: tuple[float, float, float], aside: tuple[float, float]) -> tuple[FreeSpace, Legs, np.ndarray]:
     """`crossing`, a taut path over a place and a time, and where a robot is that was put aside on it a little later."""
     space = FreeSpace.of(SCENES["crossing"]())
-    knots = np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]])
-    path = shorten(
-        EdgeChecker.of(space, STEERING).until_goal(STEERING.connect(knots[:-1], knots[1:])),
-        STEERING,
-        EdgeChecker.of(space, STEERING),
-    )
+    path = taut(space, np.array([[1.0, 2.5, 0.0], via, [5.5, 2.5, 5.0]]))
     place = [np.interp(0.4, path.knots[:, 2], path.knots[:, k]) for k in (0, 1)]
     return space, path, np.array([*np.add(place, aside), 0.4])
 
@@ -233,7 +217,7 @@ def test_a_path_that_goes_on_from_an_earlier_one_is_as_good_as_one_made_anew(via
     space, path, x = later(via, aside)
     checker = EdgeChecker.of(space, STEERING)
     found = resume(x, path, STEERING, checker)
-    anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]]))
+    anew = taut(space, np.vstack([x, path.knots[path.knots[:, 2] > 0.5]])).knots
     assert np.array_equal(found.knots[0], x)
     assert checker.inspect(found, np.arange(len(found.cost)) == len(found.cost) - 1).free.all()
     homology = STEERING.homology(space)

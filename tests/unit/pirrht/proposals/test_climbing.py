@@ -10,15 +10,15 @@ from typing import cast
 
 import numpy as np
 import pytest
+from batches import led
 from discs import block, scene_of
 from scipy.integrate import quad
 from scipy.stats import norm
-from solved import Solved, around_corner, around_post, in_channel, slope
+from solved import Solved, around_corner, around_post, in_channel, problem_in, slope
 
-from pirrht import Desirability, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
+from pirrht import Desirability, FreeSpace, PathIntegral, Sampling, path_integral
 from pirrht.arrays import Array
 from pirrht.proposals.desirability_tube import DesirabilityAscent
-from pirrht.proposals.proposal import Batch, Proposal
 from pirrht.proposals.wall_drift import FlatWalls, NearWalls, WallDrift, shortfall
 
 Made = Callable[..., Solved]
@@ -103,9 +103,7 @@ def mean_slope(c: float, s: float, t: float, away: float = 0.0) -> float:
         return math.exp(-drift * z) * (math.sinh(g * z) if g > 0.0 else z)
 
     def slope(z: float) -> float:
-        return math.exp(-drift * z) * (
-            (g * math.cosh(g * z) if g > 0.0 else 1.0) - drift * (math.sinh(g * z) if g > 0.0 else z)
-        )
+        return math.exp(-drift * z) * (g * math.cosh(g * z) if g > 0.0 else 1.0) - drift * h(z)
 
     spread = B * math.sqrt(t)
 
@@ -157,14 +155,10 @@ def test_a_wall_that_pushes_no_harder_leaves_in_the_error_what_the_grid_has():
     """3 mm beside a flat wall, where psi vanishes like the distance: the control is off by what is told."""
     obstacle = block("wall", 2.5, 0.4, (2.0, 0.3))
     scene = scene_of([obstacle], start=(0.6, 1.5), goal=(4.3, 1.6, 0.3), side=(5.0, 3.0), radius=0.2)
-    problem = Problem(dynamics=SingleIntegrator(b=0.2), scene=scene, R=2.0 * np.eye(2))
-    space, x = FreeSpace.of(scene), np.array([2.5, 0.903])
+    problem, space, x = problem_in(scene, 0.2), FreeSpace.of(scene), np.array([2.5, 0.903])
     integral = path_integral(problem, space, Sampling(threads=1, first=0.01))
-    leading = integral.proposals
-    climb = leading.climbing(x, np.array([[4.3, 1.6]]))
-    times = integral.steps(6.0)
-    batch = Batch(state=x, times=times, proposals=(Proposal(lead=climb, count=4000),))
-    found = integral.estimate(integral.rollout(batch, 1))
+    climb = integral.proposals.climbing(x, np.array([[4.3, 1.6]]))
+    found = integral.estimate(led(integral, x, integral.steps(6.0), climb, count=4000, seed=1))
     assert found.walls.clipped[1] == pytest.approx(0.04 * (1.0 / 0.003 - 1.0 / 0.004), rel=0.05)
     off = Desirability.of(problem, space).control(x) - found.control
     assert 1.0 < off[1] < 1.2 * found.control_error[1]

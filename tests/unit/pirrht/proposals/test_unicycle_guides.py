@@ -20,17 +20,16 @@ from pirrht.arrays import Array
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Trajectory, running_cost
 
+Found = tuple[Trajectory, tuple[int, ...]]
+
 
 @cache
-def case(
-    post: bool, b: float, goal: float
-) -> tuple[Problem, FreeSpace, tuple[tuple[Trajectory, tuple[int, ...]], ...]]:
+def case(post: bool, b: float, goal: float) -> tuple[Problem, FreeSpace, tuple[Found, ...]]:
     """Problem, free space and the shortened references at the start; passing the post on the right is cheaper."""
     posts = [disc("post", 2.2, 0.1, 0.5)] if post else []
     ends = {"start": (0.0, 0.0), "goal": (goal, 0.0, 0.4), "lower": (-1.0, -3.0), "side": (6.0, 3.0)}
     scene = scene_of(posts, **ends, radius=0.15)
-    problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
-    space = FreeSpace.of(scene)
+    problem, space = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
     tree = grown(space, Dubins.of(problem), 300)
     return problem, space, tuple((r.trajectory, r.winding) for r in tree.references(scene.start))
 
@@ -60,13 +59,11 @@ def test_guides_cost_less_than_the_curves_they_come_from_and_stay_free_and_in_cl
 
 
 def test_a_guide_is_a_minimum_of_what_it_minimises():
-    integral, _, guides = setting(steps="uniform")
-    guide = guides[0]
+    integral, _, (guide, *_) = setting(steps="uniform")
     rng = np.random.default_rng(0)
 
     def cost(control: Array) -> float:
-        x = np.zeros(3)
-        total = 0.0
+        x, total = np.zeros(3), 0.0
         for i in range(guide.length):
             middle = x[2] + 0.05 * control[i]
             total += 0.1 * (1.0 + 0.5 * control[i] ** 2)
@@ -79,7 +76,6 @@ def test_a_guide_is_a_minimum_of_what_it_minimises():
         return total + along - np.sqrt(0.16 - gap @ gap + along**2)
 
     def barrier(c: float) -> float:
-        assert integral.guidance is not None
         car = integral.guidance.tasks[1.0]
         if c >= car.margin:
             return 0.0
@@ -106,14 +102,11 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
     problem, space, references = case(False, 0.3, 2.0)
     integral = path_integral(problem, space, Sampling(steps=steps))
     times = np.arange(9) * 0.1  # the goal is out of reach: nothing ends a path early
-    guidance = integral.guidance
-    assert guidance is not None
     far = np.arange(100) * 0.1
     x = np.array([0.0, 0.0, 0.35])
     steering = Dubins.of(problem)
     curve = steering.trajectory(steering.connect(x[None], np.array([[2.0, 0.0, -0.4]])))
-    guide = best(guidance, x, far, space.homology.key(references[0][1]), curve)
-    assert guide is not None
+    guide = best(integral.guidance, x, far, space.homology.key(references[0][1]), curve)
     cut = replace(guide, times=times, states=guide.states[:9], modes=guide.modes[:8], gains=guide.gains[:8],
                   share=guide.share[:8], inverse=guide.inverse[:8], volume=guide.volume[:8], length=8)  # fmt: skip
     modes = cut.modes.shape[1]
@@ -140,17 +133,12 @@ def test_likelihood_ratios_of_feedback_guides_average_to_one(steps):
 
 def test_the_next_guide_starts_from_the_last_and_agrees_with_a_fresh_one():
     problem, space, references = case(True, 0.03, 4.5)
-    integral, times, guides = setting()
-    assert integral.guidance is not None
-    last = guides[0]
+    integral, times, (last, *_) = setting()
     x = last.states[1] + np.array([0.0, 0.002, 0.01])
     key = space.homology.key(references[0][1])
     warm = best(integral.guidance, x, times, key, references[0][0], last, 0.1)
     rest = last.rest(0.1, problem.scene.goal.center)
-    assert rest is not None
     fresh = best(integral.guidance, x, times, key, rest)
-    assert warm is not None
-    assert fresh is not None
     assert warm.valid
     assert warm.penalised == pytest.approx(fresh.penalised, abs=1e-4)
     assert rest.length == pytest.approx(references[0][0].length, abs=0.5)

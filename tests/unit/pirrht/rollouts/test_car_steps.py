@@ -10,12 +10,12 @@ from functools import cache
 
 import numpy as np
 import pytest
+from batches import led, still
 from discs import disc, scene_of
 from trees import grown
 
 from pirrht import Dubins, FreeSpace, HomologyTree, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
-from pirrht.proposals.proposal import Batch, Proposal, Tape
 
 STEP = 0.1
 
@@ -25,10 +25,8 @@ def case(b: float) -> tuple[Problem, FreeSpace, HomologyTree]:
     """A car in front of a post, and the goal behind it."""
     ends = {"start": (0.0, 0.0), "goal": (4.0, -0.6, 0.3), "lower": (-1.0, -3.0), "side": (6.0, 3.0)}
     scene = scene_of([disc("post", 2.2, -0.2, 0.4)], **ends, radius=0.15)
-    problem = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0)
-    space = FreeSpace.of(scene)
-    tree = grown(space, Dubins.of(problem), 300)
-    return problem, space, tree
+    problem, space = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
+    return problem, space, grown(space, Dubins.of(problem), 300)
 
 
 def passive(b: float, steps: str, count: int) -> Array:
@@ -36,8 +34,7 @@ def passive(b: float, steps: str, count: int) -> Array:
     problem, space, _ = case(b)
     integral = path_integral(problem, space, Sampling(dt=STEP, steps=steps, draws="independent"))
     times = STEP * np.arange(3)
-    proposal = Proposal(lead=Tape(times, np.zeros((2, 1))), count=count)
-    rollouts = integral.rollout(Batch(state=np.zeros(3), times=times, proposals=(proposal,)), 1)
+    rollouts = led(integral, np.zeros(3), times, still(times, 1), count=count, seed=1)
     return integral.replay.trace(rollouts, np.arange(count))[0]
 
 
@@ -50,9 +47,6 @@ def test_within_fitted_steps_a_car_sways_as_the_integral_of_its_heading_does():
         x, y, heading = states[:, k].T
         ahead = 2.0 / b**2 * (1.0 - np.exp(-0.5 * b**2 * t))  # E of the integral of cos
         assert abs(x.mean() - ahead) < 4.0 * x.std() / np.sqrt(count) + 1e-6
-        for product, exact in (
-            (heading * heading, b**2 * t),
-            (heading * y, b**2 * t**2 / 2.0),
-            (y * y, b**2 * t**3 / 3.0),
-        ):
+        products = heading * heading, heading * y, y * y
+        for product, exact in zip(products, b**2 * np.array([t, t**2 / 2.0, t**3 / 3.0]), strict=True):
             assert product.mean() == pytest.approx(exact, abs=4.0 * product.std() / np.sqrt(count) + 0.003 * exact)

@@ -136,8 +136,7 @@ def test_a_step_in_the_open_stays_inside():
 
 def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     space = room()
-    arena = space.world
-    state = stream(np.uint64(6), 0)
+    arena, state = space.world, stream(np.uint64(6), 0)
     for i in range(500):
         state, u = uniform(np.uint64(state))
         share = 0.05 + 0.9 * u
@@ -179,10 +178,8 @@ def test_a_path_that_remembers_its_room_ends_where_one_does_that_is_swept_step_b
 
 
 def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
-    space = room()
+    space, rng, exits = room(), np.random.default_rng(6), []
     arena = space.world
-    rng = np.random.default_rng(6)
-    exits = []
     for _ in range(1500):
         tail, head = rng.uniform(-0.2, 4.2, (2, 2))
         if not space.collision.free(tail[None])[0] or space.scene.goal.contains(tail):
@@ -200,17 +197,14 @@ def test_a_sweep_agrees_with_fcl_wherever_the_segment_is_not_grazing():
 
 def test_a_sweep_of_a_step_that_turns_agrees_with_fcl_along_the_arc():
     """600 arcs along the wall of up to 1.5 m and 0.4 rad; where chord and arc differ in what they touch, it decides."""
-    space = room()
-    rng = np.random.default_rng(7)
-    told_apart = 0
+    space, rng, told_apart = room(), np.random.default_rng(7), 0
     for _ in range(600):
         tail, length = rng.uniform([1.8, 0.2], [2.2, 2.2]), rng.uniform(0.8, 1.5)
         turn = rng.uniform(0.2, 0.4) * rng.choice([-1.0, 1.0])
         theta = 0.5 * np.pi - 0.5 * turn + rng.normal(scale=0.02)
         headings = theta + turn * np.linspace(0.0, 1.0, 301)
-        arc = tail + length / turn * np.stack(
-            [np.sin(headings) - np.sin(theta), np.cos(theta) - np.cos(headings)], axis=-1
-        )
+        ahead, aside = np.sin(headings) - np.sin(theta), np.cos(theta) - np.cos(headings)
+        arc = tail + length / turn * np.stack([ahead, aside], axis=-1)
         chord = tail + np.linspace(0.0, 1.0, 301)[:, None] * (arc[-1] - tail)
         if min(np.hypot(*(line - space.scene.goal.center).T).min() for line in (arc, chord)) < space.world.radius:
             continue

@@ -14,14 +14,11 @@ from pirrht.planner.shorten import shorten
 from pirrht.steering.edges import EdgeChecker
 
 CAR = Dubins(V=1.5, rho=0.8)
-
-
 R = CAR.radius
 
 
 def pairs(count: int, seed: int, span: float = 6.0) -> tuple[Array, Array]:
-    rng = np.random.default_rng(seed)
-    high = np.array([span, span, np.pi])
+    rng, high = np.random.default_rng(seed), np.array([span, span, np.pi])
     return rng.uniform(-high, high, (count, 3)), rng.uniform(-high, high, (count, 3))
 
 
@@ -49,8 +46,7 @@ def ends(curves: Curves) -> Array:
 
 
 def wrapped(angle: Array) -> Array:
-    turned: Array = np.angle(np.exp(1j * angle))
-    return turned
+    return np.angle(np.exp(1j * angle))
 
 
 def brute_force(tails: Array, heads: Array, eps: float) -> Array:
@@ -142,12 +138,9 @@ def test_closed_circles_wind_once_each(circles: float, sign: float) -> None:
         start = np.array([0.3, -0.2, theta])
         center = start[:2] + sign * R * np.array([-np.sin(theta), np.cos(theta)])
         angle = rng.uniform(-np.pi, np.pi, 8)
-        ring = np.column_stack([np.cos(angle), np.sin(angle)])
-        out = np.empty(16)
-        turns_of_curve(
-            start, np.array([sign / R]), np.array([circles * TWO_PI * R]),
-            np.vstack([center + 0.999 * R * ring, center + 1.001 * R * ring]), out,
-        )  # fmt: skip
+        ring, out = np.column_stack([np.cos(angle), np.sin(angle)]), np.empty(16)
+        markers = np.vstack([center + 0.999 * R * ring, center + 1.001 * R * ring])
+        turns_of_curve(start, np.array([sign / R]), np.array([circles * TWO_PI * R]), markers, out)
         np.testing.assert_allclose(out[:8], sign * np.rint(circles), atol=1e-8)
         np.testing.assert_allclose(out[8:], 0.0, atol=1e-8)
 

@@ -28,10 +28,8 @@ def random_path(rng: np.random.Generator, tail: Array, head: Array, corners: int
 
 def turns_by_rays(path: Array, marker: Array, goal: Array) -> int:
     """Signed crossings of the ray that leaves the marker away from the goal, an integer by other means."""
-    ahead = goal - marker
-    relative = path - marker
+    ahead, relative, total = goal - marker, path - marker, 0
     side = relative[:, 0] * ahead[1] - relative[:, 1] * ahead[0]
-    total = 0
     for i in range(len(path) - 1):
         if (side[i] > 0) != (side[i + 1] > 0):
             share = side[i] / (side[i] - side[i + 1])
@@ -41,8 +39,7 @@ def turns_by_rays(path: Array, marker: Array, goal: Array) -> int:
 
 
 def test_winding_from_rays_equals_winding_from_angles(homology):
-    rng = np.random.default_rng(9)
-    found = []
+    rng, found = np.random.default_rng(9), []
     for _ in range(100):
         path = random_path(rng, *rng.uniform(-1, 6, (2, 2)))
         found.append(homology.winding(path))
@@ -67,24 +64,14 @@ def test_a_circle_counts_its_turns_around_what_it_encloses(homology, turns):
     np.testing.assert_allclose(homology.turns(circle), [turns, 0, 0], atol=1e-9)
 
 
-def behind(marker: Array, distance: float) -> Array:
-    """A point on the cut: the marker lies between it and the goal."""
-    away = marker - GOAL
-    return marker + distance * away / np.hypot(*away)
-
-
 @pytest.mark.parametrize("marker", MARKERS)
 def test_two_ways_around_a_marker_differ_by_one_turn_from_on_and_beside_its_cut(homology, marker):
-    k = int(np.flatnonzero((marker == MARKERS).all(axis=1))[0])
-    away = marker - GOAL
-    left = np.array([-away[1], away[0]]) / np.hypot(*away)
+    away = (marker - GOAL) / np.hypot(*(marker - GOAL))
+    left = np.array([-away[1], away[0]])
     for shift in (-1e-9, 0.0, 1e-9):
-        x = behind(marker, 0.4) + shift * left
+        x = marker + 0.4 * away + shift * left  # the marker lies between it and the goal
         one, other = (homology.winding(np.array([x, marker + side * 0.2 * left, GOAL])) for side in (1.0, -1.0))
-        difference = np.array(one) - np.array(other)
-        expected = np.zeros(3, int)
-        expected[k] = 1
-        np.testing.assert_array_equal(np.abs(difference), expected)
+        np.testing.assert_array_equal(np.abs(np.subtract(one, other)), (marker == MARKERS).all(axis=1))
 
 
 def test_keys_add_as_classes_do():
@@ -120,8 +107,7 @@ def field(M: int, seed: int = 0) -> Homology:
 
 def segments(homology: Homology, count: int) -> list[tuple[Array, Array]]:
     """Segments of all lengths: anywhere, about the goal point and through it, from on and beside a cut."""
-    rng = np.random.default_rng(1)
-    found = []
+    rng, found = np.random.default_rng(1), []
     for _ in range(count):
         kind = rng.integers(4 if homology.M else 3)
         a = rng.uniform(0, 24, 2)

@@ -48,9 +48,8 @@ def fine(path: np.ndarray, mover: Mover, point: np.ndarray) -> float:
     c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     dx = x - pose[:, 0] - c * point[0] + s * point[1]
     dy = y - pose[:, 1] - s * point[0] - c * point[1]
-    return float(
-        np.sum(np.arctan2(dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:])) / 2 / np.pi
-    )
+    cross, dot = dx[:-1] * dy[1:] - dy[:-1] * dx[1:], dx[:-1] * dx[1:] + dy[:-1] * dy[1:]
+    return float(np.sum(np.arctan2(cross, dot)) / 2 / np.pi)
 
 
 @pytest.mark.parametrize("repeat", [False, True])

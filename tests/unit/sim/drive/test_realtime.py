@@ -20,7 +20,7 @@ from sim.drive import episode
 from sim.drive.episode import BEHIND, IDLE, MOST_PIECES, Clock, Frame, Planner
 from sim.drive.executor import Plant
 from sim.drive.metrics import TimedPlan
-from sim.recording.stream import Stream
+from sim.recording.subject import Stream
 from sim.scenario import Scenario, prepare
 
 PERIOD, STEP = 0.1, 0.01

@@ -13,8 +13,8 @@ from rerun.chunk import RrdReader
 from pirrht.exact.desirability import Desirability
 from sim.drive.metrics import Truth
 from sim.recording import truth_view
-from sim.recording.options import Look
 from sim.recording.recorder import Recorder, Sinks
+from sim.recording.viewer import Look
 
 
 @pytest.fixture(scope="module")
