@@ -87,7 +87,6 @@ def _shares(axes: Any, points: Sequence[Row]) -> None:
         left = left + share
     if len(total) > len(named):
         axes.barh(range(len(rows)), 100 - left, left=left, color=rgb(OTHER_COLOR), label="other")
-    axes.set_yticks(
-        range(len(rows)), [f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})" for p in rows], fontsize=8
-    )
+    names = [f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})" for p in rows]
+    axes.set_yticks(range(len(rows)), names, fontsize=8)
     axes.set(xlim=(0, 100), xlabel="share of the runs that reached the goal [%]")

@@ -38,9 +38,8 @@ class Table(NamedTuple):
 
 def lead(report: Row) -> list[str]:
     """State how complete the sweep is, and how it was made."""
-    lines = [
-        f"{report['found']} of {counted(report['asked'], 'run')} asked for {'is' if report['asked'] == 1 else 'are'} there."
-    ]
+    asked = f"{counted(report['asked'], 'run')} asked for {'is' if report['asked'] == 1 else 'are'} there."
+    lines = [f"{report['found']} of {asked}"]
     if report["found"] < report["asked"]:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
     failed = sum(report["errors"].values())
@@ -98,7 +97,8 @@ def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[Table]:
             f"Against {BASE}",
             f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
             comparisons,
-            {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}", "points": _of("success", "+.1f", 100),
+            {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}",
+             "points": _of("success", "+.1f", 100),
              "p goals": lambda c: f"{p_value(c['success_p'])} ({p_value(c['success_adjusted'])})",
              "both arrive": _of("arrived"), "cost": _of("cost", "+.3f"),
              "p cost": lambda c: f"{p_value(c['cost_p'])} ({p_value(c['cost_adjusted'])})"},
