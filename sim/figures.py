@@ -16,8 +16,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import ClassColors, rgb, title
-from sim.drawing.sides import NAMED, passing
+from sim.drawing.colors import NAMED, ClassColors, passing, rgb, title
 from sim.drawing.strokes import timed
 from sim.files import replaced
 from sim.plotting import ground, prompt

@@ -14,7 +14,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
-from sim.drawing.sides import passing
+from sim.drawing.colors import passing
 from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 

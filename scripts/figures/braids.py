@@ -16,8 +16,7 @@ from figures.effort import Effort, Tick
 from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import ClassColors
-from sim.drawing.sides import sides, worded
+from sim.drawing.colors import ClassColors, sides, worded
 from sim.drawing.strokes import Tube, timed, tubes
 from sim.plotting.ground import MOVER, outline
 from sim.scenario import Scenario

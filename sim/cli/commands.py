@@ -89,7 +89,7 @@ def sweep(arguments: argparse.Namespace) -> int:
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
-        cluster.check_address(arguments.scheduler)
+        cluster.probe(arguments.scheduler)
     if arguments.output is not None:
         records = _stored(grid, arguments)
     elif arguments.again:
@@ -123,9 +123,9 @@ def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
     dataset.check(grid.settings, scenes)
     with dataset.locked():
         dataset.begin(grid.settings, scenes, requested)
-        if arguments.again:
-            dataset.forget_errors()
-        return engine.sweep(jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset)
+        return engine.sweep(
+            jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset, again=arguments.again
+        )
 
 
 def report(arguments: argparse.Namespace) -> int:

@@ -10,8 +10,7 @@ from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampling import TUNING
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
-from sim.drawing.colors import title
-from sim.drawing.sides import passing
+from sim.drawing.colors import passing, title
 from sim.drive import episode
 from sim.drive.metrics import EpisodeMetrics, Truth
 from sim.scenario import Scenario

@@ -22,7 +22,6 @@ from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
-from sim.drawing.colors import Color
 from sim.plotting.ground import fading, outline
 
 Floats = NDArray[np.float32]
@@ -161,12 +160,6 @@ def remaining(homology: Homology, reference: Reference, line: Array, obstacle: i
     swept = np.arctan2(cross, np.sum(away[:-1] * away[1:], axis=1)) / (2.0 * np.pi)
     left: Array = reference.signature[obstacle] - np.concatenate([[0.0], np.cumsum(swept)])
     return left
-
-
-def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
-    """Colours (k, 3) as 0xRRGGBBAA (k,), opaque; Rerun takes these without converting one by one."""
-    rgb = np.asarray(colors, dtype=np.uint32).reshape(-1, 3)
-    return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)
 
 
 def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:

@@ -42,7 +42,6 @@ SHARE = 0.7  # of a period, at most, is for references and samples; then they ar
 LEAST_SHARE = 0.3  # of it is, however long weighing takes
 RESERVE = 1.25  # times as long as weighing and the like takes is kept for it,
 RECENT, RARE = 40, 2  # which is the second longest of so many: one that was disturbed is no rule
-QUICKLY, SLOWLY = 0.3, 0.03  # shares by which a duration is learned when it is more, or less, than the last ones
 FULLER = 8  # times as many vertices as it begins with a tree has at most: there is space for so many
 PIECES, MOST_PIECES = 10, 20  # integration steps in which a period is predicted, and any time if a plant is late
 BEHIND = 0.2  # of a period that the plant is late by: then the tree does not grow
@@ -201,8 +200,8 @@ class Planner:
         self.origin, self.stopped = 0.0, False  # start of the run on the clock [s]
         self.arrived, self.driven = deque[TimedPlan](), deque[Array]()
         self.seen: tuple[float, Array] = (0.0, np.empty(0))
-        self._most = math.inf if policy.tree is None else FULLER * policy.tree.size  # vertices
-        self._vertex = 1e-3  # time that a vertex takes [s]
+        self._most = 0 if policy.tree is None else FULLER * policy.tree.size  # vertices
+        self._longest = 0.0  # time that a few draws take, half of it since the last period [s]
         self._after: deque[float] = deque(maxlen=RECENT)  # time that plans took once their samples were drawn [s]
 
     def first(self, x: Array) -> TimedPlan:
@@ -272,17 +271,19 @@ class Planner:
         return replace(made, plan_seconds=ended - began, begin=begin, slack=due - ended)
 
     def extend(self, until: float) -> None:
-        """Let the tree grow, vertex by vertex, until a time of the clock [s]; not while the plant is late."""
-        tree, clock, added = self.policy.tree, self.clock, 0
-        while tree is not None and not self.stopped and (self.grow is None or added < self.grow):
-            before = clock.now()
-            behind = before - self.origin - self.seen[0] > BEHIND * self.period
-            if behind or before + 2.0 * self._vertex > until or tree.size >= self._most:
-                return
-            tree.grow(tree.size + 1, enough=lambda _: clock.now() > until)
-            more = clock.now() - before - self._vertex
-            self._vertex += (QUICKLY if more > 0.0 else SLOWLY) * more
-            added += 1
+        """Let the tree grow, a few draws at a time, until a time of the clock [s]; not while the plant is late."""
+        tree, last = self.policy.tree, self.clock.now()
+        self._longest *= 0.5
+
+        def enough(_: int) -> bool:
+            nonlocal last
+            now = self.clock.now()
+            last, self._longest = now, max(self._longest, now - last)
+            behind = now - self.origin - self.seen[0] > BEHIND * self.period
+            return self.stopped or behind or now + self._longest > until
+
+        if tree is not None:
+            tree.grow(self._most if self.grow is None else min(tree.size + self.grow, self._most), enough=enough)
 
 
 @contextmanager

@@ -22,8 +22,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
-from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, ClassColors, Color, mix, rgb, title
-from sim.drawing.sides import NAMED
+from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, ClassColors, Color, mix, rgb, title
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
 from sim.drive.episode import Frame
 from sim.files import replaced

@@ -31,7 +31,6 @@ _SHAPES = {  # measures of a geometry, and how many numbers each has
     "ellipsoid": (("radii", 3),),
 }
 _HALVES = {"box": 0.5, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}  # MuJoCo's sizes in units of these
-_LOST = 1e12  # worlds saved while running hold models that fell off the ground and are as far down [m]
 _SHORTEST = 1e-9  # quaternion that still has a direction
 _LEVEL = 1e-6  # how far a ground plane may be off [m] and [1]
 LOWEST = 0.01  # robots drive over what is no higher, like carpets [m]
@@ -39,7 +38,6 @@ _NOTES = {
     "moving": "not static in Gazebo, here obstacles that stay where they start (or leave them out by name): ",
     "actors": "actors have no collisions and are left out: ",
     "low": f"no higher than {LOWEST:g} m, so driven over and left out: ",
-    "lost": f"farther out than {FARTHEST:g} m and left out: ",
     "rough": "meshes too intricate to split, whose hulls stick out by up to {:.2g} m: ",
 }
 
@@ -62,8 +60,8 @@ def is_true(text: str | None) -> bool:
     return (text or "").strip().lower() in ("1", "true")
 
 
-def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | None:
-    """Read so many numbers, none of a greater size than the most, or None."""
+def numbers(text: str | None, count: int) -> Array | None:
+    """Read so many numbers, none beyond `FARTHEST`, or None."""
     words = (text or "").split()
     try:
         values = np.array(words, dtype=float)
@@ -71,7 +69,7 @@ def numbers(text: str | None, count: int, most: float = FARTHEST) -> Array | Non
         return None
     if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
         return None
-    return values if np.all(np.abs(values) <= most) else None
+    return values if np.all(np.abs(values) <= FARTHEST) else None
 
 
 class Frames:
@@ -168,10 +166,9 @@ class Frames:
         """Read the pose element of another element, (4, 4)."""
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
-        values = numbers(text, 7 if quaternion else 6, _LOST)
-        far = values is None or np.any(np.abs(values[3:]) > FARTHEST)
-        if values is None or far or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
-            must = f"write x y z and roll pitch yaw, none beyond {FARTHEST:g}"
+        values = numbers(text, 7 if quaternion else 6)
+        if values is None or (quaternion and np.linalg.norm(values[3:]) < _SHORTEST):
+            must = f"write x y z and roll pitch yaw, none beyond {FARTHEST:g}, or leave the model out by name"
             self.refuse(element, f"its <pose> is {text[:60]!r}; {must}")
         return transform(values, degrees=not quaternion and is_true(pose.get("degrees")))
 
@@ -212,9 +209,7 @@ class _Reader(Frames):
         """Yield the models of a world or model, nested ones after the one they are in."""
         if depth > MOST_NESTED:
             self.refuse(scope, f"models are nested deeper than {MOST_NESTED}; flatten them")
-        for part in self.named(scope).values():
-            if part.tag != "frame":
-                self.pose(part)
+        self.named(scope)
         for part in scope:
             tag, name = part.tag.rpartition("}")[2], part.get("name", "")
             if tag in ("include", "population"):
@@ -257,9 +252,7 @@ class _Reader(Frames):
             size = np.concatenate([self._measure(collision, shape, *one) for one in _SHAPES[shape.tag]])
             solids = [Solid(name, shape.tag, size * _HALVES.get(shape.tag, 1.0), pose)]
         for solid in solids:
-            if np.any(np.abs(solid.pose) > FARTHEST):
-                self._noted["lost"][name] = 0.0
-            elif 0 < solid.top <= LOWEST:
+            if 0 < solid.top <= LOWEST:
                 self._noted["low"][name] = 0.0
             else:
                 yield solid

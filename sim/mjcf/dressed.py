@@ -39,12 +39,6 @@ def has_sky(model: mujoco.MjModel) -> bool:
     return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
 
 
-def has_floor(model: mujoco.MjModel) -> bool:
-    """Whether there is a floor to be seen, other than the infinite one that a robot on wheels brings along."""
-    flat = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_rgba[:, 3] > 0.0)
-    return bool(np.any(flat & np.any(model.geom_size[:, :2] > 0.0, axis=1)))
-
-
 def _plain(rgba: Array) -> Array:
     """Whether colours (..., 4) are the ones that nobody chose."""
     return np.asarray(np.all(np.isclose(rgba, PLAIN), axis=-1))

@@ -29,7 +29,7 @@ from sim.mjcf.library import compile_spec, find, parse, robot_names
 from sim.mjcf.limits import Faults, listed, prefixed
 from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
 from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
-from sim.mjcf.robot import Robot, meant_system, read_robot
+from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
 from sim.systems import POSE
@@ -139,7 +139,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     return Loaded(
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
         dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
-        meant=meant_system(meant) if task.robot or task.system is not None else robot.system.name,
+        meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
         notes=tuple(note for note in notes if note),
     )  # fmt: skip
 

@@ -21,6 +21,7 @@ MOTION = "pirrht_motion_"  # with the name of a body: how it moves (`sim.mjcf.mo
 _GEOM = mujoco.mjtGeom
 CONVEX = 0.99  # share of its hull that a mesh fills at least to count as convex
 _UNIT = 1e-6  # by which the norm of a rotation's quaternion may be off 1
+_UP = 1 - 1e-9  # the upward part of the normal of a horizontal plane, at least
 _TOUCH = 1e-9  # what only touches the robot's height range, like a slab it stands on, is not in its way [m]
 
 
@@ -61,7 +62,7 @@ def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[f
         return _extent('site "workspace"', data.site_xpos[site], data.site_xmat[site], model.site_size[site])
     remedy = '<site name="workspace" type="box" pos="x y z" size="half-x half-y half-z"/>'
     remedy = f"add {remedy} or give --workspace X0 X1 Y0 Y1"
-    planes = np.flatnonzero((model.geom_type == _GEOM.mjGEOM_PLANE) & _faces_up(data)).tolist()
+    planes = np.flatnonzero((model.geom_type == _GEOM.mjGEOM_PLANE) & (data.geom_xmat[:, 8] > _UP)).tolist()
     floor = next((geom for geom in planes if model.geom(geom).name != f"robot/{GROUND}"), None)
     if floor is None:
         raise SceneError(f'no site "workspace" and no horizontal floor plane; {remedy}')
@@ -97,7 +98,7 @@ def _refuse_turns(model: mujoco.MjModel) -> None:
 
 
 def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
-    """Refuse what deforms, and bodies with joints, all in one line."""
+    """Refuse what deforms, and bodies with joints."""
     if model.nflex:
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, 0)
         raise SceneError(f'flex "{name}" deforms; obstacles must be static: remove it')
@@ -117,15 +118,11 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
         )
 
 
-def _faces_up(data: mujoco.MjData) -> Mask:
-    return np.asarray(data.geom_xmat[:, 8] > 1 - 1e-9)
-
-
 def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle | None:
     """The plain values of a geom; None for a horizontal floor."""
     label, shape = geom_label(model, geom), _GEOM(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
     if shape == "plane":
-        if _faces_up(data)[geom] and data.geom_xpos[geom, 2] <= _TOUCH:
+        if data.geom_xmat[geom, 8] > _UP and data.geom_xpos[geom, 2] <= _TOUCH:
             return None
         raise SceneError(f"{label} is a plane, but no horizontal floor at 0; move it, or write a box")
     if shape not in {kind.value for kind in Kind}:
@@ -191,10 +188,10 @@ def concave_meshes(model: mujoco.MjModel, solids: Mapping[int, Obstacle]) -> dic
     found = {}
     for geom, hull in solids.items():
         if hull.vertices is not None:
-            from trimesh.triangles import mass_properties
+            from trimesh import Trimesh
 
-            parts = (vertices[faces] for vertices, faces in (mesh_of(model, geom), (hull.vertices, hull.faces)))
-            mine, whole = (abs(float(mass_properties(part, skip_inertia=True).volume)) for part in parts)
+            parts = mesh_of(model, geom), (hull.vertices, hull.faces)
+            mine, whole = (abs(float(Trimesh(*part, process=False).volume)) for part in parts)
             if mine < CONVEX * whole:
                 found[geom] = f"{geom_label(model, geom)} ({whole:.3g} m3, of which the mesh fills {mine:.3g})"
     return found

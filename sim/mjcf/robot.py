@@ -92,13 +92,6 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         )  # fmt: skip
 
 
-def meant_system(which: str) -> str:
-    """The system that a robot's file names."""
-    path = find("robot", which)
-    with prefixed(f"{path}: "):
-        return _named_system(parse(path)).name
-
-
 def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) -> tuple[Array, Array]:
     """Least and greatest control (m,) that no actuator cuts off at its ctrlrange; infinite where none would.
 

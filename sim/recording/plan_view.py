@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
-from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, title
-from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, packed, tubes
+from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, packed, title
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, tubes
 from sim.plotting.ground import outline
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, entity

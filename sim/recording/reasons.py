@@ -19,8 +19,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
-from sim.drawing.colors import title
-from sim.drawing.sides import sides, worded
+from sim.drawing.colors import sides, title, worded
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much

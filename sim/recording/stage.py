@@ -16,8 +16,7 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, MOVER, mix
-from sim.drawing.sides import NAMED
+from sim.drawing.colors import DRIVEN, MOVER, NAMED, mix
 from sim.drawing.strokes import lift
 from sim.recording import geoms
 from sim.recording.subject import Subject

@@ -1,6 +1,6 @@
 """A sweep on disk: `manifest.json` says what was asked for, `runs/part-*.parquet` hold a row per finished run.
 
-Each file is whole or absent (`sim.sweeps.parts`).
+Each file is whole or absent (`sim.sweeps.parts`); of a run that is in several the last counts.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -19,20 +19,15 @@ from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
-from sim.files import MISSING, path_text, refused, why_unreadable
+from sim.files import MISSING, path_text, refused, replaced, why_unreadable
 from sim.sweeps import parts
 from sim.sweeps.parts import key_of, record_of, row_of
 
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
-CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the first of them [s]
-PATIENCE = 60.0  # how long rows that cannot be written are kept before the sweep ends [s]
+CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the file before [s]
 MOST = 10_000_000  # seeds of a wish
 MOST_POINTS = 1_000_000  # combinations of scene, noise and method of all wishes: some hundred megabytes
 LIBRARIES = ("mujoco", "numpy", "numba", "scipy", "python-fcl")
-
-
-class Unwritable(OptionError):
-    """Finished runs cannot be written; they are kept in memory for another try."""
 
 
 class Dataset:
@@ -44,15 +39,10 @@ class Dataset:
     """
 
     def __init__(self, folder: Path, now: Callable[[], float] = time.monotonic) -> None:
-        self.folder, self._now = folder, now
+        self.folder, self.runs, self._now = folder, folder / "runs", now
         self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
-        self._since = 0.0  # when the first of them came
-        self._failing_since: float | None = None
-
-    @property
-    def runs(self) -> Path:
-        """The folder of the Parquet files."""
-        return self.folder / "runs"
+        self._tried = now()  # when they were last written
+        self.failing = False  # whether that went wrong
 
     def manifest(self) -> dict[str, Any]:
         """Read the manifest of the sweep.
@@ -109,62 +99,35 @@ class Dataset:
             if known["scenes"].get(name, digest) != digest:
                 raise self._other(f"was made with another {name}: the files of scene or robot have changed since")
 
-    def begin(self, settings: Mapping[str, Any], scenes: Mapping[str, str], asked: Mapping[str, Any]) -> None:
-        """Make the folder, or add to what one was asked for (`ask`); what a killed sweep left half-written goes."""
-        self.ask(settings, scenes, [asked])
-        with self._writable():
-            for left in self.runs.glob(".part-*"):
-                left.unlink()
-            for left in self.folder.glob(f"{TREES}*"):
-                shutil.rmtree(left, ignore_errors=True)
-
-    def ask(self, settings: Mapping[str, Any], scenes: Mapping[str, str], wishes: Iterable[Mapping[str, Any]]) -> None:
-        """Make the folder, or add to what one was asked for, beside a sweep that may be at it.
+    def begin(self, settings: Mapping[str, Any], scenes: Mapping[str, str], *asked: Mapping[str, Any]) -> None:
+        """Make the folder, or add to what one was asked for; what a killed sweep left half-written goes.
 
         Raises:
             OptionError: another sweep's folder, or one that cannot be written.
         """
         self.check(settings, scenes)
-        with self._writable():
-            for left in self.folder.glob(".manifest*"):
-                left.unlink()
-            known = self.manifest() if (self.folder / "manifest.json").exists() else {}
-            everything = [*known.get("asked", []), *map(plain, wishes)]
-            content = {
-                "format": parts.DATASET_FORMAT,
-                "version": pirrht.__version__,
-                "libraries": {name: _version(name) for name in LIBRARIES},
-                "settings": plain(settings),
-                "scenes": {**known.get("scenes", {}), **scenes},
-                "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
-            }
-            text = json.dumps(content, indent=2) + "\n"
-            parts.replace(self.folder / "manifest.json", lambda stream: stream.write(text.encode()))
-
-    @contextmanager
-    def _writable(self) -> Iterator[None]:
-        """The folder, made if need be, for one who changes what lies in it; errors of the system in a line."""
+        known = self.manifest() if (self.folder / "manifest.json").exists() else {}
+        everything = [*known.get("asked", []), *map(plain, asked)]
+        content = {
+            "format": parts.DATASET_FORMAT,
+            "version": pirrht.__version__,
+            "libraries": {name: _version(name) for name in LIBRARIES},
+            "settings": plain(settings),
+            "scenes": {**known.get("scenes", {}), **scenes},
+            "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
+        }
         try:
             self.runs.mkdir(parents=True, exist_ok=True)
-            with self._turn():
-                yield
+            for left in (*self.runs.glob(".part-*"), *self.folder.glob(".manifest*")):
+                left.unlink()
+            for left in self.folder.glob(f"{TREES}*"):
+                shutil.rmtree(left, ignore_errors=True)
         except OSError as error:
             raise refused("--output", self.folder, error) from None
-
-    @contextmanager
-    def _turn(self) -> Iterator[None]:
-        """One process at a time changes files, for a moment; without locks names are unique all the same."""
-        handle = None
-        with suppress(ImportError, OSError):
-            import fcntl
-
-            handle = os.open(self.runs, os.O_RDONLY | os.O_DIRECTORY)  # a pipe would wait for a writer
-            fcntl.flock(handle, fcntl.LOCK_EX)
-        try:
-            yield
-        finally:
-            if handle is not None:
-                os.close(handle)
+        with replaced(self.folder / "manifest.json", "--output") as stream:
+            stream.write((json.dumps(content, indent=2) + "\n").encode())
+            stream.flush()
+            os.fsync(stream.fileno())
 
     @contextmanager
     def locked(self) -> Iterator[None]:
@@ -198,72 +161,48 @@ class Dataset:
 
     def records(self) -> list[dict[str, Any]]:
         """Every finished run once, in the order of the files; OptionError if one cannot be read."""
-        found: dict[tuple[Any, ...], dict[str, Any]] = {}
-        with self._turn():
-            for file in self.files():
-                for row in parts.read(file).to_pylist():
-                    found.setdefault(key_of(row), record_of(row))
-        return list(found.values())
+        rows = (row for file in self.files() for row in parts.read(file).to_pylist())
+        return [record_of(row) for row in {key_of(row): row for row in rows}.values()]
 
-    def forget_errors(self) -> None:
-        """Take the runs that ended with an error out of the files, so that they are made again."""
-        self._forget(lambda row: row["error"] is not None, self.files())
-
-    def replace(self, keys: Set[tuple[Any, ...]]) -> None:
-        """Write what has been added, then take runs of these keys (`key_of`) out of older files."""
-        before = self.files()
+    def compact(self) -> None:
+        """Write what has been added; rewrite all rows as one file if a run is there twice."""
         self.flush()
-        self._forget(lambda row: key_of(row) in keys, before)
-
-    def _forget(self, unwanted: Callable[[dict[str, Any]], bool], files: Sequence[Path]) -> None:
-        with self._writable():
-            for file in files:
-                table = parts.read(file)
-                good = [i for i, row in enumerate(table.to_pylist()) if not unwanted(row)]
-                if not good:
+        files = self.files()
+        rows = [row for file in files for row in parts.read(file).to_pylist()]
+        known = {key_of(row): row for row in rows}
+        if len(known) < len(rows):
+            try:
+                parts.add(self.runs, list(known.values()))
+                for file in files:
                     file.unlink()
-                elif len(good) < len(table):
-                    parts.replace(file, parts.parquet(table.take(good)))
+            except OSError as error:
+                raise refused("--output", self.folder, error) from None
 
     def add(self, record: Mapping[str, Any]) -> None:
         """Take a finished run in; it is written when `tend` or `flush` is called."""
-        if not self._kept:
-            self._since = self._now()
         self._kept.append(row_of(record))
 
     def tend(self) -> None:
-        """Write what has waited long enough; what cannot be written is tried again until PATIENCE is over."""
-        waited = self._now() - self._since
-        if self._kept and (len(self._kept) >= CHUNK_RUNS or waited >= CHUNK_SECONDS):
+        """Write what has waited long enough; what cannot be written is kept for the next time."""
+        if (len(self._kept) >= CHUNK_RUNS and not self.failing) or self._now() - self._tried >= CHUNK_SECONDS:
             try:
                 self.flush()
-            except Unwritable:
-                self._since = self._now()
-                self._failing_since = self._since if self._failing_since is None else self._failing_since
-                if self._since - self._failing_since >= PATIENCE:
-                    raise
+            except OptionError:
+                self.failing = True
 
     def flush(self) -> None:
-        """Write all finished runs that are in no file yet; Unwritable if they must be kept."""
-        import pyarrow as pa
-
+        """Write all finished runs that are in no file yet; OptionError if they cannot be, and are kept."""
         if not self._kept:
             return
-        rows = pa.Table.from_pylist(self._kept, schema=parts.schema())
+        self._tried = self._now()
         try:
-            with self._turn():
-                parts.add(self.runs, parts.parquet(rows))
+            parts.add(self.runs, self._kept)
         except OSError as error:
-            raise Unwritable(
+            raise OptionError(
                 f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
                 "written: fix that and give the same command again"
             ) from None
-        self._kept, self._failing_since = [], None
-
-    @property
-    def failing(self) -> bool:
-        """Return whether the last try to write went wrong."""
-        return self._failing_since is not None
+        self._kept, self.failing = [], False
 
     def _other(self, difference: str) -> OptionError:
         return OptionError(f"--output {self.folder} {difference}; choose another folder")
@@ -307,17 +246,20 @@ def wished(asked: Iterable[Mapping[str, Any]]) -> int:
 
 def _flaw(manifest: Mapping[str, Any]) -> str | None:
     """Name the first part of a manifest that is not what a sweep writes."""
-    asked = manifest.get("asked")
-    fits = {"version": isinstance(manifest.get("version"), str), "settings": isinstance(manifest.get("settings"), dict)}
-    for name in ("scenes", "libraries"):
-        texts = manifest.get(name)
-        fits[name] = isinstance(texts, dict) and _all([*texts.values()], str)
-    fits["asked"] = isinstance(asked, list) and all(map(_is_wish, asked)) and _points(asked) <= MOST_POINTS
-    return next((name for name, fit in fits.items() if not fit), None)
+
+    def fits(name: str, found: Any) -> bool:
+        if name == "version":
+            return isinstance(found, str)
+        if name == "asked":
+            return isinstance(found, list) and all(map(_is_wish, found)) and sum(map(_points, found)) <= MOST_POINTS
+        return isinstance(found, dict) and (name == "settings" or _all([*found.values()], str))
+
+    names = ("version", "settings", "scenes", "libraries", "asked")
+    return next((name for name in names if not fits(name, manifest.get(name))), None)
 
 
-def _points(asked: Sequence[Mapping[str, Any]]) -> int:
-    return sum(len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in asked)
+def _points(wish: Mapping[str, Any]) -> int:
+    return len(wish["methods"]) * sum(map(len, wish["noise"].values()))
 
 
 def _is_wish(wish: Any) -> bool:

@@ -5,15 +5,14 @@ from __future__ import annotations
 import json
 import os
 import secrets
-from collections.abc import Callable, Mapping
-from contextlib import suppress
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import pirrht
 from pirrht.errors import OptionError
 from sim.drive.result import FIGURES, columns
-from sim.files import why_unreadable
+from sim.files import Draft, why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
 
@@ -103,33 +102,18 @@ def _unreadable(file: Path, reason: str) -> OptionError:
     return OptionError(f"{file} cannot be read ({reason}); remove it, and its runs are made again")
 
 
-def parquet(table: Any) -> Callable[[Any], object]:
-    """Return what writes a table to a stream."""
+def add(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a file of rows after all that are there: seen whole or not at all, and on disk; its name is no other's."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    return lambda stream: pq.write_table(table, stream, compression="zstd")
-
-
-def add(folder: Path, write: Callable[[Any], object]) -> None:
-    """Write another file of rows after all that are there; its name is no other's, whoever else writes there."""
     taken = [int(file.name[5:11]) for file in folder.glob("part-*.parquet") if file.name[5:11].isdecimal()]
-    replace(folder / f"part-{max(taken, default=-1) + 1:06d}-{secrets.token_hex(4)}.parquet", write)
-
-
-def replace(file: Path, write: Callable[[Any], object]) -> None:
-    """Write a draft, force it to disk and give it the file's name: it is seen whole or not at all, whatever happens."""
-    draft = file.with_name(f".{file.name}-{secrets.token_hex(4)}")
+    draft = Draft(folder / f"part-{max(taken, default=-1) + 1:06d}-{secrets.token_hex(4)}.parquet")
     try:
-        with draft.open("xb") as stream:
-            write(stream)
+        with os.fdopen(draft.handle, "wb") as stream:
+            pq.write_table(pa.Table.from_pylist(list(rows), schema=schema()), stream, compression="zstd")
             stream.flush()
             os.fsync(stream.fileno())
-        os.replace(draft, file)
+        draft.publish()
     finally:
-        draft.unlink(missing_ok=True)
-    with suppress(OSError):  # not every file system lets a folder be forced to disk
-        handle = os.open(file.parent, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
+        draft.discard()

@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from sim.scenario import Scenario
 from sim.settings import BY_SCENE
 from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
@@ -38,71 +37,58 @@ def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again:
     Raises:
         OptionError: another task, runs that are there already, or a folder that cannot be written.
     """
-    dataset, scenario = Dataset(folder), runs.settled(job)
-    settings = _agreed(dataset, job, scenario)
-    known, keys = {key_of(record) for record in dataset.records()}, {key_of(one) for one in identities}
-    twice = [one for one in identities if key_of(one) in known]
-    if twice and not again:
-        first = f"method {twice[0]['method']!r}, seed {twice[0]['seed']}"
-        raise OptionError(
-            f"{folder} holds {counted(len(twice), 'of these runs', 'of these runs')} already ({first}); give them "
-            "another name, or again=True to replace them"
-        )
-    scene, digest, method = (identities[0][name] for name in ("scene", "scene_digest", "method"))
-    seeds = [int(one["seed"]) for one in identities]
-    dataset.ask(settings, {scene: digest}, _wishes(method, scene, scenario.settings.noise, seeds))
-    done: set[tuple[Any, ...]] = set()
+    dataset = Dataset(folder)
+    settings = _agreed(dataset, job)
+    dataset.check(settings, {})
+    with dataset.locked():
+        known = {key_of(record) for record in dataset.records()}
+        twice = [one for one in identities if key_of(one) in known]
+        if twice and not again:
+            first = f"method {twice[0]['method']!r}, seed {twice[0]['seed']}"
+            raise OptionError(
+                f"{folder} holds {counted(len(twice), 'of these runs', 'of these runs')} already ({first}); give them "
+                "another name, or again=True to replace them"
+            )
+        scene, digest, method, noise = (identities[0][name] for name in ("scene", "scene_digest", "method", "noise"))
+        seeds = [int(one["seed"]) for one in identities]
+        dataset.begin(settings, {scene: digest}, *_wishes(method, scene, noise, seeds))
 
-    def keep(record: Mapping[str, Any]) -> None:
-        dataset.add(record)
-        done.add(key_of(record))
-        if not again:
+        def keep(record: Mapping[str, Any]) -> None:
+            dataset.add(record)
             dataset.tend()
 
-    try:
-        yield keep
-    finally:
-        dataset.replace(done & keys) if again else dataset.flush()
+        try:
+            yield keep
+        finally:
+            dataset.compact()
 
 
-def _agreed(dataset: Dataset, job: Job, scenario: Scenario) -> dict[str, Any]:
+def _agreed(dataset: Dataset, job: Job) -> dict[str, Any]:
     """The settings of a folder, which must mean the same task and plant; those of the job if it holds no sweep yet."""
     if not (dataset.folder / "manifest.json").exists():
         given = {name: value for name, value in job.given if name != "noise"}  # it is each run's own
         return {**dict(job.task), **given, "plan_seed": 0}
     settings: dict[str, Any] = dataset.manifest()["settings"]
-    theirs = runs.settled(_under(job, settings))
-    for name in PLANT:
-        asked, here = getattr(theirs.settings, name), getattr(scenario.settings, name)
-        if asked != here:
-            raise _other(dataset, f"--{name.replace('_', '-')}", asked, here)
-    asked, here = _task(theirs), _task(scenario)
-    for name in asked:
-        if not np.array_equal(asked[name], here[name]):
-            raise _other(dataset, f"--{name}", *(" ".join(map(str, np.ravel(task[name]))) for task in (asked, here)))
+    values = runs.frozen(settings)
+    task = tuple({name: dict(values).get(name) for name in BY_SCENE}.items())
+    theirs = replace(job, task=task, given=tuple(one for one in values if one[0] not in BY_SCENE))
+    here = _meaning(job)
+    for name, asked in _meaning(theirs).items():
+        if asked != here[name]:
+            raise OptionError(
+                f"{dataset.folder} was made with --{name.replace('_', '-')} {asked} and these drives are with "
+                f"{here[name]}; choose another folder"
+            )
     return settings
 
 
-def _under(job: Job, settings: Mapping[str, Any]) -> Job:
-    """Return the job with the task and the settings of a manifest."""
-    values = {name: tuple(value) if isinstance(value, list) else value for name, value in settings.items()}
-    return replace(
-        job,
-        task=tuple((name, values.get(name)) for name in BY_SCENE),
-        given=tuple((name, value) for name, value in values.items() if name not in BY_SCENE),
-    )
-
-
-def _task(scenario: Scenario) -> dict[str, Any]:
+def _meaning(job: Job) -> dict[str, Any]:
+    """Plant and task of a job, by option, whether they were given or follow from the scene."""
+    scenario = runs.settled(job)
     scene = scenario.loaded.scene
-    goal = [*scene.goal.center.tolist(), scene.goal.radius]
-    return {"robot": scenario.loaded.robot, "radius": scene.robot_radius, "start": scenario.start, "goal": goal}
-
-
-def _other(dataset: Dataset, option: str, asked: Any, here: Any) -> OptionError:
-    return OptionError(
-        f"{dataset.folder} was made with {option} {asked} and these drives are with {here}; choose another folder"
-    )
+    start, goal = (" ".join(map(str, values)) for values in (scenario.start, (*scene.goal.center, scene.goal.radius)))
+    task = {"robot": scenario.loaded.robot, "radius": scene.robot_radius, "start": start, "goal": goal}
+    return {name: getattr(scenario.settings, name) for name in PLANT} | task
 
 
 def _wishes(method: str, scene: str, noise: float, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:

@@ -11,11 +11,10 @@ import os
 import signal
 import sys
 import tempfile
-import threading
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, suppress
-from dataclasses import replace
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +28,6 @@ from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job, Planned, Task
 from sim.text import counted
 
-SECOND = 1.0  # how often the line is written anew at least [s]
 Record = dict[str, Any]
 
 
@@ -43,30 +41,20 @@ class Progress:
     """
 
     def __init__(self, asked: int, done: Sequence[Mapping[str, Any]], places: int) -> None:
-        self._outcomes, self._places, self._closed = Counter[str](), places, threading.Event()
+        self._outcomes, self._places = Counter(record["outcome"] for record in done), places
         self._bar = tqdm(total=asked, initial=len(done), desc="sweep", unit=" runs", disable=None, dynamic_ncols=True)
-        self._outcomes.update(record["outcome"] for record in done if record["outcome"] is not None)
 
     def __enter__(self) -> Progress:
-        if not self._bar.disable:
-            self.add(None, 0)
-            threading.Thread(target=self._tick, daemon=True).start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._closed.set()
         self._bar.close()
-
-    def _tick(self) -> None:
-        """Let the clock go on while the main thread is at a tree or a run."""
-        while not self._closed.wait(SECOND):
-            self._bar.refresh()
 
     def add(self, record: Mapping[str, Any] | None, grown: int) -> None:
         """Take note of a run that has ended, or of none, and of how many trees there have been."""
-        if record is not None and record["outcome"] is not None:
+        if record is not None:
             self._outcomes[record["outcome"]] += 1
-        ended = self._outcomes.total()
+        ended = self._outcomes.total() - self._outcomes[None]
         notes = [f"goal {self._outcomes['goal'] / ended:.0%}"] if ended else []
         notes += [f"trees {grown}/{self._places}"] if grown < self._places else []
         self._bar.set_postfix_str(", ".join(notes), refresh=record is None)
@@ -75,6 +63,13 @@ class Progress:
     def write(self, line: str) -> None:
         """A line of its own, terminal or not."""
         self._bar.write(line, sys.stderr)
+
+
+@dataclass(eq=False)
+class _Place:
+    jobs: list[Job]  # that need its tree
+    left: int = 0  # runs of them that have not ended
+    tree: bytes | str | None = None
 
 
 class Pipeline:
@@ -86,52 +81,45 @@ class Pipeline:
     """
 
     def __init__(self, jobs: Sequence[Job], folder: Path | None) -> None:
-        self._folder = folder
-        self._waiting: dict[tuple[Any, ...], list[Job]] = {}  # for their place's tree
-        for job in jobs:
-            if runs.needs_tree(job):
-                self._waiting.setdefault(job.place, []).append(job)
-        self._places = {key_of(runs.failure(job, "")): at for at, there in self._waiting.items() for job in there}
-        self._left = Counter(self._places.values())  # runs that a tree is still needed for
-        self._trees: dict[tuple[Any, ...], bytes | str] = {}
-        self.places, self.grown = len(self._waiting), 0
-        trees = [Task(job=there[0], grows=True) for there in self._waiting.values()]
+        self._folder, self.grown = folder, 0
+        self._places: dict[tuple[Any, ...], _Place] = {}
+        self._of: dict[tuple[Any, ...], _Place] = {}  # by the key of a run
+        for job in filter(runs.needs_tree, jobs):
+            place = self._places.setdefault(job.place, _Place([]))
+            place.jobs.append(job)
+            place.left += 1
+            self._of[key_of(runs.failure(job, ""))] = place
+        trees = [Task(job=place.jobs[0], grows=True) for place in self._places.values()]
         self._agenda = engine.Agenda([*trees, *(Task(job=job) for job in jobs if not runs.needs_tree(job))])
+
+    @property
+    def places(self) -> int:
+        """Number of trees to grow."""
+        return len(self._places)
 
     @property
     def trees(self) -> int:
         """Number of trees at present."""
-        return len(self._trees)
+        return sum(place.tree is not None for place in self._places.values())
 
     def run(self, crew: engine.Crew) -> Iterator[Record | None]:
         """Records as they come, and None now and then while there are none."""
         for result in crew.run(runs.work, self._agenda, runs.given_up):
             if isinstance(result, Planned):
-                self._take(result)
+                planned = result if self._folder is None else runs.unpacked(result, self._folder, self.grown)
+                place = self._places[planned.place]
+                place.tree = planned.tree
+                self._agenda.add([Task(job=job, planned=planned) for job in place.jobs])
+                self.grown += 1
                 yield None
                 continue
-            if result is not None:
-                self._forget(result)
+            if result is not None and (ended := self._of.get(key_of(result))) is not None:
+                ended.left -= 1
+                if ended.left == 0:
+                    if isinstance(ended.tree, str):
+                        Path(ended.tree).unlink(missing_ok=True)
+                    ended.tree = None
             yield result
-
-    def _take(self, planned: Planned) -> None:
-        if self._folder is not None:
-            planned = runs.unpacked(planned, self._folder, self.grown)
-        self.grown += 1
-        self._trees[planned.place] = planned.tree
-        self._agenda.add([Task(job=job, planned=planned) for job in self._waiting.pop(planned.place)])
-
-    def _forget(self, record: Record) -> None:
-        """Drop the tree of a run if that was the last that needed it."""
-        place = self._places.pop(key_of(record), None)
-        if place is None:
-            return
-        self._left[place] -= 1
-        if self._left[place] == 0:
-            tree = self._trees.pop(place)
-            if isinstance(tree, str):
-                with suppress(OSError):
-                    Path(tree).unlink()
 
 
 def _crew(stop: engine.Stop, workers: int, scheduler: str | None, *, alone: bool) -> engine.Crew:
@@ -176,6 +164,7 @@ def sweep(
     jobs_at_once: int | None = None,
     scheduler: str | None = None,
     dataset: Dataset | None = None,
+    again: bool = False,
 ) -> list[dict[str, Any]]:
     """Run them all; one record each, in the order asked for.
 
@@ -183,6 +172,7 @@ def sweep(
         jobs_at_once: processes; without it one per core.
         scheduler: address of a Dask cluster that does it instead.
         dataset: keeps what is finished; runs that it has already are not repeated.
+        again: repeat those that ended with an error all the same.
 
     Raises:
         PirrhtError: a scene or a setting is wrong; all are checked before the first drive.
@@ -190,8 +180,8 @@ def sweep(
     """
     jobs = jobs if all(job.digest for job in jobs) else checked(jobs)
     asked = {key_of(runs.failure(job, "")): job for job in jobs}
-    there = {} if dataset is None else {key_of(record): record for record in dataset.records()}
-    done = {key: there[key] for key in asked if key in there}
+    there = {key_of(record): record for record in (dataset.records() if dataset else [])}
+    done = {key: there[key] for key in asked if key in there and not (again and there[key]["outcome"] is None)}
     waiting = [job for key, job in asked.items() if key not in done]
     if done:
         print(f"{len(done)} of {counted(len(asked), 'run')} are there already", file=sys.stderr)
@@ -236,4 +226,4 @@ def _kept(
                 warned = True
     finally:
         if dataset is not None:
-            dataset.flush()
+            dataset.compact()

@@ -112,7 +112,7 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
         (f"slit --seeds 0:1{'0' * 30}", "the largest seed"),
         ("slit --jobs 0", "--jobs is 0"),
         ("slit --jobs 1000000000", "at most"),
-        ("slit --scheduler foo", "foo: no scheduler answers there (it has no port)"),
+        ("slit --scheduler foo", "foo: no scheduler answers there (missing port"),
         ("slit --scheduler tcp://127.0.0.1:x", "no scheduler answers there"),
     ],
 )

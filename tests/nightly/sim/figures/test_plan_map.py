@@ -11,7 +11,7 @@ import pytest
 from matplotlib import image
 
 from sim import figures
-from sim.drawing.sides import passing
+from sim.drawing.colors import passing
 from sim.scenario import prepare
 
 CART = "\n".join(f'<geom name="p{k}" type="cylinder" size="0.12 0.2" pos="{0.7 * k - 1.05:g} 0 0"/>' for k in range(4))

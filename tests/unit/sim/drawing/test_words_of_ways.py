@@ -10,8 +10,7 @@ import pytest
 from drives import Drive
 
 from sim.drawing import strokes
-from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, place_of
-from sim.drawing.sides import passing, sides, worded
+from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, passing, place_of, sides, worded
 from sim.scenario import prepare
 
 WALLS = ("upper wall", "lower wall")

@@ -47,7 +47,7 @@ BAD_WORLDS = [
     (sdf(ball('<pose relative_to="m">0 0 0 0 0 0</pose>')), '"m"'),
     (sdf(ball('<pose frame="a">0 0 0 0 0 0</pose>')), 'frame="a"'),
     (sdf(CHAIN + '<frame name="f2000"/>' + ball('<pose relative_to="f0"/>')), "chain"),
-    (sdf('<model name="m" placement_frame="l"><static>1</static></model>'), '"l"'),
+    (sdf('<model name="m" placement_frame="x"><static>1</static>' + link(collision(BALL)) + "</model>"), '"x"'),
     (sdf(ball("<pose>2 2 0 0 0 0</pose>") + ball("<pose>4 2 0 0 0 0</pose>")), 'model "m"'),
     (sdf('<state><model name="m"><scale>2 1 1</scale></model></state>' + ball("")), "'2 1 1'"),
     (sdf("<state><insertions><model/></insertions></state>"), "<insertions>"),

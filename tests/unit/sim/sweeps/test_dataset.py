@@ -7,7 +7,7 @@ from sweep_samples import ASKED, SCENES, SETTINGS, failed, record
 
 from sim.sweeps import dataset as module
 from sim.sweeps.dataset import Dataset, wished
-from sim.sweeps.parts import COLUMNS, key_of, record_of, row_of
+from sim.sweeps.parts import COLUMNS, record_of, row_of
 
 
 def test_a_record_comes_back_as_it_was():
@@ -44,12 +44,16 @@ def test_rows_are_written_when_their_time_has_come_and_in_files_of_their_own(dat
     assert len(dataset.records()) == module.CHUNK_RUNS + 2
 
 
-def test_a_run_that_is_in_two_files_counts_once(dataset):
-    for _ in range(2):
-        dataset.add(record(0))
+def test_a_run_that_is_in_two_files_counts_once_as_in_the_last_until_one_file_holds_all(dataset):
+    for part in ([record(0), failed(1)], [failed(2), record(3)], [record(0, cost=99.0), record(1)]):
+        for one in part:
+            dataset.add(one)
         dataset.flush()
-    assert len(dataset.files()) == 2
-    assert dataset.records() == [record(0)]
+    found = dataset.records()
+    assert sorted(found, key=lambda r: r["seed"]) == [record(0, cost=99.0), record(1), failed(2), record(3)]
+    dataset.compact()
+    assert len(dataset.files()) == 1
+    assert dataset.records() == found
 
 
 def test_a_later_sweep_adds_files_and_takes_none_away(dataset, clock):
@@ -87,17 +91,6 @@ def test_files_of_others_are_never_overwritten(dataset, clock):
     assert [r["seed"] for r in dataset.records()] == [1, 2, 10, 11, 12, 30]
 
 
-def test_runs_are_replaced_by_what_was_added(dataset):
-    for seed in range(4):
-        dataset.add(record(seed))
-        if seed % 2:
-            dataset.flush()
-    for seed in (1, 2):
-        dataset.add(record(seed, cost=99.0))
-    dataset.replace({key_of(record(seed)) for seed in (1, 2)})
-    assert {r["seed"]: r["cost"] for r in dataset.records()} == {0: 8.0, 1: 99.0, 2: 99.0, 3: 11.0}
-
-
 def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
     (dataset.runs / ".part-000000.parquet").write_bytes(b"PAR1 half")
     (dataset.folder / ".manifest.json").write_text("{")
@@ -107,13 +100,3 @@ def test_what_a_killed_sweep_left_half_written_is_cleared_away(dataset, clock):
     Dataset(dataset.folder, clock).begin(SETTINGS, SCENES, ASKED)
     assert not list(dataset.runs.iterdir())
     assert sorted(file.name for file in dataset.folder.iterdir()) == ["manifest.json", "runs"]
-
-
-def test_runs_that_ended_with_an_error_can_be_forgotten(dataset):
-    for part in ([record(0), failed(1)], [failed(2)], [record(3)]):
-        for one in part:
-            dataset.add(one)
-        dataset.flush()
-    dataset.forget_errors()
-    assert dataset.records() == [record(0), record(3)]
-    assert len(dataset.files()) == 2
