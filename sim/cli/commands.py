@@ -152,7 +152,7 @@ def report(arguments: argparse.Namespace) -> int:
             stream.write(content.encode())
         print(f"written: {path_text(file)}")
     if arguments.json is not None:
-        write_json(arguments.json, known.json())
+        write_json(arguments.json, known)
     return 0
 
 

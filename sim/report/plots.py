@@ -11,43 +11,42 @@ import numpy as np
 from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
 from sim.plotting.prompt import pyplot
-from sim.report.statistics import Interval
-from sim.report.summary import ALL, Point, Report
+from sim.report.summary import ALL, Row
 
 MOST = 6  # scenes with pictures of their own; of more, all together
 SHOWN = 6  # classes with a colour of their own
 MARKS = "osD^vP"
 
 
-def pictures(report: Report) -> dict[str, str]:
+def pictures(report: Row) -> dict[str, str]:
     """PNGs in base64 by what they show: success, cost, classes, step times; OptionError if matplotlib is missing."""
-    plt, scenes = pyplot("report.html"), list(dict.fromkeys(p.scene for p in report.points))
+    plt, scenes = pyplot("report.html"), list(dict.fromkeys(p["scene"] for p in report["points"]))
     scenes = [ALL] if len(scenes) > MOST + 1 else [scene for scene in scenes if scene != ALL]
-    shown, drawn = [p for p in report.points if p.scene in scenes], {}
+    shown, drawn = [p for p in report["points"] if p["scene"] in scenes], {}
 
-    def levels(what: str, label: str, of: Callable[[Point], Interval], scale: float = 1.0) -> None:
+    def levels(what: str, label: str, field: str, scale: float = 1.0) -> None:
         """Draw an interval of points against the noise level."""
-        if known := [p for p in shown if np.isfinite(of(p).value)]:
+        if known := [p for p in shown if np.isfinite(p[field]["value"])]:
             text = f"{what.capitalize()} against noise, with 95 % intervals"
-            drawn[text] = _png(plt, known, lambda axes, own: _levels(axes, own, label, of, scale))
+            drawn[text] = _png(plt, known, lambda axes, own: _levels(axes, own, label, field, scale))
 
-    levels("success", "runs that reach the goal [%]", lambda p: p.success, 100.0)
-    levels("cost", "cost of runs that reach the goal", lambda p: p.cost)
-    levels("cost over optimal", "cost over optimal", lambda p: p.cost_over_optimal)
-    if any(p.classes for p in shown):
-        drawn["Homology classes of the driven paths"] = _png(plt, [p for p in shown if p.classes], _shares)
-    levels("step times", "median step [ms]", lambda p: p.step_ms)
+    levels("success", "runs that reach the goal [%]", "success", 100.0)
+    levels("cost", "cost of runs that reach the goal", "cost")
+    levels("cost over optimal", "cost over optimal", "cost_over_optimal")
+    if any(p["classes"] for p in shown):
+        drawn["Homology classes of the driven paths"] = _png(plt, [p for p in shown if p["classes"]], _shares)
+    levels("step times", "median step [ms]", "step_ms")
     return drawn
 
 
-def _png(plt: Any, points: Sequence[Point], draw: Callable[[Any, list[Point]], None]) -> str:
+def _png(plt: Any, points: Sequence[Row], draw: Callable[[Any, list[Row]], None]) -> str:
     """A figure with a panel per scene, as base64."""
-    scenes = list(dict.fromkeys(p.scene for p in points))
+    scenes = list(dict.fromkeys(p["scene"] for p in points))
     height = max(3.6, 0.24 * len(points) / len(scenes) + 1.2)
     size = max(6.5, 3.6 * len(scenes) + 1.4), height
     figure = plt.Figure(figsize=size, layout="constrained")
     for axes, scene in zip(figure.subplots(1, len(scenes), squeeze=False)[0], scenes, strict=True):
-        draw(axes, [p for p in points if p.scene == scene])
+        draw(axes, [p for p in points if p["scene"] == scene])
         axes.set_title(scene, fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
@@ -56,13 +55,13 @@ def _png(plt: Any, points: Sequence[Point], draw: Callable[[Any, list[Point]], N
     return b64encode(stream.getvalue()).decode()
 
 
-def _levels(axes: Any, points: Sequence[Point], label: str, of: Callable[[Point], Interval], scale: float) -> None:
+def _levels(axes: Any, points: Sequence[Row], label: str, field: str, scale: float) -> None:
     """A line with intervals per method."""
-    noises, methods = sorted({p.noise for p in points}), list(dict.fromkeys(p.method for p in points))
+    noises, methods = sorted({p["noise"] for p in points}), list(dict.fromkeys(p["method"] for p in points))
     for i, method in enumerate(methods):
-        own, rank = [p for p in points if p.method == method], [*METHODS, method].index(method)
-        x = [noises.index(p.noise) + 0.08 * (i - (len(methods) - 1) / 2) for p in own]
-        y, low, high = scale * np.array([(of(p).value, of(p).low, of(p).high) for p in own]).T
+        own, rank = [p for p in points if p["method"] == method], [*METHODS, method].index(method)
+        x = [noises.index(p["noise"]) + 0.08 * (i - (len(methods) - 1) / 2) for p in own]
+        y, low, high = scale * np.array([[p[field][name] for name in ("value", "low", "high")] for p in own]).T
         off = np.nan_to_num(np.clip([y - low, high - y], 0.0, None))
         look = {"fmt": MARKS[rank % len(MARKS)], "color": rgb(method_color(rank)), "label": method}
         axes.errorbar(x, y, yerr=off, ls="-", lw=1.0, ms=5, capsize=3, **look)
@@ -72,19 +71,20 @@ def _levels(axes: Any, points: Sequence[Point], label: str, of: Callable[[Point]
     axes.grid(alpha=0.25, axis="y")
 
 
-def _shares(axes: Any, points: Sequence[Point]) -> None:
+def _shares(axes: Any, points: Sequence[Row]) -> None:
     """A bar of class shares per noise level and method, the first on top."""
     rows, colors, total = points[::-1], ClassColors(), Counter[str]()
     for p in rows:
-        total.update({name: share.value for name, share in p.classes.items()})
+        total.update({name: share["value"] for name, share in p["classes"].items()})
     named = [name for name, _ in total.most_common(SHOWN)]
     colors.meet(named)
-    shares = [[p.classes[name].value if name in p.classes else 0.0 for p in rows] for name in named]
+    shares = [[p["classes"][name]["value"] if name in p["classes"] else 0.0 for p in rows] for name in named]
     left = np.zeros(len(rows))
     for name, share in zip(named, 100 * np.array(shares), strict=True):
         axes.barh(range(len(rows)), share, left=left, color=rgb(colors[name]), label=f"class {title(name)}")
         left = left + share
     if len(total) > len(named):
         axes.barh(range(len(rows)), 100 - left, left=left, color=rgb(OTHER_COLOR), label="other")
-    axes.set_yticks(range(len(rows)), [f"b = {p.noise:g}  {p.method}  (n = {p.arrived})" for p in rows], fontsize=8)
+    names = [f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})" for p in rows]
+    axes.set_yticks(range(len(rows)), names, fontsize=8)
     axes.set(xlim=(0, 100), xlabel="share of the runs that reached the goal [%]")

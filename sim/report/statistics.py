@@ -4,9 +4,8 @@ SciPy does the work and is imported late, since a report is one command of many.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import nan, sqrt
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,8 +17,7 @@ REPEATS = 10_000
 BLOCK = 4_000_000  # numbers that are drawn at a time
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
+class Interval(TypedDict):
     """An estimate with its 95 % interval; NaN where there is nothing to estimate from."""
 
     value: float

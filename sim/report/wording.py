@@ -6,8 +6,7 @@ from math import isfinite, log2
 from typing import Any, NamedTuple
 
 from sim.drawing.colors import title
-from sim.report.statistics import Interval
-from sim.report.summary import ALL, BASE, BEST, LEVEL, Comparison, Point, Report, p_value
+from sim.report.summary import ALL, BASE, BEST, LEVEL, Row, p_value
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
@@ -35,46 +34,45 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[str]]
 
 
-def lead(report: Report) -> list[str]:
+def lead(report: Row) -> list[str]:
     """State how complete the sweep is, and how it was made."""
-    lines = [
-        f"{report.found} of {counted(report.asked, 'run')} asked for {'is' if report.asked == 1 else 'are'} there."
-    ]
-    if report.found < report.asked:
+    asked = f"{counted(report['asked'], 'run')} asked for {'is' if report['asked'] == 1 else 'are'} there."
+    lines = [f"{report['found']} of {asked}"]
+    if report["found"] < report["asked"]:
         lines[0] += " The sweep is unfinished: its command, given again, goes on."
-    failed = sum(report.errors.values())
+    failed = sum(report["errors"].values())
     if failed:
         lines.append(f"{counted(failed, 'run')} ended with an error and count in no figure:")
-        lines += [f"{number} x {error}" for error, number in report.errors.items()]
+        lines += [f"{number} x {error}" for error, number in report["errors"].items()]
     settings = " ".join(
         f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
-        for name, value in report.manifest["settings"].items()
+        for name, value in report["sweep"]["settings"].items()
     )
-    versions = ", ".join(f"{name} {number}" for name, number in report.manifest["libraries"].items())
-    return [*lines, f"Settings: {settings}. pirrht {report.manifest['version']}, {versions}."]
+    versions = ", ".join(f"{name} {number}" for name, number in report["sweep"]["libraries"].items())
+    return [*lines, f"Settings: {settings}. pirrht {report['sweep']['version']}, {versions}."]
 
 
-def findings(report: Report) -> list[str]:
+def findings(report: Row) -> list[str]:
     """State plainly what is significant."""
-    questions = counted(report.questions, "comparison")
-    if not report.questions:
+    questions = counted(report["questions"], "comparison")
+    if not report["questions"]:
         return [f"No comparison: no seed came to an end both with {BASE} and with another method."]
-    if report.findings:
-        return [*(f"Significant: {line}." for line in report.findings), f"Significant of {questions}; no other is."]
+    if report["findings"]:
+        return [*(f"Significant: {line}." for line in report["findings"]), f"Significant of {questions}; no other is."]
     line = f"None of {questions} with {BASE} is significant."
-    if report.least_p >= LEVEL:
+    if report["least_p"] >= LEVEL:
         line += (
-            f" None could be: with so few seeds McNemar's adjusted p is {p_value(report.least_p)} at best. "
-            f"It takes at least {int(log2(2 * report.questions / LEVEL)) + 1} pairs."
+            f" None could be: with so few seeds McNemar's adjusted p is {p_value(report['least_p'])} at best. "
+            f"It takes at least {int(log2(2 * report['questions'] / LEVEL)) + 1} pairs."
         )
     return [line]
 
 
-def tables(points: Sequence[Point], comparisons: Sequence[Comparison]) -> list[Table]:
+def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[Table]:
     """All figures, without tables that have no rows."""
-    optimal = {"cost over optimal": _of("cost_over_optimal", ".4f")} if any(p.method == BEST for p in points) else {}
+    optimal = {"cost over optimal": _of("cost_over_optimal", ".4f")} if any(p["method"] == BEST for p in points) else {}
     outcomes = {"goal %": "success", "collision %": "collision", "time-out %": "timeout"}
-    every: list[tuple[str, str, Sequence[Any], dict[str, Callable[[Any], str]]]] = [
+    every: list[tuple[str, str, Sequence[Any], dict[str, Callable[[Row], str]]]] = [
         (
             "Outcomes", "Shares of the runs that came to an end.", points,
             {"runs": _of("runs"), "errors": _of("errors")}
@@ -97,29 +95,30 @@ def tables(points: Sequence[Point], comparisons: Sequence[Comparison]) -> list[T
             f"Against {BASE}",
             f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
             comparisons,
-            {"pairs": _of("pairs"), "goals": lambda c: f"+{c.gained} -{c.lost}", "points": _of("success", "+.1f", 100),
-             "p goals": lambda c: f"{p_value(c.success_p)} ({p_value(c.success_adjusted)})",
+            {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}",
+             "points": _of("success", "+.1f", 100),
+             "p goals": lambda c: f"{p_value(c['success_p'])} ({p_value(c['success_adjusted'])})",
              "both arrive": _of("arrived"), "cost": _of("cost", "+.3f"),
-             "p cost": lambda c: f"{p_value(c.cost_p)} ({p_value(c.cost_adjusted)})"},
+             "p cost": lambda c: f"{p_value(c['cost_p'])} ({p_value(c['cost_adjusted'])})"},
         ),
     ]  # fmt: skip
     return [
         Table(heading, text, ["scene", "b", "method", *cells],
-              [[p.scene, f"{p.noise:g}", p.method, *(cell(p) for cell in cells.values())] for p in rows])
+              [[p["scene"], f"{p['noise']:g}", p["method"], *(cell(p) for cell in cells.values())] for p in rows])
         for heading, text, rows, cells in every if rows
     ]  # fmt: skip
 
 
-def terminal(report: Report) -> str:
+def terminal(report: Row) -> str:
     """Format the report for a terminal."""
     return "\n\n".join(
-        ["\n".join(lead(report)), figures(report.points, report.comparisons), "\n".join(findings(report))]
+        ["\n".join(lead(report)), figures(report["points"], report["comparisons"]), "\n".join(findings(report))]
     )
 
 
-def figures(points: Sequence[Point], comparisons: Sequence[Comparison]) -> str:
+def figures(points: Sequence[Row], comparisons: Sequence[Row]) -> str:
     """Format all tables for a terminal: of many scenes only all of them together."""
-    scenes, parts = {point.scene for point in points}, []
+    scenes, parts = {point["scene"] for point in points}, []
     many = ALL in scenes and len(scenes) > 4
     for one in tables(points, comparisons):
         rows = [row for row in one.rows if not many or row[0] == ALL]
@@ -127,24 +126,24 @@ def figures(points: Sequence[Point], comparisons: Sequence[Comparison]) -> str:
     return "\n\n".join(parts)
 
 
-def markdown(report: Report) -> str:
+def markdown(report: Row) -> str:
     """The report as a Markdown file."""
-    parts = [f"# Sweep {report.name}", *lead(report), "## Findings"]
+    parts = [f"# Sweep {report['name']}", *lead(report), "## Findings"]
     parts.append("\n".join(f"* {line}" for line in findings(report)))
-    for one in tables(report.points, report.comparisons):
+    for one in tables(report["points"], report["comparisons"]):
         lines = [one.header, ["---"] * len(one.header), *one.rows]
         cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
         parts += [f"## {one.heading}", one.text, "\n".join(cells)]
     return "\n\n".join([*parts, "## How", METHOD]) + "\n"
 
 
-def page(report: Report, pictures: Mapping[str, str]) -> str:
+def page(report: Row, pictures: Mapping[str, str]) -> str:
     """The whole page, with pictures: PNGs in base64 by what they show."""
-    name, parts = escape(report.name), [f"<p>{escape(line)}</p>" for line in lead(report)]
+    name, parts = escape(report["name"]), [f"<p>{escape(line)}</p>" for line in lead(report)]
     parts += ["<h2>Findings</h2>", *(f"<p>{escape(line)}</p>" for line in findings(report))]
     for text, png in pictures.items():
         parts.append(f'<p><img alt="{escape(text)}" src="data:image/png;base64,{png}"></p><p>{escape(text)}</p>')
-    for one in tables(report.points, report.comparisons):
+    for one in tables(report["points"], report["comparisons"]):
         head = "".join(f"<th>{escape(cell)}</th>" for cell in one.header)
         body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in one.rows)
         text = escape(one.text.replace("`", ""))
@@ -156,25 +155,22 @@ def page(report: Report, pictures: Mapping[str, str]) -> str:
     )
 
 
-def _of(field: str, form: str = ".3f", scale: float = 1.0) -> Callable[[Any], str]:
+def _of(field: str, form: str = ".3f", scale: float = 1.0) -> Callable[[Row], str]:
     """Return what writes a field of a row, a count or an interval, in a cell."""
-
-    def cell(row: Any) -> str:
-        value = getattr(row, field)
-        return _text(value, form, scale) if isinstance(value, Interval) else str(value)
-
-    return cell
+    return lambda row: _text(row[field], form, scale)
 
 
-def _text(interval: Interval, form: str, scale: float) -> str:
-    if not isfinite(interval.value):
-        return "-"
-    value, low, high = (f"{scale * x:{form}}" for x in (interval.value, interval.low, interval.high))
-    return f"{value} [{low}, {high}]" if isfinite(interval.low) else value
+def _text(known: Any, form: str, scale: float) -> str:
+    if isinstance(known, int):
+        return str(known)
+    value, low, high = (f"{scale * known[name]:{form}}" for name in ("value", "low", "high"))
+    if not isfinite(known["low"]):
+        return value if isfinite(known["value"]) else "-"
+    return f"{value} [{low}, {high}]"
 
 
-def _classes(point: Point) -> str:
-    shown = list(point.classes.items())[:SHOWN]
+def _classes(point: Row) -> str:
+    shown = list(point["classes"].items())[:SHOWN]
     texts = [f"{'none' if name == 'None' else title(name)}: {_text(share, '.1f', 100)}" for name, share in shown]
-    more = len(point.classes) - len(shown)
+    more = len(point["classes"]) - len(shown)
     return "; ".join([*texts, *([f"{more} more"] if more else [])]) or "-"

@@ -8,7 +8,7 @@ from sim.report.statistics import mean, sign_flips
 
 def test_the_bootstrap_covers_as_often_as_it_says():
     rng = np.random.default_rng(2)
-    hits = [(i := mean(rng.exponential(1.0, 60), seed=seed)).low <= 1.0 <= i.high for seed in range(200)]
+    hits = [(i := mean(rng.exponential(1.0, 60), seed=seed))["low"] <= 1.0 <= i["high"] for seed in range(200)]
     assert 0.88 <= np.mean(hits) <= 0.985
 
 

@@ -29,7 +29,7 @@ def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, t
     """Two questions: twice McNemar's 2 / 2^n falls below 0.05 from n = 7 on."""
     same = [record(method, seed) for method in ("pi-rrht", "single") for seed in range(seeds)]
     known = report(stored(tmp_path / "sweep", same))
-    assert known.least_p == pytest.approx(4 * 0.5**seeds)
+    assert known["least_p"] == pytest.approx(4 * 0.5**seeds)
     told = " ".join(wording.findings(known))
     assert "None of 2 comparisons" in told
     assert ("It takes at least 7 pairs" in told) == hopeless

@@ -16,8 +16,8 @@ from sim.report.statistics import holm, mcnemar, mean, paired_shares, sign_flips
 def test_wilsons_interval_is_the_one_that_newcombe_tabulates(successes, runs, low, high):
     """Newcombe, Statistics in Medicine 17 (1998), table I, method 3."""
     found = wilson(successes, runs)
-    assert found.value == successes / runs
-    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+    assert found["value"] == successes / runs
+    assert (found["low"], found["high"]) == pytest.approx((low, high), abs=5e-5)
 
 
 def test_mcnemar_is_the_two_sided_sign_test():
@@ -34,8 +34,8 @@ def test_mcnemar_is_the_two_sided_sign_test():
 def test_the_bootstrap_of_a_mean_agrees_with_the_normal_interval():
     x = np.random.default_rng(1).normal(3.0, 2.0, 400)
     found, half = mean(x), 1.96 * x.std() / np.sqrt(len(x))
-    assert found.value == pytest.approx(x.mean())
-    assert (found.low, found.high) == pytest.approx((x.mean() - half, x.mean() + half), abs=0.08 * half)
+    assert found["value"] == pytest.approx(x.mean())
+    assert (found["low"], found["high"]) == pytest.approx((x.mean() - half, x.mean() + half), abs=0.08 * half)
     assert mean(x) == found
 
 
@@ -43,12 +43,12 @@ def test_the_difference_of_paired_shares_follows_bonett_and_price():
     """12 and 3 of 50: (13 - 4)/52 +- 1.96 sqrt((17/52 - (9/52)^2)/52)."""
     found = paired_shares(12, 3, 50)
     half = 1.959964 * np.sqrt((17 / 52 - (9 / 52) ** 2) / 52)
-    assert found.value == pytest.approx(9 / 50)
-    assert (found.low, found.high) == pytest.approx((9 / 52 - half, 9 / 52 + half))
-    assert not found.low <= 0.0 <= found.high
+    assert found["value"] == pytest.approx(9 / 50)
+    assert (found["low"], found["high"]) == pytest.approx((9 / 52 - half, 9 / 52 + half))
+    assert not found["low"] <= 0.0 <= found["high"]
     even = paired_shares(3, 3, 50)
-    assert even.low <= 0.0 <= even.high
-    assert paired_shares(50, 0, 50).high == 1.0
+    assert even["low"] <= 0.0 <= even["high"]
+    assert paired_shares(50, 0, 50)["high"] == 1.0
 
 
 def test_sign_flips_enumerate_few_pairs_and_draw_for_many():
