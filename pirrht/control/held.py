@@ -13,9 +13,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import ClassMixture
 from pirrht.proposals.wall_drift import WallDrift
 
-THROW = (
-    2.2  # deviations of a step off a wall at most: 5 % more collisions at a flat wall, a fifth of the control's cost
-)
+THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
 NEAR_WALL = 6.0  # deviations of a step from a wall beyond which the drift is small
 
 
