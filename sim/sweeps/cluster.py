@@ -92,6 +92,7 @@ def probe(address: str) -> None:
         OptionError: Dask is missing, it is no address, or nobody or another program answers.
     """
     try:
+        import distributed  # noqa: F401
         from distributed.core import connect
     except ImportError:
         raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
