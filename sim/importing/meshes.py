@@ -199,7 +199,7 @@ def read_collada(path: Path) -> Array:
 def _placed(root: ET.Element) -> Iterator[Array]:
     """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
     ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    points = cache(lambda block: _numbers(block.findtext("float_array")).reshape(-1, 3))
+    points = cache(lambda block: _numbers(block.findtext("float_array")).reshape(-1, _stride(block))[:, :3])
     shape = cache(lambda geometry: np.concatenate([np.empty((0, 3, 3)), *_polygons(geometry, ids, points)]))
     elements = triangles = 0
     scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
@@ -221,17 +221,25 @@ def _placed(root: ET.Element) -> Iterator[Array]:
 def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.Element], Array]) -> Iterator[Array]:
     """Yield polygons split into triangles around their first corners, (t, 3, 3)."""
     for part in geometry.iterfind("mesh/*"):
-        if part.tag in ("triangles", "polylist"):
+        if part.tag in ("triangles", "polylist", "polygons"):
             vertex = part.find("input[@semantic='VERTEX']").attrib  # type: ignore[union-attr]
             block = ids[ids[vertex["source"]].find("input[@semantic='POSITION']").get("source")]
             stride = 1 + max(int(one.get("offset", 0)) for one in part.findall("input"))
-            corners = points(block)[_numbers(part.findtext("p"), np.uint64)[int(vertex.get("offset", 0)) :: stride]]
+            lists = [_numbers(p.text, np.uint64)[int(vertex.get("offset", 0)) :: stride] for p in part.findall("p")]
+            corners = points(block)[np.concatenate([np.empty(0, np.uint64), *lists])]
             counts = _numbers(part.findtext("vcount", "3 " * (len(corners) // 3)), np.int64)
+            if part.tag == "polygons":
+                counts = np.array([len(one) for one in lists])
             place, first = np.arange(len(corners)), np.repeat(np.cumsum(counts) - counts, counts)
             inner = np.flatnonzero((place > first) & (place < first + np.repeat(counts, counts) - 1))
             yield corners[np.stack([first[inner], inner, inner + 1], axis=1)]
         elif part.tag not in ("source", "vertices", "extra", "lines", "linestrips"):
-            raise ValueError(f"<{part.tag}> is not read; write <triangles> or <polylist>")
+            raise ValueError(f"<{part.tag}> is not read; write <triangles>, <polylist> or <polygons>")
+
+
+def _stride(block: ET.Element) -> int:
+    accessor = block.find("technique_common/accessor")
+    return 3 if accessor is None else int(accessor.get("stride", 3))
 
 
 def _matrix(part: ET.Element) -> Array:

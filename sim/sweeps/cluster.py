@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any
+from urllib.parse import urlsplit
 
 import pirrht
 from pirrht.errors import OptionError, PirrhtError
@@ -91,6 +92,12 @@ def probe(address: str) -> None:
     Raises:
         OptionError: Dask is missing, it is no address, or nobody or another program answers.
     """
+    try:
+        parts = urlsplit(address if "://" in address else f"tcp://{address}")
+        if not parts.hostname or not parts.port:
+            raise ValueError("missing port" if parts.hostname else "missing machine")
+    except ValueError as error:
+        raise _silent(address, str(error)) from None
     try:
         import distributed  # noqa: F401
         from distributed.core import connect

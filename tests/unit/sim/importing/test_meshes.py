@@ -115,6 +115,7 @@ def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, wo
 CORNERS = "0 0 0  1 0 0  1 1 0  0 1 0"
 QUADS = '<polylist count="1">{inputs}<vcount>4</vcount><p>0 7 1 7 2 7 3 7</p></polylist>'
 TRIANGLES = '<triangles count="2">{inputs}<p>0 7 1 7 2 7 0 7 2 7 3 7</p></triangles>'
+POLYGONS = '<polygons count="1">{inputs}<p>0 7 1 7 2 7</p><p>0 7 2 7 3 7</p></polygons>'
 INPUTS = '<input semantic="VERTEX" source="#v" offset="0"/><input semantic="NORMAL" source="#n" offset="1"/>'
 
 
@@ -140,12 +141,17 @@ def read(tmp_path: Path, text: str) -> np.ndarray:
     return read_collada(tmp_path / "a.dae")
 
 
-@pytest.mark.parametrize("polygons", [QUADS, TRIANGLES, TRIANGLES + "<lines/>"])
+@pytest.mark.parametrize("polygons", [QUADS, TRIANGLES, TRIANGLES + "<lines/>", POLYGONS])
 def test_polygons_become_triangles(tmp_path, polygons):
     triangles = read(tmp_path, document(polygons))
     assert triangles.shape == (2, 3, 3)
     assert area(triangles).sum() == pytest.approx(1.0)
     np.testing.assert_array_equal(triangles[..., 2], 0)  # Y_UP in the file is not obeyed
+
+
+def test_corners_of_four_numbers_are_read_by_their_stride(tmp_path):
+    wide = document(corners="0 0 0 9  1 0 0 9  1 1 0 9  0 1 0 9").replace('stride="3"', 'stride="4"')
+    np.testing.assert_array_equal(read(tmp_path, wide), read(tmp_path, document()))
 
 
 def test_units_and_transforms_of_nested_nodes_apply(tmp_path):
