@@ -116,11 +116,11 @@ class Controller(Policy):
     def _off_walls(self, x: Array) -> Array:
         """Return the nearest state that plans can begin at, where noise has carried x (n,) into the safety margin."""
         world, gap = self.path_integral.setup.world, self.settings.tuning.off_walls * self.space.scene.robot_radius
-        x, tries = x.copy(), 4  # a second wall may be near
-        while tries > 0 and world.clearance(x[0], x[1], self.run.now) <= 0.0:
+        for _ in range(4):  # a second wall may be near
+            if world.clearance(x[0], x[1], self.run.now) > 0.0:
+                break
             c, nx, ny, *_ = world.walls(x[0], x[1], self.run.now)[0]
-            x[:2] += (gap - c) * np.array([nx, ny])
-            tries -= 1
+            x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
         return x
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:

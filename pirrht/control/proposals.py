@@ -288,8 +288,7 @@ def plan_of(
     law: Law | None = mixture
     if mixture is not None and settings.held is not None and push.offset > 0.0:
         spread = integral.problem.dynamics.position_spread(x) * math.sqrt(settings.held)
-        if spread > 0.0:
-            law = HeldLaw(law=mixture, walls=push, step=settings.held, deviation=spread)
+        law = HeldLaw(law=mixture, walls=push, step=settings.held, deviation=spread)
     plan = Plan(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
         replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.time, push=push,

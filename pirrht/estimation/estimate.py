@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pirrht import formatting
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sampling import TUNING, EstimationTuning
 from pirrht.estimation.weights import deviation, heavy, tail_shape
@@ -118,12 +118,21 @@ class Estimate:
     @property
     def tail(self) -> float:
         """Shape k of the tail of the weights (`weights.tail_shape`); nan where too few have any."""
-        return tail_shape(np.concatenate([part.log_weight for part in self.parts]))
+        return tail_shape(joined(self.parts)[1])
 
     @property
     def heavy_tailed(self) -> bool:
         """Check whether weights that were not drawn may outweigh all that were, so that errors are too small."""
         return heavy(self.tail, sum(part.size for part in self.parts))
+
+
+def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, IntArray]:
+    """Return the paths of several rounds as one, their log weights (S,) and the first sample of each reference."""
+    paths = parts[0].paths
+    if len(parts) > 1:
+        paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
+    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
+    return paths, np.concatenate([part.log_weight for part in parts]), first
 
 
 def weigh(
@@ -141,10 +150,7 @@ def weigh(
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    paths = parts[0].paths
-    if len(parts) > 1:
-        paths = Paths(*map(np.concatenate, zip(*(part.paths for part in parts), strict=True)))
-    log_weight = np.concatenate([part.log_weight for part in parts])
+    paths, log_weight, first = joined(parts)
     top, H = float(log_weight.max()), len(parts[0].tables.first) - 1
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]
@@ -162,7 +168,6 @@ def weigh(
     control = controls.sum(axis=0) / span
     # Terms of psi and, to first order (delta method), of the control.
     terms = np.column_stack([weight, weight[:, None] * (paths.now - paths.span[:, None] * control)])
-    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
     errors = deviation(terms, first, parts[0].tables.mirrored)
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import BoolArray
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import Estimate, joined
 from pirrht.estimation.weights import deviation, normalised
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -75,11 +75,9 @@ def collision_probability(
     """
     noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
     per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
-    parts = estimate.parts
-    weight = normalised(np.concatenate([part.log_weight for part in parts]))[0]
-    ended = np.concatenate([part.paths.outcome for part in parts]) == Outcome.COLLISION
-    held = np.where(ended, 0.0, per_exposure * np.concatenate([part.paths.exposure for part in parts]))
-    key = np.concatenate([part.paths.key for part in parts])
+    paths, log_weight, first = joined(estimate.parts)
+    weight, ended = normalised(log_weight)[0], paths.outcome == Outcome.COLLISION
+    held = np.where(ended, 0.0, per_exposure * paths.exposure)
 
     def probabilities(chosen: BoolArray) -> tuple[float, float]:
         """Return what is accepted, and what holding adds, among the chosen samples."""
@@ -89,9 +87,8 @@ def collision_probability(
 
     accepted, added = probabilities(np.ones(len(weight), dtype=np.bool_))
     terms = weight * (ended + (1.0 - added) * (held + math.log1p(-added)) - accepted)
-    first = np.cumsum(np.concatenate([[0], *(np.diff(part.tables.first) for part in parts)]))
     return CollisionProbability(
         probability=min(1.0, accepted + added), accepted=accepted, held=added,
-        error=float(deviation(terms[:, None], first, parts[0].tables.mirrored)[0]),
-        classes={name: min(1.0, sum(probabilities(key == code))) for code, name in (classes or {}).items()},
+        error=float(deviation(terms[:, None], first, estimate.rollouts.tables.mirrored)[0]),
+        classes={name: min(1.0, sum(probabilities(paths.key == code))) for code, name in (classes or {}).items()},
     )  # fmt: skip

@@ -266,7 +266,7 @@ def _noise_of(
         control = np.full(width, 0.5)
         if d.input_form:
             control = asked * np.eye(width)[k % d.m]
-            B = d.B_c(x)[:2]
+            B = d.position_noise(x)
             at_once = max(at_once, float(np.linalg.eigvalsh(B @ B.T)[-1]))
         expand(setup, (x, control, h, np.ones(d.n)), active, True, J, S)
         A, C = J[:-1, : d.n], J[:-1, d.n :]

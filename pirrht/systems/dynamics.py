@@ -183,9 +183,12 @@ class Dynamics(ABC):
 
     def position_spread(self, x: Array) -> float:
         """Deviation that noise gives the position at x (n,) in its worst direction [m/sqrt(s)]."""
-        B = np.zeros((self.n, self.m))
-        B[self.n - self.rows :] = self.B_c(x)
-        return float(np.linalg.norm(B[:2], 2))
+        B = self.position_noise(x)
+        return float(np.sqrt(np.linalg.eigvalsh(B @ B.T).max(initial=0.0)))
+
+    def position_noise(self, x: Array) -> Array:
+        """Rows of B at x (n,) that act on the position, none to two, (k, m) [m/sqrt(s)]."""
+        return self.B_c(x)[: max(0, 2 - self.n + self.rows)]
 
     def noise_form(self, x: Array) -> tuple[Array, Array]:
         """Matrices (m, m) by which a control u and noise enter together: G_c and B_c, in input form I and s."""

@@ -81,7 +81,7 @@ def spread(problem: Problem, x: Array) -> float:
     dynamics = problem.dynamics
     if not dynamics.noisy_position:
         return 0.0
-    B = np.asarray(dynamics.B_c(x))[: 2 - dynamics.n + dynamics.rows]
+    B = dynamics.position_noise(x)
     return max(0.0, float(np.linalg.eigvalsh(B @ B.T)[0])) if dynamics.input_form else float(np.sum(B**2)) / 2.0
 
 

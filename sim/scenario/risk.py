@@ -40,38 +40,35 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
     Raises:
         OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
     """
-    more = [0.0]
-    margin, wide, closed = 0.0, 0.0, math.inf
-    nearest: tuple[float, Scenario] | None = None
+    scenario, margin, wide, closed = at(0.0), 0.0, 0.0, math.inf
+    spread = scenario.problem.dynamics.position_spread(scenario.start)
+    widest = WIDEST * spread * math.sqrt(scenario.loaded.model.opt.timestep)
+    more = np.arange(0.0, widest + FINEST, FINEST).tolist()
+    tried: list[tuple[float, Scenario]] = []
     for _ in range(ROUNDS):
         try:
-            scenario = at(margin)
-            if nearest is None:
-                spread = scenario.problem.dynamics.position_spread(scenario.start)
-                widest = WIDEST * spread * math.sqrt(scenario.loaded.model.opt.timestep)
-                more = np.arange(0.0, widest + FINEST, FINEST).tolist()
+            scenario = at(margin) if margin > 0.0 else scenario
             found = predicted(scenario, more)
         except (NoReference, SceneError):  # no way is as wide as that
             found = None
-        if found is None and nearest is None:
+        if found is None and not tried:
             raise OptionError(
                 "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
             )
         if found is None:
             closed = margin
+        elif found[0].most <= risk:
+            return scenario
         else:
-            if nearest is None or found[0].most < nearest[0]:
-                nearest = found[0].most, scenario
-            if found[0].most <= risk:
-                return scenario
+            tried.append((found[0].most, scenario))
             wide, enough = margin, next((m for m, one in zip(more, found, strict=True) if one.most <= risk), more[-1])
         margin = round(wide + enough if wide + enough < closed else 0.5 * (wide + closed), 4)
         if margin in (wide, closed):
             break
-    assert nearest is not None
+    most, nearest = min(tried, key=lambda one: one[0])
     if stop:
         raise OptionError(
-            f"--risk is {risk:g}; with a margin of {nearest[1].margin:g} m the probability of a collision is at most "
-            f"{nearest[0]:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
+            f"--risk is {risk:g}; with a margin of {nearest.margin:g} m the probability of a collision is at most "
+            f"{most:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
         )
-    return nearest[1]
+    return nearest

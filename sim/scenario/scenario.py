@@ -89,6 +89,8 @@ class Scenario:
         """
         refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
+        if settings.risk is not None and settings.noise != self.settings.noise:
+            raise OptionError("the noise decides on the margin that keeps --risk; prepare the scene with this noise")
         problem = self.system.problem(self.loaded.scene, settings)
         return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
 

@@ -45,12 +45,25 @@ class Grid:
     def jobs(self) -> list[Job]:
         """All combinations, by scene, noise, method and seed."""
         return [
-            Job(scene=scene, method=method, noise=noise, seed=seed, task=self.task, given=self.given, label=label)
+            Job(
+                scene=scene,
+                method=method,
+                noise=noise,
+                seed=seed,
+                task=self.task,
+                given=self._given(noise),
+                label=label,
+            )
             for scene, label in zip(self.scenes, labels(self.scenes), strict=True)
             for noise in self.noises
             for method in self.methods
             for seed in self.seeds
         ]
+
+    def _given(self, noise: float | None) -> Frozen:
+        """Settings of the runs of a noise level: that decides on the margin where a risk does."""
+        known = dict(self.given).get("risk") is not None and noise is not None
+        return (*self.given, ("noise", noise)) if known else self.given
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -13,7 +13,8 @@ from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
 from sim.scenario.risk import predicted
 from sim.scenario.scenario import WIDER
-from sim.sweeps.runs import pack, unpack
+from sim.sweeps.grid import Grid
+from sim.sweeps.runs import pack, settled, unpack
 
 # -- a margin ----------------------------------------------------------------------------------------------------
 
@@ -158,3 +159,14 @@ def test_a_risk_that_cannot_be_kept_is_refused_with_what_would_work(tmp_path, op
 def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
     given = {"noise": 0.2, "risk": 1e-5, "risk_infeasible": "best"}
     assert 0.0 < prepare(gap(tmp_path, 0.26), given=given).margin < 0.03
+
+
+def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):
+    noises, given = (0.1, 0.2), (("risk", 0.01),)
+    grid = Grid(scenes=(gap(tmp_path, 0.3),), methods=("pi-rrht",), noises=noises, seeds=range(1), task=(), given=given)
+    margins = [settled(job).margin for job in grid.jobs()]
+    alone = [prepare(gap(tmp_path, 0.3), given={"noise": noise, "risk": 0.01}) for noise in noises]
+    assert margins == [scenario.margin for scenario in alone]
+    assert margins[0] < margins[1]
+    with pytest.raises(OptionError, match="prepare the scene with this noise"):
+        alone[0].with_settings(noise=0.2)
