@@ -114,7 +114,7 @@ def probe(address: str) -> None:
             comm.abort()
 
     try:
-        found = asyncio.run(asyncio.wait_for(identity(), PATIENCE))
+        found = asyncio.run(asyncio.wait_for(identity(), REACHABLE))
     except Exception as error:  # whatever another program's bytes lead to
         raise _silent(address, " ".join(str(error).split())[:80] or type(error).__name__) from None
     if not isinstance(found, dict) or found.get("type") != "Scheduler":
