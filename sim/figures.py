@@ -119,10 +119,10 @@ def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference],
             place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
             axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
             numbers.append((time, place, {"xytext": (3, 4), "color": INK, "zorder": 8}))
-    told: list[Array] = []  # places of numbers
+    marked: list[Array] = []  # places of numbers
     for time, place, look in numbers:
-        if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in told):  # it can be read
-            told.append(place)
+        if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in marked):  # it can be read
+            marked.append(place)
             axes.annotate(f"{time:g}", place, textcoords="offset points", fontsize=6.5, **look)
     return float(moments[0])
 

@@ -24,13 +24,13 @@ from pirrht.planner.chain import keys_of
 from pirrht.planner.expand import restore
 from pirrht.planner.graph import SIZE, Storage
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.tuning import TUNING
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
 from sim.files import MISSING, replaced, why_unreadable
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
+MOST_BYTES = 2 << 30  # of all arrays of a file together: some million vertices
 TREE_FORMAT = 5  # earlier ones have more arrays, or a checksum next to those of the zip
 # Arrays of a `Graph` that are kept, the rest follows: kind, shape, and what their indices lie below (`_sizes`).
 KEPT = {
@@ -126,7 +126,7 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
     try:
         with np.load(file, mmap_mode="r", allow_pickle=False) as content:  # mapped, lest a single array be read whole
             total = sum(member.file_size for member in content.zip.infolist())  # more is not unpacked
-            if total > TUNING.file_bytes:
+            if total > MOST_BYTES:
                 raise ValueError("it unpacks to more than a tree has")
             arrays = dict(content)
         about = json.loads(str(arrays.pop("about")))

@@ -18,7 +18,6 @@ import numpy as np
 from pirrht.jit.jit import inlined, kernel
 
 ZERO, HALF, ONE, TWO = (np.float32(v) for v in (0.0, 0.5, 1.0, 2.0))
-INFINITE = np.float32(np.inf)
 GOLDEN, MIX_1, MIX_2 = (np.uint64(v) for v in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB))
 UNIT = 1.0 / 9007199254740992.0  # 2^-53
 UPPER, SIGN, BIT = np.uint64(32), np.uint32(0x80000000), np.uint32(1)

@@ -24,8 +24,6 @@ class PlannerTuning(NamedTuple):
     optima_tried: int = 48  # paths of a class that are compared to find them
     new_classes: int = 1  # new classes in space and time shortened at once, while earlier paths of others are known
     stations: int = 16  # times at which two paths of a class are compared
-    file_bytes: int = 2 << 30  # most bytes of all arrays of a file together: some million vertices
-    cost_rounding: float = 1e-9  # rounding of costs in a file, of 1 and of themselves
 
 
 class ChainTuning(NamedTuple):

@@ -172,24 +172,24 @@ def worded(
         straight: H of the straight line from where the robot is, (M,) [turns].
         names: of the static obstacles, (M,).
         movers: of the moving obstacles.
-        among: classes from which each is told apart; None: all.
+        among: classes from which each is distinguished; None: all.
         passed: by id, how each moving obstacle is passed (`sides`).
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
     found = {}
     for name, mine in windings.items():
-        told, by = list[int](), (passed or {}).get(name, ())
+        chosen, by = list[int](), (passed or {}).get(name, ())
         differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
         while len(differ):  # the fewest obstacles that tell it from all others, one by one
-            told.append(int(np.argmax(differ.sum(axis=0))))
-            differ = differ[~differ[:, told[-1]]]
+            chosen.append(int(np.argmax(differ.sum(axis=0))))
+            differ = differ[~differ[:, chosen[-1]]]
         groups: dict[str, list[str]] = {"once round": [], "right of": [], "left of": []}
-        for k in sorted(k for k in told if k < len(names)):
+        for k in sorted(k for k in chosen if k < len(names)):
             turn = float(straight[k]) + mine[k]
             groups["once round" if abs(turn) >= 1.0 else ("right of", "left of")[turn < 0.0]].append(names[k])
         parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
         if len(names) == 2 and groups["right of"] and groups["left of"]:  # of many it need not lead through the gap
             parts = [f"between {groups['right of'][0]} and {groups['left of'][0]}"]
-        moving = [k - len(names) for k in sorted(told) if k >= len(names)] if told else range(len(by))
+        moving = [k - len(names) for k in sorted(chosen) if k >= len(names)] if chosen else range(len(by))
         found[name] = ", ".join(parts + [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]])
     return {name: words or "straight ahead" for name, words in found.items()}

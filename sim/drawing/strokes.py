@@ -196,8 +196,8 @@ class Tube:
         """Triangles between the corners of all rings, row by row, (2 (k - 1) c, 3)."""
         k, c = self.rings.shape[:2]
         here = np.arange((k - 1) * c)
-        beside = here - here % c + (here + 1) % c
-        return np.vstack([np.column_stack([here, beside, here + c]), np.column_stack([beside, beside + c, here + c])])
+        after = here - here % c + (here + 1) % c
+        return np.vstack([np.column_stack([here, after, here + c]), np.column_stack([after, after + c, here + c])])
 
     def at(self, time: float) -> Array:
         """Corners of the outline at a time [s], (c, 2) [m]."""

@@ -1,4 +1,4 @@
-"""Drives of other people's controllers as rows of a sweep's dataset, so that its report shows them beside ours."""
+"""Drives of other people's controllers as rows of a sweep's dataset, so that its report shows them next to ours."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager

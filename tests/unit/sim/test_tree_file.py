@@ -13,7 +13,6 @@ import pirrht
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError
 from pirrht.planner.tree import HomologyTree
-from pirrht.planner.tuning import TUNING
 from pirrht.steering.straight_line import StraightLine
 from sim import cli, tree_file
 from sim.scenario import Scenario, prepare
@@ -230,5 +229,5 @@ def test_what_is_larger_than_a_tree_can_be_or_an_object_is_not_unpacked(slit: Sc
         with pytest.raises(OptionError, match="is no tree of pirrht"):
             tree_file.load(content, slit.space, StraightLine())
     assert answer(BytesIO(saved), slit)[0] is not None
-    monkeypatch.setattr(tree_file, "TUNING", TUNING._replace(file_bytes=1 << 10))
+    monkeypatch.setattr(tree_file, "MOST_BYTES", 1 << 10)
     assert "is no tree of pirrht" in answer(BytesIO(saved), slit)[1]
