@@ -32,7 +32,7 @@ class Controller(Policy):
 
     Args:
         tree: of the scene, grown beforehand; None only for the method "passive".
-        method, shortened, consistency, between, tuning: see `ControlSettings`.
+        method, shortened, consistency, between, held, tuning: see `ControlSettings`.
         propose: functions of a state and the default proposal of a class that return another one, or None.
         backend: simulates paths; None: compiled kernels on this machine.
         homology: tells classes apart; None: that of the tree, or of the problem.

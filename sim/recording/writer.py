@@ -5,7 +5,7 @@
 /world/eyes/following    an eye that follows the robot
 /world/scene/movers/NAME  pose of a moving obstacle, as long as it moves; `/world/foreseen` its predicted outlines
 /world/path   position after every physics step
-/spacetime    the run with time upward, where obstacles move; described in `spacetime.py`
+/spacetime    the run with time upward, where obstacles move; described in `plan_view.py`
 /why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
               and of each of a few
 /why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one

@@ -42,7 +42,7 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
     """
     scenario, margin, wide, closed = at(0.0), 0.0, 0.0, math.inf
     spread = scenario.problem.dynamics.position_spread(scenario.start)
-    widest = WIDEST * spread * math.sqrt(scenario.loaded.model.opt.timestep)
+    widest = WIDEST * spread * math.sqrt(scenario.physics_step)
     more = np.arange(0.0, widest + FINEST, FINEST).tolist()
     tried: list[tuple[float, Scenario]] = []
     for _ in range(ROUNDS):

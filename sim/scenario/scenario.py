@@ -105,6 +105,11 @@ class Scenario:
         return bool(self.loaded.scene.movers)
 
     @property
+    def physics_step(self) -> float:
+        """Time for which the plant holds a control [s]."""
+        return float(self.loaded.model.opt.timestep)
+
+    @property
     def homology(self) -> Homology:
         """Homology by which classes of runs are told apart."""
         return self._in_time().homology(self.space) if self.moving else self.space.homology
@@ -156,15 +161,12 @@ class Scenario:
 
         None: there are no samples, or the noise does not act on the position, for which nothing is predicted.
         """
-        if (
-            plan is None
-            or plan.estimate is None
-            or not self.problem.dynamics.noisy_position
-            or self.settings.exit != "bridge"
-        ):
+        predicts = self.problem.dynamics.noisy_position and self.settings.exit == "bridge"
+        if plan is None or plan.estimate is None or not predicts:
             return None
-        step, wide = float(self.loaded.model.opt.timestep), self.margin + margin
-        return collision_probability(self.problem, plan.estimate, step=step, margin=wide, classes=plan.classes)
+        return collision_probability(
+            self.problem, plan.estimate, step=self.physics_step, margin=self.margin + margin, classes=plan.classes
+        )
 
     def empty_tree(
         self, limit: float | None = None, space: FreeSpace | None = None, seed: np.random.SeedSequence | None = None
@@ -262,7 +264,7 @@ class Scenario:
             return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=home, **more)
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
-            between=s.between, held=float(self.loaded.model.opt.timestep), **more,
+            between=s.between, held=self.physics_step, **more,
         )  # fmt: skip
 
     def _prediction(self) -> ConstantVelocity:
@@ -283,10 +285,10 @@ class Scenario:
 
     def plant(self) -> Plant:
         """Return the robot in MuJoCo, or its stochastic equation."""
-        period, step = self.settings.period, float(self.loaded.model.opt.timestep)
+        period = self.settings.period
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
-        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=step)
+        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=self.physics_step)
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,
