@@ -118,7 +118,7 @@ class Estimate:
     @property
     def tail(self) -> float:
         """Shape k of the tail of the weights (`weights.tail_shape`); nan where too few have any."""
-        return tail_shape(joined(self.parts)[1])
+        return tail_shape(all_samples(self.parts)[1])
 
     @property
     def heavy_tailed(self) -> bool:
@@ -126,7 +126,7 @@ class Estimate:
         return heavy(self.tail, sum(part.size for part in self.parts))
 
 
-def joined(parts: Sequence[Rollouts]) -> tuple[Paths, Array, IntArray]:
+def all_samples(parts: Sequence[Rollouts]) -> tuple[Paths, Array, IntArray]:
     """Return the paths of several rounds as one, their log weights (S,) and the first sample of each reference."""
     paths = parts[0].paths
     if len(parts) > 1:
@@ -150,7 +150,7 @@ def weigh(
     Raises:
         NoSurvivingSample: no sample has any weight.
     """
-    paths, log_weight, first = joined(parts)
+    paths, log_weight, first = all_samples(parts)
     top, H = float(log_weight.max()), len(parts[0].tables.first) - 1
     if not np.isfinite(top):
         lost = [int(np.sum(paths.outcome == one)) for one in (Outcome.COLLISION, Outcome.TIMEOUT)]

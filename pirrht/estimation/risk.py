@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pirrht.arrays import BoolArray
-from pirrht.estimation.estimate import Estimate, joined
+from pirrht.estimation.estimate import Estimate, all_samples
 from pirrht.estimation.weights import deviation, normalised
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -75,7 +75,7 @@ def collision_probability(
     """
     noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
     per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
-    paths, log_weight, first = joined(estimate.parts)
+    paths, log_weight, first = all_samples(estimate.parts)
     weight, ended = normalised(log_weight)[0], paths.outcome == Outcome.COLLISION
     held = np.where(ended, 0.0, per_exposure * paths.exposure)
 
