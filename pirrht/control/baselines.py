@@ -45,10 +45,7 @@ USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
 def follow_best(
     problem: Problem, estimate: Estimate, batch: Batch, memory: ClassMemory, consistency: float
 ) -> Estimate:  # fmt: skip
-    """Return the estimate by the samples of the best class alone; forget those of earlier plans if it is another.
-
-    The value of the class followed so far is multiplied by `consistency`.
-    """
+    """Return the estimate by the best class alone, the one followed so far valued `consistency` times as much."""
     ids, values = list(batch.classes.values()), class_values(problem, estimate)
     if memory.followed in ids:
         values[ids.index(memory.followed)] *= consistency

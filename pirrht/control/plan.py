@@ -185,10 +185,7 @@ class ClassLaw:
 
 
 class ClassMixture:
-    """Control at any state near that of a plan, u(x) = sum_c w_c(x) u_c(x).
-
-    It is of a plan at a state (n,), of laws of C classes by name and of wall drift.
-    """
+    """Control at any state near that of a plan, u(x) = sum_c w_c(x) u_c(x), by laws of C classes and wall drift."""
 
     def __init__(self, *, problem: Problem, state: Array, classes: Mapping[str, ClassLaw], push: Law) -> None:
         self.problem, self.state, self.classes, self.push = problem, state, classes, push

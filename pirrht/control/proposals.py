@@ -1,7 +1,4 @@
-"""References of a run and proposals of a plan: for every class the local optima of its paths, and samples around each.
-
-A tree must fit the problem; it gives one path per class, and grows anew in another scene.
-"""
+"""References of a run, one path per class from its tree, and proposals of a plan: local optima of each, and samples."""
 
 import math
 from collections.abc import Callable, Sequence

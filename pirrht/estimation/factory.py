@@ -108,10 +108,7 @@ class ProposalFactory:
         return self.climbing(x, _bends(line, self.tuning.bend)[1:], time)
 
     def push(self, tables: ProposalTables, x: Array, time: float = 0.0) -> WallDrift:
-        """Return the wall drift (m,), for any state (n,), near samples of these tables from x (n,) and a time [s] on.
-
-        Close to x FCL's clearance is used, not the field's lower bound.
-        """
+        """Return the wall drift (m,), for any state (n,), near samples of these tables from x (n,) and a time on."""
         offset, slack = tables.wall_offset, 0.0
         if offset > 0.0 and (known := float(clearance(self.space.field, x[0], x[1]))) < offset:
             slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
@@ -193,10 +190,7 @@ class ProposalFactory:
         return tables
 
     def _window(self, batch: Batch, scales: Scales, near: float) -> int:
-        """Return the number of leading steps over which the control of a point is averaged, `near` [m] to an exit.
-
-        It ends before many paths have arrived, which apply no control and would bias the mean.
-        """
+        """Return the number of leading steps over which a point's control is averaged, before many paths arrive."""
         shortest = PROPOSALS.averaged_moving if self.world.moving else PROPOSALS.averaged
         most = wall_drift.window(scales.noise, near, batch.times, self.sampling.window, shortest)
         if not self.is_martingale:

@@ -71,10 +71,7 @@ class Replay(NamedTuple):
 
 
 class PathIntegral:
-    """Draws and weighs samples around references; the problem and its scene stay fixed.
-
-    `assembly.path_integral` makes one for a problem and its free space. `threads` weigh samples and make guides.
-    """
+    """Draws and weighs samples around references, in threads; `path_integral` makes one for a problem and its space."""
 
     def __init__(
         self, proposals: ProposalFactory, backend: Backend, *, threads: int = 1,

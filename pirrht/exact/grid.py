@@ -196,10 +196,7 @@ def slopes(t):  # type: ignore[no-untyped-def]
 
 @kernel
 def interpolate(values, frame, x, slope):  # type: ignore[no-untyped-def]
-    """Interpolate `values` (nx, ny, nt) at x (n,) by cubics; the gradient [1/m, 1/m, 1/rad] goes to slope (n,).
-
-    The third axis has headings 2 pi k / nt; in the plane nt = 1 and n = 2.
-    """
+    """Interpolate `values` (nx, ny, nt), of headings 2 pi k / nt, at x by cubics; the gradient goes to slope (n,)."""
     nx, ny, nt = values.shape
     fx, fy = (x[0] - frame.x0) / frame.spacing, (x[1] - frame.y0) / frame.spacing
     ft = x[2] * nt / (2.0 * math.pi) if nt > 1 else 0.0

@@ -169,10 +169,7 @@ def certify_point(field, x, y):  # type: ignore[no-untyped-def]
 
 @inlined
 def _certify_piece(field, x, y, theta, ux, uy, curvature, length, patient):  # type: ignore[no-untyped-def]
-    """Return FREE, BLOCKED or UNSURE for a piece that sets out along (ux, uy): certified discs must cover it.
-
-    Where they do not, a `patient` walk goes on in small steps: most such pieces soon enter an obstacle beyond doubt.
-    """
+    """Return FREE, BLOCKED or UNSURE for a piece that sets out along (ux, uy): certified discs must cover it."""
     s, verdict = 0.0, FREE
     while True:
         px, py = point_along(x, y, theta, ux, uy, curvature, s)

@@ -65,10 +65,7 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
 
 
 def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -> bool:
-    """Return whether a disc of a radius [m] holds a path on a lattice from a point (2,) [m] out of the margin.
-
-    It is free for a smaller robot radius [m], and ends where the planning radius is.
-    """
+    """Return whether a lattice path leads from a point (2,) [m] out of the margin, inside a disc of a radius [m]."""
     from scipy.ndimage import label  # SciPy takes a tenth of a second to import, and few scenes need it
 
     cell, full = min(disc / 8.0, radius / 3.0), collision.footprint.radius
@@ -85,10 +82,7 @@ def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -
 
 
 def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None:
-    """Return the largest disc inside the goal's whose centre is free, None if there is none for a robot radius [m].
-
-    Places with much less clearance than others in the goal do not count; of equals the nearest to the start is taken.
-    """
+    """Return the largest disc inside the goal's that is centred where a robot radius [m] is free, None if none is."""
     from scipy.ndimage import label, maximum
 
     goal, count = scene.goal, TUNING.goal_lattice

@@ -312,10 +312,7 @@ def _next_square(squares, p, di, dj):  # type: ignore[no-untyped-def]
 
 @kernel
 def _sweep(squares, order, steps, least, root, found):  # type: ignore[no-untyped-def]
-    """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there.
-
-    A square next to an empty page is added later than that page and meets it.
-    """
+    """Add squares in an order and mark where two parts meet that are both deeper than `least` [m] there."""
     value = squares.value
     for k in range(order.shape[0]):
         p = order[k]

@@ -106,10 +106,7 @@ def outside(form, a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @kernel
 def _off_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the vector from an ellipsoid's nearest point, in its frame, zero inside [m].
-
-    With half axes a_i the nearest point is a_i^2 x_i / (a_i^2 + t); Newton's method finds t from below.
-    """
+    """Return the vector from an ellipsoid's nearest point, in its frame, zero inside [m], by Newton's method."""
     t = max(max(a * (abs(x) - a), b * (abs(y) - b)), max(c * (abs(z) - c), 0.0))
     while True:
         p, q, r = a * a + t, b * b + t, c * c + t

@@ -33,10 +33,7 @@ def fastest_of(moving, j):  # type: ignore[no-untyped-def]
 
 @inlined
 def piece_of(moving, j, t):  # type: ignore[no-untyped-def]
-    """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when these hold [s].
-
-    At a time at which the rates change they are those from then on.
-    """
+    """Return x, y [m] and yaw [rad] of obstacle j at t [s], their rates [1/s], and until when they hold from then."""
     begin, end = load_int64(moving.parts, PARTS * j), load_int64(moving.parts, PARTS * j + 1)
     lead, period = clock_of(moving, j)
     now = t + lead

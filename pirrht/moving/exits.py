@@ -162,10 +162,7 @@ def _towards(near, j, cov):  # type: ignore[no-untyped-def]
 
 @part
 def _passes(moving, j, near, way, dt, cov, square):  # type: ignore[no-untyped-def]
-    """Return the probability that a noisy step misses obstacle j, clearances at both ends [m] and variance towards it.
-
-    Where twice the product of the clearances is beyond `square` [m^2] it is 1.
-    """
+    """Return the probability that a noisy step misses obstacle j; 1 if twice both clearances' product is > `square`."""
     (x, y, mx, my), c = way, near[j, D]
     length = math.sqrt((mx - x) * (mx - x) + (my - y) * (my - y))
     d = c - length - fastest_of(moving, j) * dt

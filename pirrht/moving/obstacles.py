@@ -149,10 +149,7 @@ def _shapes(
 
 
 def _excess(distance: Array, pitch: float) -> Array:
-    """Bound how much too high bilinear interpolation next to a point may be, from the distance there [m].
-
-    A distance changes by no more than the way to the corners of a cell, and its second derivative is at most 1 over it.
-    """
+    """Bound how much too high bilinear interpolation next to a point may be, from the distance there [m]."""
     nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
     excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
     return excess

@@ -180,10 +180,7 @@ def proposer(
 
 @kernel
 def grow(propose, at, vertices, draws, i, around, values, rules):  # type: ignore[no-untyped-def]
-    """Make vertices of the draws (k, n) from i on: the first not dealt with, and its status.
-
-    `propose` is the address of a `proposer`, `values` its numbers.
-    """
+    """Make vertices of the draws (k, n) from i on, by a `proposer`; the first not dealt with, and its status."""
     straight, gx, gy = np.empty(at.M), around.goal_x, around.goal_y
     while i < draws.shape[0]:
         x, v = draws[i], load_int64(at.size, g.SIZE.vertices)

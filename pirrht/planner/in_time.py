@@ -53,10 +53,7 @@ def taut_in_time(path: Legs, steering: InTime, checker: EdgeChecker) -> Legs:
 
 
 def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Legs | None:
-    """Shorten the rest of a path from a place and a time x (3,) [m, m, s] near it; None if none is left or free.
-
-    Its class is not checked.
-    """
+    """Shorten the rest of a path from x (3,) [m, m, s] near it, in any class; None if none is left or free."""
     goal, radius, knots = checker.space.scene.goal, checker.space.scene.robot_radius, path.knots
     soon = x[2] + TUNING.soon * (knots[-1, 2] - knots[0, 2]) / (len(knots) - 1)
     knots = np.vstack([x, knots[knots[:, 2] > soon]])

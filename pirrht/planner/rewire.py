@@ -204,10 +204,7 @@ def _pop(at):  # type: ignore[no-untyped-def]
 
 @inlined
 def append(at, v, offer, rules):  # type: ignore[no-untyped-def]
-    """AppendNode: give vertex v a node if it is new or cheaper, and queue it.
-
-    Returns what must grow first, or done, also if the node is dominated, blocked or pruned.
-    """
+    """AppendNode: give vertex v a node if it is new or cheaper, and queue it; return what must grow first, or done."""
     vertex = g.vertex_at(at, v)
     count, K = load_int32(vertex, g.COUNT), rules.classes
     if K == 0 and count >= at.K:

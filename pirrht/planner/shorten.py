@@ -152,10 +152,7 @@ def _taut(around, points, capacity, out):  # type: ignore[no-untyped-def]
 
 
 def shorten(path: Any, steering: Steering, checker: EdgeChecker) -> Any:
-    """Shorten a path (consecutive motions into the goal) inside its class; it never costs more.
-
-    Every new piece is certified by the clearance field, which is FCL's distance less its error bound.
-    """
+    """Shorten a path (consecutive motions into the goal) inside its class, certified by the field, at no more cost."""
     if isinstance(steering, InTime):
         return in_time.taut_in_time(path, steering, checker)
     if steering.motion is ARCS and steering.n == 2 and not np.any(path.curvature):

@@ -169,10 +169,7 @@ class HomologyTree:
     # -- Algorithm 2: ChooseParent ---------------------------------------------------------------------------------
 
     def choose_parent(self, x: Array, least: int = 0, threads: int = 1) -> Edges:
-        """Judge edges from x (n,) to the vertices near it, at least so many (Algorithm 2).
-
-        AppendNode (lines 6 to 8) is part of the relaxation, once the state is a vertex.
-        """
+        """Judge edges from x (n,) to at least so many near vertices (Algorithm 2); `relax` does AppendNode."""
         near = self._near(x, self.states[: self.size], forward=True, least=least)  # line 1
 
         def edges(near: NDArray[np.int64]) -> Edges:
@@ -186,10 +183,7 @@ class HomologyTree:
     # -- Algorithm 3: Rewire ---------------------------------------------------------------------------------------
 
     def rewire(self, v: int) -> Edges:
-        """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7).
-
-        The search over the queue (lines 8 to 17) is the relaxation, once these are edges.
-        """
+        """Judge edges to vertex v from the vertices near it (Algorithm 3, lines 1 to 7); lines 8 to 17 are `relax`."""
         x, in_goal = self.states[v], self.in_goal
         near = self._near(x, self.states[: v + 1], forward=False)  # line 1
         near = near[(near != v) & ~in_goal[near]]

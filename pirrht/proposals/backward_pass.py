@@ -96,10 +96,7 @@ def through_step(v, W, K, S, lead, g, Q):  # type: ignore[no-untyped-def]
 
 @borrowing
 def respond(course, i, passive, damping, g, Q, work):  # type: ignore[no-untyped-def]
-    """Write change, gains, share, inverse and volume of step i, by the best response to g and Q.
-
-    Returns: the gain that is expected of it [cost].
-    """
+    """Write change, gains, share, inverse and volume of step i, the best response to g and Q; its gain [cost]."""
     (stiff, vectors, inverted, bows), modes, least = work, work[0].shape[0], TUNING.least_curvature * passive
     n, expected = g.shape[0] - modes, 0.0
     copy_rows(Q[n:, n:], stiff)

@@ -128,10 +128,7 @@ class DDPGuidance:
         return self._ranked(first, [one for one in found if one is not None and one.valid])
 
     def _ranked(self, first: DDPGuide | None, valid: Sequence[DDPGuide]) -> list[DDPGuide]:
-        """Return the best of some valid guides, and the cheapest other one that has weight and that its samples miss.
-
-        The first is best unless another costs less by lambda; without a valid one it is the only one.
-        """
+        """Return the best of some valid guides, and the cheapest other one with weight that its samples miss."""
         if not valid:
             return [] if first is None else [first]
         best, t = min(valid, key=lambda one: one.penalised), self.tuning
@@ -186,10 +183,7 @@ class DDPGuidance:
         return Query(setup, clock, x, times, key)
 
     def counts(self, guides: Sequence[DDPGuide | None], samples: int) -> list[int]:
-        """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide.
-
-        Classes whose guide costs k lambda more than the cheapest weigh about exp(-k).
-        """
+        """Return the samples around each reference, (H,): N, or few for one of negligible weight or without a guide."""
         penalised = [np.inf if guide is None else guide.penalised for guide in guides]
         bound, few = self.hopeless(min(penalised)), min(self.tuning.few, samples)
         return [samples if bound == np.inf or one <= bound else few for one in penalised]

@@ -194,10 +194,7 @@ class Initialisation:
         return course, min(int(np.searchsorted(times, trajectory.durations.sum())), len(times) - 1)
 
     def perturbed(self, control: Array, length: int, times: Array) -> Iterator[tuple[Course, int]]:
-        """Start from controls (T, modes) with the first ones perturbed: to turn the other way, to brake, to reverse.
-
-        Optimisation is local, and turning about has several local optima.
-        """
+        """Start from controls (T, modes), the first of them perturbed: to turn the other way, to brake, to reverse."""
         m, steps = self.dynamics.m, int(np.searchsorted(times, self.tuning.perturbed_time))
         few = m <= self.tuning.perturbed_inputs
         signs = product((-1.0, 0.0, 1.0), repeat=m) if few else np.vstack([np.eye(m), -np.eye(m)])
@@ -209,10 +206,7 @@ class Initialisation:
                 yield course, max(length, min(steps, len(control)))
 
     def tracked(self, x: Array, trajectory: Trajectory, times: Array) -> tuple[Course, int]:
-        """Start by tracking the places and times of a reference from x (n,), more and more of it from its start on.
-
-        It sets off gently, since the system may have to turn about or to accelerate.
-        """
+        """Start gently by tracking places and times of a reference from x (n,), more and more of it from its start."""
         start, seconds, ahead = trajectory.path.start, float(trajectory.durations.sum()), self.tuning.ahead
         pace, onward = trajectory.length / seconds, trajectory.durations[-1] + times[-1]  # through the goal, no halt
         end = start[-1, :2] + pace * onward * np.array([math.cos(start[-1, 2]), math.sin(start[-1, 2])])

@@ -20,10 +20,7 @@ STATIC = 6  # static walls at one place: two components and four sides of the bo
 
 @inlined
 def barrier(c, task):  # type: ignore[no-untyped-def]
-    """c^p less its tangent at the margin, p being the exponent, and its first two derivatives.
-
-    It is zero beyond the margin and quadratic below `Task.least`.
-    """
+    """c^p less its tangent at the margin, and two derivatives; zero beyond it and quadratic below `Task.least`."""
     margin, p = task.margin, task.exponent
     at = max(c, task.least)
     value, edge = at**p, margin**p

@@ -40,7 +40,4 @@ class Backend(Protocol):
     def controls(
         self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
     ) -> tuple[Array, Array]:
-        """Simulate chosen samples again; return sums by group of weight times control, and of weight under way.
-
-        Returns: (groups, T, m) [control] and (groups, T).
-        """
+        """Simulate chosen samples again; sums by group of weight times control (groups, T, m), and weight under way."""

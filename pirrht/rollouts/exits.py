@@ -17,10 +17,7 @@ from pirrht.rollouts.first_exit import (  # isort: skip
 
 @cache
 def ended_for(kind: KernelSpec) -> Any:
-    """Build the kernel that ends a step at its crossing: without this the rest of it would enter dQ/dP as noise.
-
-    It returns the stream's state and the time [s] for which the step's noise counts.
-    """
+    """Build the kernel that ends a step at its crossing, so that only noise until then [s] enters dQ/dP."""
     n, m, moving, along_line = kind.n, kind.m, kind.moving is not None, kind.along_line
     isotropic = kind.n == 2 and kind.m == 2  # the noise of a step is its displacement; then an exit cuts both alike
 

@@ -116,10 +116,7 @@ def _cut_short(arena, step, before, after):  # type: ignore[no-untyped-def]
 
 @inlined
 def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type: ignore[no-untyped-def]
-    """Draw whether and when a bridge meets obstacles or border, those of them that are `near`.
-
-    Returns: next state of the sequence, share of the step until then or NEVER, log probability of neither [nats].
-    """
+    """Draw the next state, the share of a step at which a bridge meets `near` walls or NEVER, and log P(none)."""
     (x, y, nx, ny), (c0, e0, _), (c1, e1, _), (near_wall, near_border), u = step, before, after, near, 1.0
     variance = _towards_wall(field, x, y, cov)
     alive = _border_survival(field, x, y, nx, ny, cov[0], cov[2]) if near_border else 1.0
@@ -139,10 +136,7 @@ def _meet_walls(field, step, before, after, cov, near, weighed, state):  # type:
 
 @inlined
 def _enter_goal(arena, step, g0, g1, cov, line, state):  # type: ignore[no-untyped-def]
-    """Draw whether and when a bridge enters the goal's disc, at distances g0 before and g1 after the step [m].
-
-    Returns: next state of the sequence, share of the step until then or NEVER.
-    """
+    """Draw the next state, and the share of a step at which a bridge enters the goal, or NEVER; g0, g1 in [m]."""
     x, y, nx, ny = step
     ex, ey, alone = line_of(cov)
     if line and alone:
@@ -198,10 +192,7 @@ def fitting(near, rest, least, scale):  # type: ignore[no-untyped-def]
 
 @kernel
 def facing(field, x, y, cov):  # type: ignore[no-untyped-def]
-    """Clearance of (x, y) [m] over the share of noise that a wall faces, where noise acts along a line.
-
-    A path to and fro alongside a wall comes no nearer to it. The covariance (xx, xy, yy) may be per second.
-    """
+    """Clearance of (x, y) [m] over the share of noise, of covariance (xx, xy, yy), that a wall faces along its line."""
     size, nearest = cov[0] + cov[2], np.inf
     for k in range(2):
         d, gx, gy = with_slope(field, field.nearest if k == 0 else field.second, x, y)
@@ -241,10 +232,7 @@ def at_crossing(exit, radius, end, share, deviation, state):  # type: ignore[no-
 
 @kernel
 def endpoint_exit(arena, nx, ny):  # type: ignore[no-untyped-def]
-    """Apply the paper's rule (III-A, steps 3, 4): exit if the step's end (nx, ny) [m] is not free, or in the goal.
-
-    Returns: INSIDE or the Outcome.
-    """
+    """Apply the paper's rule (III-A, steps 3, 4): INSIDE, or the Outcome at the step's end (nx, ny) [m]."""
     if clearance(arena.field, nx, ny) <= 0.0:
         return COLLISION
     return GOAL if (nx - arena.goal[0]) ** 2 + (ny - arena.goal[1]) ** 2 <= arena.radius * arena.radius else INSIDE

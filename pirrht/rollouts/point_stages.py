@@ -257,10 +257,7 @@ def judge(arena, f, short, n):  # type: ignore[no-untyped-def]
 
 @inlined
 def bridge(variance, weighed, f, short, n):  # type: ignore[no-untyped-def]
-    """Flag the lanes whose step may have ended on its way, or that two walls weigh; how many. `variance` is per second.
-
-    Most lanes close to one wall are weighed by their survival at once.
-    """
+    """Flag and count lanes whose step may have ended on its way, or that two walls weigh; variance is per second."""
     far, slow = np.float32(FAR * variance), 0
     for k in range(n):
         c0, c1, e0, e1, g0, g1 = f[C0 + k], f[C1 + k], f[E0 + k], f[E1 + k], f[G0 + k], f[G1 + k]

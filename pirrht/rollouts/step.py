@@ -71,10 +71,7 @@ class KernelSpec(NamedTuple):
 
     @property
     def is_martingale(self) -> bool:
-        """Tell whether a gated point has neither drift nor varying B, G or q.
-
-        Then its optimal control is a martingale along its optimal paths (`proposals.wall_drift`).
-        """
+        """Tell whether the optimal control of a point is a martingale: no drift, and constant B, G and q."""
         constant = self.drift is no_drift and self.control_block is None and self.diffusion_block is None
         return self.gated and constant and not self.varying_rate
 

@@ -203,10 +203,7 @@ class Kernels(NamedTuple):
 
 @inlined
 def push_of(c, offset):  # type: ignore[no-untyped-def]
-    """1 / (b (exp(c/b) - 1)) to third order [1/m]: slope of log psi at a distance c from a wall of offset b.
-
-    There psi goes like 1 - exp(-c/b).
-    """
+    """1 / (b (exp(c/b) - 1)) to third order [1/m]: the slope of log(1 - exp(-c/b)), psi near a wall of offset b."""
     s = c / (offset + np.float32(1e-9))
     third, fourth = np.float32(1.0 / 6.0), np.float32(1.0 / 24.0)
     return ONE / (c * (ONE + s * (HALF + s * (third + s * fourth))))

@@ -58,10 +58,7 @@ def speeds(c, s):  # type: ignore[no-untyped-def]
 
 @inlined
 def stride(c, s, most, free):  # type: ignore[no-untyped-def]
-    """Return a time [s] in which the path surely gets no farther than `free` [m] from where it is after s [s].
-
-    `most` is the greatest acceleration ahead [m/s^2].
-    """
+    """Return a time [s] in which the path from s [s] surely gets no farther than `free` [m], by its acceleration."""
     vx, vy = speeds(c, s)
     v = math.sqrt(vx * vx + vy * vy)
     return 2.0 * free / max(v + math.sqrt(v * v + 2.0 * most * free), 1e-300)

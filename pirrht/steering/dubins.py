@@ -77,10 +77,7 @@ def _opposite_turns(s, gap, a, b, across, ahead, limit):  # type: ignore[no-unty
 
 @kernel
 def shortest(tail, head, radius, limit):  # type: ignore[no-untyped-def]
-    """Find the shortest curve between two states (3,): its length [m], curvatures (3) [1/m] and pieces (3) [m].
-
-    It is of infinite length if it is not below `limit` [m].
-    """
+    """Find the shortest curve between two states (3,), below `limit` [m]: length, curvatures (3) [1/m], pieces (3)."""
     gap, a, b = ((head[0] - tail[0]) / radius, (head[1] - tail[1]) / radius), tail[2], head[2]
     sa, ca, sb, cb = math.sin(a), math.cos(a), math.sin(b), math.cos(b)
     most = limit / radius
@@ -127,10 +124,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dubins(CompiledSteering):
-    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1: the shortest curve of bounded curvature.
-
-    OptionError: V or rho is not a positive number.
-    """
+    """The unicycle's time optimum, q = 1, R = 0, |u| <= 1, of bounded curvature; OptionError unless V, rho > 0."""
 
     V: float = 1.0  # speed [m/s]
     rho: float = 1.0  # dtheta/dt = u / rho, so the turning radius [m] is V rho

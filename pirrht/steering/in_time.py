@@ -298,10 +298,7 @@ def _origin(scene: Scene, origin: Array | None) -> Array:
 
 
 def homology_of(problem: Problem, space: FreeSpace) -> Homology:
-    """Choose the classes of a problem's paths: those in space and time among moving obstacles.
-
-    Bases go at the best speed; if the cost tells none, controls are taken for velocities.
-    """
+    """Choose the classes of a problem's paths: in space and time, with bases at the best speed, if obstacles move."""
     if not problem.scene.movers:
         return space.homology
     try:

@@ -93,10 +93,7 @@ class Trajectory:
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:
-    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; a callable q with its mean over the points.
-
-    Where the controls are not known it is the steering's cost, and the most that getting under way may cost.
-    """
+    """Integral of q + u'Ru/2 along a trajectory from x (n,) [cost]; without controls the steering's cost."""
     if trajectory.slack is not None:
         return trajectory.cost + 2.0 * problem.least_rate * trajectory.slack
     R = problem.control_cost(x)

@@ -86,10 +86,7 @@ class Steering(ABC):
         return x
 
     def states_along(self, path: Array, scene: Scene) -> Array:
-        """Return states (l, n) that lead both ways along a path of points and headings (k, 3) [m], [m], [rad].
-
-        Here all but the position is drawn, from one seed; steering methods with headings override it.
-        """
+        """Return states (l, n) both ways along points and headings (k, 3) [m, m, rad], with the rest drawn."""
         rng = np.random.default_rng(0)
         states = np.array([self.sample(scene, rng) for _ in path]).reshape(-1, self.n)
         states[:, :2] = path[:, :2]
@@ -114,10 +111,7 @@ class Steering(ABC):
         return drawn
 
     def offers(self, passages: Passages, space: FreeSpace, origin: Array | None = None) -> Array:
-        """Return states (l, n) that a tree in an examined scene draws first; here those along its passages.
-
-        `origin` is the robot's state (n,); None: the scene's start.
-        """
+        """Return states (l, n) that a tree draws first, from an origin (n,) or the start; here along passages."""
         return self.states_along(passages.axis, space.scene)
 
     def nearest(self, states: Array, x: Array, count: int, *, forward: bool) -> NDArray[np.int64]:

@@ -80,10 +80,7 @@ class StraightLine(Lines):
 
     @classmethod
     def of(cls, problem: Problem) -> StraightLine:
-        """Take the optimal line of a problem with q constant and R a multiple of the identity (q = 1, R = 2I: speed 1).
-
-        OptionError: the dynamics is no point in the plane that is pushed around, or R is another.
-        """
+        """Take a point's line for q constant and R a multiple of I (q = 1, R = 2I: speed 1); else OptionError."""
         d = problem.dynamics
         if not d.n == d.m == 2:
             raise OptionError(

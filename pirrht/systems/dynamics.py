@@ -90,10 +90,7 @@ class Dynamics(ABC):
 
     @abstractmethod
     def twist(self, x: Array, rate: Array) -> Array:
-        """Velocity command (2,) of the robot at x (n,), in its own terms, for rates (m,) [state/s] of x_c.
-
-        In the input form rates are those of the inputs, u + s dw/dt (m,), in units of controls.
-        """
+        """Velocity command (2,) of the robot at x (n,) for rates (m,) of x_c, or of the inputs in input form."""
 
     def brake(self, x: Array, place: Array, within: float) -> Array | None:
         """Control (m,) at x (n,) to come to rest at a place (2,) [m], within a time constant [s]; None: it cannot."""
@@ -223,10 +220,7 @@ class Dynamics(ABC):
         return np.zeros(self.m) if self.input_form else self.f(x)[self.n - self.m :]
 
     def rate(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """Rates (m,) [state/s] of the actuated states at x (n,), for u (m,) and noise dw (m,) [sqrt(s)] over dt [s].
-
-        In input form, those of the inputs: u + s dw/dt (m,).
-        """
+        """Rates (m,) of x_c, or in input form of the inputs, at x (n,) for u (m,) and noise dw (m,) over dt [s]."""
         if self.input_noise is not None:
             return np.asarray(u + self.input_noise @ dw / dt)
         return np.asarray(self.f(x)[self.n - self.m :] + self.G_c(x) @ u + self.B_c(x) @ dw / dt)

@@ -26,10 +26,7 @@ def cruising(x, p):  # type: ignore[no-untyped-def]
 
 @jitable
 def towards_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
-    """Turn until the goal's disc lies ahead and drive at CRUISE, slower as long as it does not; out (2,).
-
-    If it reverses towards the goal it goes on so.
-    """
+    """Turn until the goal's disc lies ahead, and drive there at CRUISE, forwards or as it already goes; out (2,)."""
     dx, dy = aim[0] - x[0], aim[1] - x[1]
     way = -1.0 if x[3] < 0.0 and dx * math.cos(x[2]) + dy * math.sin(x[2]) < 0.0 else 1.0
     beyond = beyond_disc(way * dx, way * dy, x[2], radius)

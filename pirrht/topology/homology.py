@@ -173,10 +173,7 @@ class Driven:
         self._now = self._known
 
     def observe(self, states: Array, until: float = 0.0) -> None:
-        """Add the states (k, n), evenly spaced in time, the last of them now reached, at `until` [s].
-
-        The first two numbers of a state are its place [m]. They replace expected ones.
-        """
+        """Add the states (k, n), evenly spaced in time until now, `until` [s]; they replace expected ones."""
         self._known = self._now = self._on(states, until)
 
     def expect(self, states: Array, until: float = 0.0) -> None:

@@ -99,10 +99,7 @@ def crossings_of_base(tracks, j, goal, speed, start, first):  # type: ignore[no-
 
 @kernel
 def outside(tracks, j, a, b, goal, s, t):  # type: ignore[no-untyped-def]
-    """Return whether moving marker j is surely outside of the triangle a, b, goal, (2) each [m], from s to t [s].
-
-    Paths inside the triangle that come back have then turned about it by nothing.
-    """
+    """Return whether moving marker j is surely outside of the triangle a, b, goal, (2,) each [m], from s to t [s]."""
     first, second, third = _far_side(a, b, goal), _far_side(b, goal, a), _far_side(goal, a, b)
     begin, _, period = rows_of(tracks, j)
     box, last = load_int64(tracks.first_box, j), load_int64(tracks.first_box, j + 1)

@@ -29,10 +29,7 @@ BOX = 4  # numbers of a box: least x and y, greatest x and y [m]
 
 
 class TrajectoryTable(NamedTuple):
-    """Trajectories of J markers, as numbers and addresses that kernels can take cheaply.
-
-    They move straight between places at times, and rest before the first and after the last.
-    """
+    """Trajectories of J markers, straight between places at times, as numbers that kernels take cheaply."""
 
     J: int  # number of markers
     first: int  # address of int64 (J + 1,): where the places of each begin
