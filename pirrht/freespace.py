@@ -45,8 +45,7 @@ class FreeSpace:
     def of(cls, scene: Scene) -> FreeSpace:
         """Examine a scene; the markers of its encircled obstacles, (M, 2) [m], become those of `homology`.
 
-        Raises:
-            SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
+        SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
         scene, collision = _checked(replace(scene, waivers=()))
         parts = components(collision)
@@ -56,10 +55,7 @@ class FreeSpace:
         """Examine a scene with the same goal and other obstacles, so that classes keep their names.
 
         Each obstacle keeps its number, its place in (M,) turns, while its marker is covered; new ones come last, or
-        where one had gone before. The start may be covered: the robot is under way.
-
-        Raises:
-            SceneError: all of the goal is in collision, or the workspace is too large for the robot.
+        where one had gone before. The start may be covered: the robot is under way. SceneError as of `of` otherwise.
         """
         scene, collision = _checked(scene, start_counts=False)
         named = len(self.homology.markers) if self.homology.named is None else self.homology.named
@@ -83,10 +79,8 @@ class FreeSpace:
     def with_task(self, *, start: Array | None = None, goal: Goal | None = None) -> FreeSpace:
         """Return the space with another start (3,) [m, m, rad] or goal; nothing is sampled again.
 
-        Only where a start or goal has less than the safety margin around it is the scene examined again.
-
-        Raises:
-            SceneError: one of them lies outside the workspace or is in collision.
+        Only where a start or goal has less than the safety margin around it is the scene examined again. SceneError:
+        one of them lies outside the workspace or is in collision.
         """
         scene = self.scene
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)

@@ -99,11 +99,7 @@ class Problem:
         return np.asarray(self.R(x), dtype=float) if callable(self.R) else self.R
 
     def _temperature(self) -> float:
-        """The scalar lambda of `lambda G R^-1 G' = B B'`; in input form of `lambda R^-1 = s s'`.
-
-        Raises:
-            NotLinearlySolvable: no scalar fits, at some state of the workspace; both matrices are in the message.
-        """
+        """The scalar lambda of `lambda G R^-1 G' = B B'`, or of `lambda R^-1 = s s'`; else NotLinearlySolvable."""
         value, d, name = np.nan, self.dynamics, type(self.dynamics).__name__
         left, right, remedy = "G R^-1 G'", "B B'", "G' (B B')^-1 G"
         if d.input_form:

@@ -81,7 +81,7 @@ def _own(problem: Problem, part: Rollouts) -> Array:
 
 
 class Mppi(Policy):
-    """MPPI in place of `Controller`.
+    """MPPI in place of `Controller`; OptionError if the horizon is not positive, or the samples follow guides.
 
     Args:
         problem: of the samples. One with more noise than the robot's explores more widely: as R stays, lambda grows
@@ -90,9 +90,6 @@ class Mppi(Policy):
         horizon: length of the control sequence [s].
         terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
         homology, predict, rng: see `Controller`.
-
-    Raises:
-        OptionError: the horizon is not positive, or the samples follow guides.
     """
 
     def __init__(
@@ -146,10 +143,7 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
     """Return the cost (k,) [cost] of straight lines from states (k, n) to the goal disc, without obstacles and noise.
 
     A robot whose position is controlled drives at the speed that balances q against u'Ru/2, helped by its drift, in its
-    best direction; any other at the speed of its drift; and turning is free.
-
-    Raises:
-        OptionError: a robot that only drifts has no speed at the start.
+    best direction; any other at the speed of its drift (OptionError: it has none at the start); and turning is free.
     """
     d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
     x = d.state_of(problem.scene.start)

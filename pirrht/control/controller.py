@@ -91,9 +91,7 @@ class Controller(Policy):
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).
 
-        Raises:
-            OptionError: x is no state of the system.
-            NoReference: no class reaches the goal, and there is no earlier plan to go on with.
+        OptionError: x is no state. NoReference: no class reaches the goal, and there is no earlier plan to go on with.
         """
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))

@@ -108,10 +108,7 @@ class Plan:
 
         Args:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
-            axes: of matplotlib, which are returned; None: those of a new figure.
-
-        Raises:
-            OptionError: matplotlib is not installed, or the plan does not know its scene.
+            axes: of matplotlib, which are returned; None: those of a new figure. OptionError: it is not installed.
         """
         return import_module("sim.plotting.prompt").plan(self, samples, axes)
 

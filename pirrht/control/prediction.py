@@ -33,10 +33,8 @@ class Prediction:
 class ConstantVelocity:
     """Predicts constant velocities of a scene's obstacles, which are queried for poses and velocities only.
 
-    Args:
-        steering: of trees of so many `vertices`.
-        grown: a tree that has its roots only, for a space; None: there are no trees.
-        tuning: says how far obstacles may deviate from a prediction, and its horizon.
+    Trees, if `grown` makes one with roots only for a space, have so many `vertices` by `steering`; `tuning` says how
+    far obstacles may deviate from a prediction, and its horizon.
     """
 
     def __init__(

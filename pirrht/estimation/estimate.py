@@ -140,15 +140,9 @@ def weigh(
 ) -> Estimate:
     """Weigh the samples: v and its error [cost], u (m,) and its error, and the share of every class in them.
 
-    Args:
-        walls: wall drift at the state.
-        classes: additive class keys to the names of the references' classes.
-
-    Each part is weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is
-    an unbiased estimate of psi, even if they depend on earlier parts.
-
-    Raises:
-        NoSurvivingSample: no sample has any weight.
+    `walls` is the wall drift at the state, `classes` are names of the references' classes by additive key. Each part is
+    weighed by its own proposals. Where these were fixed before it was drawn, the mean over all samples is an unbiased
+    estimate of psi, even if they depend on earlier parts. NoSurvivingSample: no sample has any weight.
     """
     paths, log_weight, first = all_samples(parts)
     top, H = float(log_weight.max()), len(parts[0].tables.first) - 1
@@ -190,15 +184,10 @@ def weigh(
 
 @dataclass(slots=True)
 class Allocation:
-    """Distributes the samples of a plan, and learns from their weights.
+    """Distributes the samples of a plan, and learns from their weights."""
 
-    Attributes:
-        contribution: root mean square weight of samples by class.
-        shares: shares of the samples of a class around each of its proposals, by class.
-    """
-
-    contribution: dict[str, float] = field(default_factory=dict)
-    shares: dict[str, Array] = field(default_factory=dict)
+    contribution: dict[str, float] = field(default_factory=dict)  # root mean square weight of samples by class
+    shares: dict[str, Array] = field(default_factory=dict)  # of a class's samples around each of its proposals
     tuning: EstimationTuning = TUNING
 
     def counts(

@@ -161,13 +161,8 @@ class PathIntegral:
     ) -> Estimate:
         """Sample the paths of a batch in one or more rounds, and weigh all (Algorithm 4, line 4).
 
-        Args:
-            seed: of the plan; equal seeds give equal paths.
-            left: time left [s]; rounds are drawn until it is up.
-            least: rounds are drawn up to so many effective samples.
-
-        Raises:
-            NoSurvivingSample: no sample has any weight.
+        Equal seeds of a plan give equal paths. Rounds are drawn until the time `left` [s] is up, and up to `least`
+        effective samples. NoSurvivingSample: no sample has any weight.
         """
         settings, tuning, number = self.sampling, self.tuning, np.asarray(batch.counts)
         parts: list[Rollouts] = []

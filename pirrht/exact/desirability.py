@@ -219,12 +219,7 @@ class Desirability:
 
 
 class Optimal(Policy):
-    """Feedback control by a solved grid.
-
-    Args:
-        desirability: of the problem in continuous time.
-        sampling: of the sampler that a recording draws with; drives do not use it.
-    """
+    """Feedback control by a solved grid in continuous time; only recordings draw by `sampling`."""
 
     def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
         self.desirability = desirability

@@ -124,8 +124,8 @@ def _plan(problem: Problem, scene: Scene, spacing: float) -> tuple[tuple[Array, 
 def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None, progress: Progress) -> Frames:
     """Solve in continuous time on a grid of this spacing [m]; dt is none.
 
-    Calls `progress` with the share of the steps that is done, anew for every period. OptionError as of `spacing_for`,
-    or if a repeated motion does not settle.
+    `progress` takes the share of steps done, anew for every period. OptionError too if a repeated motion does not
+    settle.
     """
     scene, equation = space.scene, Equation.of(problem)
     (times, first, period), longest, thinning = _plan(problem, scene, spacing)

@@ -110,8 +110,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, *_: object) -> E
 def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> Expansion:
     """Solve `Laplace psi = k^2 psi` with psi = 1 on the rim of the goal and exp(-wall) at walls and border.
 
-    Args: wavenumber k [1/m]; wall phi/lambda [nats], which may be infinite; spacing h [m]. OptionError if h is too
-        coarse.
+    k in [1/m], the wall phi/lambda [nats] may be infinite, h is in [m]. OptionError: h is too coarse.
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1

@@ -29,11 +29,7 @@ Origins = NDArray[np.int64]  # (k, 2) first cells of blocks, in the finest spaci
 
 
 def build_field(collision: Collision, members: Sequence[int]) -> Field:
-    """Sample clearances [m] from the solids that count; the spacing is a share of the robot's radius at any size.
-
-    Raises:
-        SceneError: the workspace is too large for that; names a size that is not.
-    """
+    """Sample clearances [m] from the solids that count, at a share of the robot's radius; SceneError: too large."""
     world, radius = collision.world, collision.least_radius
     span, farthest = world.upper - world.lower, float(np.abs([world.lower, world.upper]).max())
     h = radius / TUNING.cells_per_radius
@@ -52,11 +48,7 @@ def build_field(collision: Collision, members: Sequence[int]) -> Field:
 
 
 def build_blocks(collision: Collision, members: Sequence[int], h: float) -> Field:
-    """Sample clearances [m] from the solids that count in blocks, the finest of spacing h [m].
-
-    Raises:
-        SceneError: the table or the blocks would be too many.
-    """
+    """Sample clearances [m] from the solids that count in blocks, the finest of spacing h [m]; SceneError: too many."""
     world, span = collision.world, collision.world.upper - collision.world.lower
     for cells in (8, 16, 32):  # wider ones make the table smaller and waste more points
         tops = np.ceil(span / (h * cells * 2**TOP) - 1e-9)
@@ -120,11 +112,8 @@ def _sampled(
 def _flat(walls: Found, shape: tuple[int, ...], alone: BoolArray, most: Array, width: float) -> BoolArray:
     """Return in which cells the distance is linear: one solid is nearest, and its gradient the same at all corners.
 
-    Args:
-        walls: of points (k,) in blocks of a shape (blocks, nx, ny).
-        alone: whether the same solid is nearest at all corners, (blocks, nx - 1, ny - 1).
-        most: distance to it at most [m].
-        width: of a cell [m].
+    `walls` are of points (k,) in blocks (blocks, nx, ny); `alone` (blocks, nx - 1, ny - 1) tells where the same solid
+    is nearest at all corners, at `most` so far away [m]; `width` is that of a cell [m].
     """
     farther = _extremes(walls.other.reshape(shape))[0] > most + 1.5 * width
     slopes = (walls.away / np.maximum(walls.first, 1e-300)[:, None]).reshape(*shape, 2)

@@ -106,11 +106,7 @@ class Collision:
         return self.segments_free(points, points)
 
     def segments_free(self, tails: Array, heads: Array, more: float = 0.0) -> BoolArray:
-        """Return whether the robot can go straight from tails to heads, 2 x (k, 2) [m] -> (k,); a swept capsule each.
-
-        Args:
-            more: clearance from obstacles that is required in addition [m].
-        """
+        """Return whether capsules from tails to heads, 2 x (k, 2) [m], are free, (k,), with `more` clearance [m]."""
         low, high = self.world.lower, self.world.upper
         result: BoolArray = np.all((tails > low) & (tails < high) & (heads > low) & (heads < high), axis=-1)
         for k in np.flatnonzero(result):
@@ -126,9 +122,7 @@ class Collision:
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
 
-        Args:
-            position: arc length in [0, length] [m] -> robot centre (2,) [m].
-            length: of the curve [m].
+        `position` takes an arc length in [0, length] [m] to the robot's centre (2,) [m].
         """
 
         def clear(s: float) -> float:

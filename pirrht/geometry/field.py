@@ -1,13 +1,9 @@
 """Interpolate the clearance field: distances sampled once on a grid, so that a million queries cost milliseconds.
 
-The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation
-of the distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the
-field never claims more clearance than there is. The border of the workspace is exact and kept out of the grid.
-
-The second wall is the nearest solid in another direction; where another solid takes over, its clearance may jump.
-
-In a small world points lie in columns, in a large one in square blocks of several
-spacings, and a table says which block holds a cell.
+The distance to a convex solid is convex with second derivatives of at most 1/distance, so bilinear interpolation of the
+distance to the nearest of several solids is too high by at most h^2 / (4 d). That bound is subtracted: the field never
+claims more clearance than there is. The border of the workspace is exact and kept out of the grid. The second wall is
+the nearest solid in another direction; where another solid takes over, its clearance may jump.
 """
 
 from __future__ import annotations
@@ -65,11 +61,8 @@ class Field(Grid):
     def of(cls, world: Workspace, spacing: float, arrays: Arrays, table: NDArray[np.int32] | None = None) -> Field:
         """Take hold of values of points in columns (nx, ny) or in blocks (k, stride, stride).
 
-        Args:
-            world: its least corner is where the first point lies.
-            spacing: of the finest points [m].
-            arrays: clearances from the nearest solid and from the second wall [m], and labels.
-            table: numbers and levels of the blocks, (rows, columns).
+        The first point lies at the world's least corner, the finest are `spacing` apart [m]. `arrays` are clearances
+        from the nearest solid and from the second wall [m], and labels; `table` has numbers and levels of the blocks.
         """
         nx, stride = arrays[0].shape[-2:]
         shape = (nx, stride, stride, 0, 0, 0)

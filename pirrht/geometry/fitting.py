@@ -21,12 +21,8 @@ from pirrht.geometry.tuning import TUNING
 def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> Scene:
     """Return the scene with a start and a goal point that are free, unchanged if they already are.
 
-    Args:
-        collision: of the scene's world and footprint, without waivers at what is fitted.
-        start_counts: whether the robot is at the start; else its waivers are kept as they are.
-
-    Raises:
-        SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
+    `collision` is of its world and footprint, without waivers at what is fitted. Unless the `start_counts`, waivers are
+    kept. SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
     start, goal, body = scene.start[:2], scene.goal, scene.robot_radius - scene.margin
     waivers = [] if start_counts else [*scene.waivers]

@@ -63,8 +63,7 @@ class Obstacle:
 class Motion:
     """Poses of an obstacle at any time, linear between rows; it rests after the last or starts over.
 
-    Raises:
-        SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
+    SceneError: rows of another shape, that are not finite, or whose times do not increase from 0.
     """
 
     rows: Array  # (k, 4) t [s], x, y [m], yaw [rad]

@@ -188,11 +188,7 @@ class Scene:
 
     @classmethod
     def from_discs(cls, discs: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
-        """Make a scene of upright cylinders, rows x, y, radius [m], (k, 3); the other arguments are `from_boxes`'s.
-
-        Raises:
-            SceneError: a number is missing or cannot be; names the row.
-        """
+        """Make a scene of upright cylinders, rows x, y, radius [m], (k, 3); the rest as of `from_boxes`."""
         return cls._of(solids.discs(discs, _height(task)), lower, upper, **task)
 
     @classmethod
@@ -201,11 +197,8 @@ class Scene:
     ) -> Scene:
         """Make a scene of upright prisms; a polygon that is not convex becomes triangles.
 
-        Args:
-            polygons: the corners of each, in their order around it, (l, 2) [m]; the others are `from_boxes`'s.
-
-        Raises:
-            SceneError: a polygon has no inside or crosses itself, or a number cannot be; names it.
+        Args: `polygons`, the corners of each in their order around it, (l, 2) [m]; the others are `from_boxes`'s.
+        SceneError names a polygon that has no inside or crosses itself, or a number that cannot be.
         """
         return cls._of(solids.prisms(polygons, _height(task)), lower, upper, **task)
 
@@ -220,10 +213,7 @@ class Scene:
                 (`np.flipud` turns a picture).
             resolution: side of a cell [m].
             origin: lower left corner of the grid, (2,) [m].
-            task: `from_boxes`'s.
-
-        Raises:
-            SceneError: it is no grid of booleans, or a number is missing or cannot be.
+            task: `from_boxes`'s. SceneError: it is no such grid, or a number is missing or cannot be.
         """
         grid, corner = np.asarray(occupied), solids.table([origin], (2,), "origin", "x, y [m]")[0]
         if grid.ndim != 2 or grid.size == 0 or grid.dtype != np.bool_:

@@ -46,11 +46,7 @@ def prisms(polygons: Sequence[ArrayLike], height: float) -> tuple[Obstacle, ...]
 
 
 def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) -> tuple[Obstacle, ...]:
-    """Make boxes of a height [m] that cover just the occupied cells (rows, columns) of a side [m]; row 0 is the lowest.
-
-    Args:
-        origin: lower left corner of the grid, (2,) [m].
-    """
+    """Make boxes of a height [m] that cover just the occupied cells of a side [m], row 0 first from an origin [m]."""
     from pirrht.geometry.rectangles import cover  # slow to import, and few scenes are grids
 
     rows = cover(occupied).reshape(-1, 4)[:, [2, 0, 3, 1]]
@@ -58,11 +54,7 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
-    """Return rows of finite numbers (k, widest); numbers that a shorter row leaves out are 0.
-
-    Raises:
-        SceneError: a row is something else; names it, and the numbers of a row.
-    """
+    """Return rows of finite numbers (k, widest), filled up with 0; SceneError names a row of anything else."""
     out = np.zeros((len(rows), widths[-1]))
     for i, row in enumerate(rows):
         try:
@@ -97,11 +89,7 @@ def _prism(name: str, corners: Array, height: float) -> Obstacle:
 
 
 def _convex_parts(name: str, corners: Array) -> list[Array]:
-    """Return a simple polygon (l, 2) itself if it is convex, else its triangles, ear by ear; counter-clockwise.
-
-    Raises:
-        SceneError: it has no inside, or crosses itself.
-    """
+    """Return a simple polygon (l, 2), or triangles if it is not convex; SceneError: no inside, or crosses itself."""
     corners = corners[np.any(corners != np.roll(corners, 1, axis=0), axis=1)]
     if _crosses_itself(corners):
         raise SceneError(f"{name} crosses itself; list its corners in their order around it")

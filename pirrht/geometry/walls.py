@@ -122,14 +122,9 @@ def _two_nearest(solids, bins, points, height, found):  # type: ignore[no-untype
 
 
 def nearest_walls(solids: Solids, members: IntArray, points: Array, height: float, cutoff: float) -> Found:
-    """Find the two nearest walls of each point.
+    """Find the two nearest walls of each point (k, 2) [m], robot centres at one height [m].
 
-    Args:
-        solids: M obstacles.
-        members: indices of the solids that count, (l,).
-        points: robot centres, (k, 2) [m], all at one height [m].
-        height: of all points [m].
-        cutoff: no distance above this is reported [m].
+    `members` (l,) are the indices of the solids that count; no distance above the cutoff [m] is reported.
     """
     k = len(points)
     first, second, other = np.full((3, k), cutoff)

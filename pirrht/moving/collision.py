@@ -29,14 +29,7 @@ NOWHERE = np.full(2, np.inf)
 
 
 class Body:
-    """One moving body: free distances at a time, and how fast they may change.
-
-    Args:
-        shape: of its solids, as FCL knows them already.
-
-    Attributes:
-        speed: of any of its points at most [m/s].
-    """
+    """One moving body, of a `shape` that FCL knows: free distances at a time, and how fast they may change."""
 
     def __init__(self, mover: Mover, footprint: Footprint, shape: Collision | None = None) -> None:
         self.shape = shape or Collision(Workspace(-NOWHERE, NOWHERE, mover.solids), footprint)
@@ -147,11 +140,7 @@ class MovingObstacles:
         return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
 
     def meets(self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None) -> bool:
-        """Return whether any touches a robot that goes straight from a to b, 2 x (2,) [m], from `begin` to `end` [s].
-
-        Args:
-            which: obstacles that are queried, (J,); None: all.
-        """
+        """Return whether any of `which` (J,) touches a robot that goes from a to b (2,) [m], `begin` to `end` [s]."""
         if min(self.surely(a, begin), self.surely(b, end)) > 0.0:
             return False
         near = ~(np.minimum(self._lower(a, begin), self._lower(b, end)) > 0.0)

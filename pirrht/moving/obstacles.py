@@ -124,9 +124,8 @@ def _shapes(
 ) -> tuple[tuple[Array | IntArray, ...], float]:
     """Return the last of the arrays, of solids in the frames of their obstacles, and the spacing of lattices [m].
 
-    Boxes, cylinders, spheres and capsules have closed forms; others have FCL's distances on a lattice around each. For
-    a robot that is small against these solids the lattices are coarser than it would need, and the excess of
-    interpolation is taken off.
+    Boxes, cylinders, spheres and capsules have closed forms; others have FCL's distances on a lattice around each, less
+    the excess of interpolation, since next to large solids lattices are coarse for a small robot.
     """
     solids = Solids.of(obstacles)
     K, tables, fine = len(obstacles), np.flatnonzero(solids.form < 0), TUNING.table_pitch * footprint.radius

@@ -32,13 +32,10 @@ from pirrht.topology.homology import write_base
 
 
 class PassageSampler:
-    """Offers states (k, n) in passages until they are vertices, between uniform draws.
+    """Offers states (k, n) in passages until they are vertices, between uniform draws; `waiting` has them as bytes.
 
     The number of a draw and the vertices decide what is offered: a tree that is grown in several steps, or read from a
     file in between, is the tree that is grown at once. At least every second draw is uniform, so paths converge.
-
-    Attributes:
-        waiting: the states that are no vertices yet, as bytes.
     """
 
     def __init__(self, states: Array) -> None:

@@ -68,11 +68,7 @@ class ReferenceQuery(NamedTuple):
     most: int | None
 
     def extract(self, x: Array) -> list[Reference]:
-        """References from x (n,), a state as vertices are, least [cost] first (ExtractReference).
-
-        Raises:
-            NoReference: no allowed class reaches the goal from x.
-        """
+        """References from x (n,), a state as vertices are, least [cost] first (ExtractReference); NoReference: none."""
         tree, homology = self.tree, self.tree.homology
         steering, checker = tree.steering, tree.checker
         known = self.before if self.shortened and resumes(steering) else {}

@@ -97,11 +97,9 @@ class HomologyTree:
     ) -> None:  # fmt: skip
         """Grow until the tree has so many vertices, with at most 50 draws for each (Algorithm 1).
 
-        Passages are drawn first, and again until they are vertices; at least every second draw is uniform.
-
-        Args:
-            progress: called with the number of vertices after every batch of draws.
-            enough: called after every few draws with the number of vertices; true: the tree stays as it is.
+        Passages are drawn first, and again until they are vertices; at least every second draw is uniform. `progress`
+        is called with the number of vertices after every batch of draws, `enough` after every few; true: it grows no
+        more.
         """
         budget = self.tuning.draws_per_vertex * max(0, vertices - self.size)
         most = budget if enough is None else self.tuning.draws_in_time

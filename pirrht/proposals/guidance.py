@@ -41,12 +41,7 @@ class Query(NamedTuple):
 
 
 class DDPGuidance:
-    """Makes guides for the references of one problem.
-
-    Args:
-        world: the predicted world, shared with the sampler.
-        sways: whether controls may rise or fall within a step, as the noise of rollouts does.
-    """
+    """Makes guides for references of one problem in the sampler's world; if it `sways`, controls vary in a step."""
 
     def __init__(
         self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING

@@ -78,10 +78,9 @@ def ended_for(kind: KernelSpec) -> Any:
 def exits(kind: KernelSpec) -> Any:
     """Build the kernel that judges a step by how it moved.
 
-    Args of that: a step's (length [s], time [s]), what `motion` returns, and what is clear before it: distances (noisy
-        positions) and clearance (others).
-    Returns: the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
-        wall was met, and what is clear at its end.
+    It takes length and time [s] of a step, what `motion` returns, and what is clear before: distances or clearance. It
+    returns the stream's state, exit, share of the step, time [s] for which its noise counts, log probability that no
+    wall was met, and what is clear at its end.
     """
     noisy_position, moving, along_line = kind.noisy_position, kind.moving is not None, kind.along_line
     among, ended = kind.moving or NOTHING_MOVES, ended_for(kind)

@@ -139,11 +139,7 @@ class LawRows(NamedTuple):
 
     @classmethod
     def of(cls, tables: ProposalTables, h: int, n: int, modes: int) -> LawRows:
-        """Return the rows of proposal h for a system of n states under noise of so many modes per step.
-
-        Raises:
-            OptionError: samples of the system follow no laws.
-        """
+        """Return the rows of proposal h for n states and so many modes per step; OptionError: there are no laws."""
         if tables.law.shape[2] == 0:
             raise OptionError(
                 "samples of a point among static obstacles follow no law; write a control sequence or a tube"

@@ -239,8 +239,7 @@ def _connect(tails, heads, numbers):  # type: ignore[no-untyped-def]
 class MassSteering(CompiledSteering):
     """The double integrator's optimum for the integral of q + (r/2) |a|^2 (Webb and van den Berg 2013).
 
-    The root is the goal point with a free velocity, which is written as not a number. OptionError: one of the
-    numbers is not positive.
+    The root is the goal point with a free velocity, not a number. OptionError: one of the numbers is not positive.
     """
 
     q: float = 1.0  # cost rate [cost/s]
@@ -257,11 +256,7 @@ class MassSteering(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem) -> MassSteering:
-        """Take the optimum of a problem of a `DoubleIntegrator` with q constant and R a multiple of the identity.
-
-        Speeds are drawn up to that at which the best motion from rest across the workspace arrives. OptionError for
-        others.
-        """
+        """Take the optimum of a `DoubleIntegrator`'s problem, q constant, R a multiple of I; else OptionError."""
         d = problem.dynamics
         if not isinstance(d, DoubleIntegrator):
             raise OptionError(f"cubic motions steer a DoubleIntegrator, not {type(d).__name__}; bring a Steering")

@@ -173,10 +173,9 @@ class InTime(CompiledSteering):
 
     @classmethod
     def of(cls, problem: Problem, speed: float = 0.0, pace: float | None = None) -> InTime:
-        """Take legs for any problem, of a point or for another system to track, at most at a speed [m/s].
+        """Take legs of a point, or for another system to track at its best speed `pace`, at most at a speed [m/s].
 
-        `pace` is the best speed of another [m/s]; None: that at which its cost per meter is least.
-        OptionError: the cost of the problem tells no pace, or the limit is no speed.
+        None for a pace: that of least cost per meter. OptionError: the cost tells no pace, or the limit is no speed.
         """
         d = problem.dynamics
         R = problem.control_cost(np.zeros(d.n))

@@ -98,9 +98,7 @@ class Steering(ABC):
     ) -> Array:  # fmt: skip
         """Draw states (count, n) of an examined scene for a tree, equal in parts and at once; here uniform ones.
 
-        Args:
-            origin: where the robot is, (n,); None: at the scene's start.
-            goal_share: share of them that is moved into the goal's disc.
+        `origin` (n,) is where the robot is; None: the start. A `goal_share` of them is moved into the goal's disc.
         """
         goal, drawn = space.scene.goal, np.empty((count, self.n))
         for x in drawn:

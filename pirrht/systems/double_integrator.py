@@ -96,11 +96,7 @@ def into_goal(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, eq=False)
 class DoubleIntegrator(IsotropicNoise):
-    """A mass of 1 kg pushed around: dp = v dt, dv = u dt + b dw; x = (p, v) (4,) [m, m/s], u (2,) [m/s^2].
-
-    Raises:
-        OptionError: b is not a positive number.
-    """
+    """A mass of 1 kg pushed around: dp = v dt, dv = u dt + b dw; x = (p, v) (4,) [m, m/s], u (2,) [m/s^2], b > 0."""
 
     b: float = 0.1  # noise [m/s/sqrt(s)]
 

@@ -260,11 +260,7 @@ def check_positive(owner: object, *names: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class IsotropicNoise(Dynamics):
-    """A system whose controls act on its actuated states alone, and isotropic noise does: G_c = I and B_c = b I.
-
-    Raises:
-        OptionError: b is not a positive number.
-    """
+    """A system whose controls and isotropic noise act on actuated states: G_c = I, B_c = b I; OptionError: b <= 0."""
 
     b: float = 0.1  # noise [1/sqrt(s) of the actuated states]
 

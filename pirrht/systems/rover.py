@@ -36,9 +36,7 @@ class Rover(Dynamics):
 
     The state is x, y [m] and heading [rad], (3,); the control is speed [m/s] and turn rate [rad/s], (2,). Noise along
     the heading does not change the heading, so that Ito's and Stratonovich's sense are one; steps take its middle.
-
-    Raises:
-        OptionError: a number is not positive.
+    OptionError: a number is not positive.
     """
 
     b: float = 0.1  # noise of the speed [m/sqrt(s)]

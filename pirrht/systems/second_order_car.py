@@ -39,10 +39,7 @@ class SecondOrderCar(IsotropicNoise):
     """A car that turns and accelerates: dtheta = u_1 dt + b dw_1, dv = u_2 dt + b dw_2, and it moves along theta at v.
 
     The state is x, y [m], heading theta [rad] and speed v [m/s], (4,), negative where it reverses; u (2,) is the turn
-    rate [rad/s] and the acceleration [m/s^2].
-
-    Raises:
-        OptionError: b is not a positive number.
+    rate [rad/s] and the acceleration [m/s^2]. OptionError: b is not a positive number.
     """
 
     b: float = 0.1  # noise [rad/sqrt(s)] and [m/s/sqrt(s)]

@@ -8,11 +8,7 @@ from pirrht.systems.dynamics import IsotropicNoise, no_drift
 
 @dataclass(frozen=True, eq=False)
 class SingleIntegrator(IsotropicNoise):
-    """A point that is pushed around: dx = u dt + b dw, x (2,) [m], u (2,) [m/s] (paper, first example).
-
-    Raises:
-        OptionError: b is not a positive number.
-    """
+    """A point that is pushed around: dx = u dt + b dw, b > 0, x (2,) [m], u (2,) [m/s] (paper, first example)."""
 
     b: float = 0.1  # noise [m/sqrt(s)]
 

@@ -29,10 +29,7 @@ def turn_home(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
 class Unicycle(Dynamics):
     """A car of constant speed V steered by its turn rate: dtheta = u/rho dt + b dw (paper, second example).
 
-    The state is x, y [m] and heading [rad], (3,).
-
-    Raises:
-        OptionError: V, rho or b is not a positive number.
+    The state is x, y [m] and heading [rad], (3,). OptionError: V, rho or b is not a positive number.
     """
 
     V: float = 1.0  # speed [m/s]

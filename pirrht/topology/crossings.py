@@ -172,8 +172,7 @@ def spread(marker: NDArray[np.int32], turn: NDArray[np.int16], M: int) -> NDArra
 def _pairs_of_piece(cuts, piece, ex, ey, marker, turn, count):  # type: ignore[no-untyped-def]
     """Append the pairs (at most M) of a piece (x, y, theta, curvature, length) to (ex, ey) [m]; number of pairs.
 
-    An arc and its chord turn through different angles about markers inside the circle: there the integer is the rounded
-    sum of angles.
+    About markers inside the circle an arc and its chord turn differently: the integer is the rounded sum of angles.
     """
     x, y, theta, curvature, length = piece
     gx, gy, bends = cuts.goal_x, cuts.goal_y, abs(curvature) * length >= 1e-9

@@ -161,11 +161,7 @@ def _crossings(markers, path, marker, turn):  # type: ignore[no-untyped-def]
 
 
 class Driven:
-    """Class of a run that left x (n,) at a time [s] of the moving obstacles' clock.
-
-    Args:
-        offset: turns (M,) of its class before that.
-    """
+    """Class of a run that left x (n,) at a time [s] of the moving obstacles' clock, `offset` (M,) turns before that."""
 
     def __init__(self, homology: Homology, x: Array, time: float = 0.0, offset: Sequence[int] | Array = ()) -> None:
         whole = np.array(offset, dtype=np.int64) if len(offset) else np.zeros(homology.M, dtype=np.int64)
