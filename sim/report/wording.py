@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from math import isfinite, log2
-from typing import Any, NamedTuple
+from typing import Any
 
 from sim.drawing.colors import title
 from sim.report.summary import ALL, BASE, BEST, LEVEL, Row, p_value
@@ -23,15 +23,8 @@ METHOD = (
     f"significant means an adjusted p < {LEVEL:g}. '{ALL}' treats runs as independent. Step times depend on the "
     "machine and its load."
 )
-
-
-class Table(NamedTuple):
-    """A heading, what it is about, and cells as text."""
-
-    heading: str
-    text: str
-    header: Sequence[str]
-    rows: Sequence[Sequence[str]]
+Block = tuple[str, Sequence[Any]]  # a tag of HTML, and texts; of a table rows of cells, of pictures texts and PNGs
+MARKS = {"h1": "# ", "h2": "## ", "li": "* "}  # of Markdown, by HTML's tag
 
 
 def lead(report: Row) -> list[str]:
@@ -68,96 +61,98 @@ def findings(report: Row) -> list[str]:
     return [line]
 
 
-def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[Table]:
-    """All figures, without tables that have no rows."""
+def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[tuple[str, str, list[list[str]]]]:
+    """Return the tables that have rows: a heading, what it is about, and rows of cells, those of the header first."""
     optimal = {"cost over optimal": _of("cost_over_optimal", ".4f")} if any(p["method"] == BEST for p in points) else {}
-    outcomes = {"goal %": "success", "collision %": "collision", "time-out %": "timeout"}
-    every: list[tuple[str, str, Sequence[Any], dict[str, Callable[[Row], str]]]] = [
-        (
-            "Outcomes", "Shares of the runs that came to an end.", points,
-            {"runs": _of("runs"), "errors": _of("errors")}
-            | {name: _of(field, ".1f", 100) for name, field in outcomes.items()},
-        ),
-        (
-            "Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.",
-            points, {"cost": _of("cost"), **optimal, "path [m]": _of("path_length"), "time [s]": _of("time")},
-        ),
-        (
-            "Decisions",
-            "Class switches per run; reversals: from a class of nine tenths of the weight to another such one; wall "
-            "time of a control step: means over runs of median and 95th percentile; shares of the driven classes.",
-            points,
-            {"switches": _of("class_switches", ".2f"), "reversals": _of("class_reversals", ".2f"),
-             "step median [ms]": _of("step_ms", ".2f"), "step p95 [ms]": _of("step_p95_ms", ".2f"),
-             "classes %": _classes},
-        ),
-        (
-            f"Against {BASE}",
-            f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean cost.",
-            comparisons,
-            {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}",
-             "points": _of("success", "+.1f", 100),
-             "p goals": lambda c: f"{p_value(c['success_p'])} ({p_value(c['success_adjusted'])})",
-             "both arrive": _of("arrived"), "cost": _of("cost", "+.3f"),
-             "p cost": lambda c: f"{p_value(c['cost_p'])} ({p_value(c['cost_adjusted'])})"},
-        ),
+    every: list[tuple[str, str, Sequence[Row], dict[str, Callable[[Row], str]]]] = [
+        ("Outcomes", "Shares of the runs that came to an end.", points,
+         {"runs": _of("runs"), "errors": _of("errors"), "goal %": _of("success", ".1f", 100),
+          "collision %": _of("collision", ".1f", 100), "time-out %": _of("timeout", ".1f", 100)}),
+        ("Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.", points,
+         {"cost": _of("cost"), **optimal, "path [m]": _of("path_length"), "time [s]": _of("time")}),
+        ("Decisions", "Class switches per run; reversals: from a class of nine tenths of the weight to another such "
+         "one; wall time of a control step: means over runs of median and 95th percentile; shares of the driven "
+         "classes.", points,
+         {"switches": _of("class_switches", ".2f"), "reversals": _of("class_reversals", ".2f"), "step median [ms]":
+          _of("step_ms", ".2f"), "step p95 [ms]": _of("step_p95_ms", ".2f"), "classes %": _classes}),
+        (f"Against {BASE}", f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean "
+         "cost.", comparisons,
+         {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}",
+          "points": _of("success", "+.1f", 100), "p goals": _p_values("success"), "both arrive": _of("arrived"),
+          "cost": _of("cost", "+.3f"), "p cost": _p_values("cost")}),
     ]  # fmt: skip
-    return [
-        Table(heading, text, ["scene", "b", "method", *cells],
-              [[p["scene"], f"{p['noise']:g}", p["method"], *(cell(p) for cell in cells.values())] for p in rows])
-        for heading, text, rows, cells in every if rows
-    ]  # fmt: skip
+    found = []
+    for heading, text, rows, own in every:
+        cells = [[p["scene"], f"{p['noise']:g}", p["method"], *(cell(p) for cell in own.values())] for p in rows]
+        found += [(heading, text, [["scene", "b", "method", *own], *cells])] if cells else []
+    return found
 
 
 def terminal(report: Row) -> str:
     """Format the report for a terminal."""
-    return "\n\n".join(
-        ["\n".join(lead(report)), figures(report["points"], report["comparisons"]), "\n".join(findings(report))]
-    )
+    told = figures(report["points"], report["comparisons"])
+    return "\n\n".join(["\n".join(lead(report)), told, "\n".join(findings(report))])
 
 
 def figures(points: Sequence[Row], comparisons: Sequence[Row]) -> str:
     """Format all tables for a terminal: of many scenes only all of them together."""
-    scenes, parts = {point["scene"] for point in points}, []
+    scenes = {point["scene"] for point in points}
     many = ALL in scenes and len(scenes) > 4
-    for one in tables(points, comparisons):
-        rows = [row for row in one.rows if not many or row[0] == ALL]
-        parts += [f"{one.heading}\n\n{table(one.header, rows)}"] if rows else []
-    return "\n\n".join(parts)
+    shown = [
+        (heading, header, [row for row in rows if not many or row[0] == ALL])
+        for heading, _, (header, *rows) in tables(points, comparisons)
+    ]
+    return "\n\n".join(f"{heading}\n\n{table(header, rows)}" for heading, header, rows in shown if rows)
+
+
+def _blocks(report: Row, pictures: Mapping[str, str]) -> list[Block]:
+    """Return all that a report says, by the tags of HTML."""
+    blocks: list[Block] = [("h1", [f"Sweep {report['name']}"]), ("p", lead(report)), ("h2", ["Findings"])]
+    blocks += [("li", findings(report)), ("img", list(pictures.items()))]
+    for heading, text, rows in tables(report["points"], report["comparisons"]):
+        blocks += [("h2", [heading]), ("p", [text]), ("table", rows)]
+    return [*blocks, ("h2", ["How"]), ("p", [METHOD])]
 
 
 def markdown(report: Row) -> str:
     """The report as a Markdown file."""
-    parts = [f"# Sweep {report['name']}", *lead(report), "## Findings"]
-    parts.append("\n".join(f"* {line}" for line in findings(report)))
-    for one in tables(report["points"], report["comparisons"]):
-        lines = [one.header, ["---"] * len(one.header), *one.rows]
-        cells = ["| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines]
-        parts += [f"## {one.heading}", one.text, "\n".join(cells)]
-    return "\n\n".join([*parts, "## How", METHOD]) + "\n"
+    parts = list[str]()
+    for tag, content in _blocks(report, {}):
+        lines = [MARKS.get(tag, "") + line for line in content if tag != "table"]
+        if tag == "table":
+            lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in content]
+            lines.insert(1, "|" + " --- |" * len(content[0]))
+        parts += ["\n".join(lines)] if tag in ("li", "table") else lines
+    return "\n\n".join(parts) + "\n"
 
 
 def page(report: Row, pictures: Mapping[str, str]) -> str:
     """The whole page, with pictures: PNGs in base64 by what they show."""
-    name, parts = escape(report["name"]), [f"<p>{escape(line)}</p>" for line in lead(report)]
-    parts += ["<h2>Findings</h2>", *(f"<p>{escape(line)}</p>" for line in findings(report))]
-    for text, png in pictures.items():
-        parts.append(f'<p><img alt="{escape(text)}" src="data:image/png;base64,{png}"></p><p>{escape(text)}</p>')
-    for one in tables(report["points"], report["comparisons"]):
-        head = "".join(f"<th>{escape(cell)}</th>" for cell in one.header)
-        body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in one.rows)
-        text = escape(one.text.replace("`", ""))
-        parts.append(f"<h2>{escape(one.heading)}</h2><p>{text}</p><div><table><tr>{head}</tr>{body}</table></div>")
-    content = "\n".join([*parts, f"<h2>How</h2><p>{escape(METHOD)}</p>"])
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Sweep {name}</title>'
-        f"<style>{_STYLE}</style></head><body>\n<h1>Sweep {name}</h1>\n{content}\n</body></html>\n"
-    )
+    name, parts = f"Sweep {report['name']}", list[str]()
+    for tag, content in _blocks(report, pictures):
+        if tag == "img":
+            image = '<p><img alt="{0}" src="data:image/png;base64,{1}"></p><p>{0}</p>'
+            parts += [image.format(escape(text), png) for text, png in content]
+        elif tag == "table":
+            rows = ("".join(_element("td" if k else "th", cell) for cell in row) for k, row in enumerate(content))
+            parts.append(f"<div><table><tr>{'</tr><tr>'.join(rows)}</tr></table></div>")
+        else:
+            parts += [_element("p" if tag == "li" else tag, line.replace("`", "")) for line in content]
+    head, body = f'<meta charset="utf-8">{_element("title", name)}<style>{_STYLE}</style>', "\n".join(parts)
+    return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
+
+
+def _element(tag: str, text: str) -> str:
+    return f"<{tag}>{escape(text)}</{tag}>"
 
 
 def _of(field: str, form: str = ".3f", scale: float = 1.0) -> Callable[[Row], str]:
     """Return what writes a field of a row, a count or an interval, in a cell."""
     return lambda row: _text(row[field], form, scale)
+
+
+def _p_values(field: str) -> Callable[[Row], str]:
+    return lambda c: f"{p_value(c[f'{field}_p'])} ({p_value(c[f'{field}_adjusted'])})"
 
 
 def _text(known: Any, form: str, scale: float) -> str:
