@@ -4,6 +4,7 @@ import io
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,19 +24,17 @@ def pictures(report: Row) -> dict[str, str]:
     plt, scenes = pyplot("report.html"), list(dict.fromkeys(p["scene"] for p in report["points"]))
     scenes = [ALL] if len(scenes) > MOST + 1 else [scene for scene in scenes if scene != ALL]
     shown, drawn = [p for p in report["points"] if p["scene"] in scenes], {}
-
-    def levels(what: str, label: str, field: str, scale: float = 1.0) -> None:
-        """Draw an interval of points against the noise level."""
+    for what, label, field, scale in (
+        ("Success", "runs that reach the goal [%]", "success", 100.0),
+        ("Cost", "cost of runs that reach the goal", "cost", 1.0),
+        ("Cost over optimal", "cost over optimal", "cost_over_optimal", 1.0),
+        ("Step times", "median step [ms]", "step_ms", 1.0),
+    ):
         if known := [p for p in shown if np.isfinite(p[field]["value"])]:
-            text = f"{what.capitalize()} against noise, with 95 % intervals"
-            drawn[text] = _png(plt, known, lambda axes, own: _levels(axes, own, label, field, scale))
-
-    levels("success", "runs that reach the goal [%]", "success", 100.0)
-    levels("cost", "cost of runs that reach the goal", "cost")
-    levels("cost over optimal", "cost over optimal", "cost_over_optimal")
-    if any(p["classes"] for p in shown):
-        drawn["Homology classes of the driven paths"] = _png(plt, [p for p in shown if p["classes"]], _shares)
-    levels("step times", "median step [ms]", "step_ms")
+            draw = partial(_levels, label=label, field=field, scale=scale)
+            drawn[f"{what} against noise, with 95 % intervals"] = _png(plt, known, draw)
+    if known := [p for p in shown if p["classes"]]:
+        drawn["Homology classes of the driven paths"] = _png(plt, known, _shares)
     return drawn
 
 
@@ -73,17 +72,14 @@ def _levels(axes: Any, points: Sequence[Row], label: str, field: str, scale: flo
 
 def _shares(axes: Any, points: Sequence[Row]) -> None:
     """A bar of class shares per noise level and method, the first on top."""
-    rows, colors, total = points[::-1], ClassColors(), Counter[str]()
-    for p in rows:
-        total.update({name: share["value"] for name, share in p["classes"].items()})
-    named = [name for name, _ in total.most_common(SHOWN)]
-    colors.meet(named)
-    shares = [[p["classes"][name]["value"] if name in p["classes"] else 0.0 for p in rows] for name in named]
-    left = np.zeros(len(rows))
-    for name, share in zip(named, 100 * np.array(shares), strict=True):
+    rows, colors, left = points[::-1], ClassColors(), np.zeros(len(points))
+    shares = [{name: 100 * share["value"] for name, share in p["classes"].items()} for p in rows]
+    total = Counter({name: sum(own.get(name, 0.0) for own in shares) for own in shares for name in own})
+    for name, _ in total.most_common(SHOWN):
+        share = np.array([own.get(name, 0.0) for own in shares])
         axes.barh(range(len(rows)), share, left=left, color=rgb(colors[name]), label=f"class {title(name)}")
         left = left + share
-    if len(total) > len(named):
+    if len(total) > SHOWN:
         axes.barh(range(len(rows)), 100 - left, left=left, color=rgb(OTHER_COLOR), label="other")
     names = [f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})" for p in rows]
     axes.set_yticks(range(len(rows)), names, fontsize=8)

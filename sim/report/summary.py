@@ -18,10 +18,13 @@ BASE = "pi-rrht"  # what other methods are compared with
 LEVEL = 0.05
 BEST = "optimal"  # what costs are held against
 ALL = "all scenes"
+QUESTIONS = {"success": "pairs", "cost": "arrived"}  # of a comparison, and the count of pairs that could answer
+MORE = ("less", "more")
+KEY = ("scene", "noise", "method")  # of a row
 OUTCOMES = {"success": "goal", "collision": "collision", "timeout": "timeout"}
 
 Record = Mapping[str, Any]
-Key = tuple[str, float, str]  # scene, noise, method
+Key = tuple[str, float, str]
 Row = dict[str, Any]
 
 
@@ -40,7 +43,7 @@ def report(dataset: Dataset) -> dict[str, Any]:
             remedy = "remove its part-*.parquet, and its runs are made again"
             raise OptionError(f"{dataset.runs}: the run {run} has no usable {wrong[0]}; {remedy}")
     points, comparisons = summed(records)
-    questions = sum(len(_questions(c)) for c in comparisons)
+    questions = sum(c[pairs] > 0 for c in comparisons for pairs in QUESTIONS.values())
     most = max((c["pairs"] for c in comparisons), default=0)
     return {
         "name": dataset.folder.resolve().name,
@@ -58,15 +61,13 @@ def report(dataset: Dataset) -> dict[str, Any]:
 
 def summed(records: Iterable[Record]) -> tuple[list[Row], list[Row]]:
     """Return figures of every scene, noise level and method, and methods compared with `BASE` on equal seeds."""
-    groups: dict[Key, list[Record]] = {}
-    apart = sorted(records, key=_order)
-    for r in apart:
-        groups.setdefault((r["scene"], r["noise"], r["method"]), []).append(r)
-    if len({scene for scene, _, _ in groups}) > 1:
-        for r in sorted(apart, key=lambda r: _order(r)[1:]):
-            groups.setdefault((ALL, r["noise"], r["method"]), []).append(r)
+    groups, apart = dict[Key, list[Record]](), sorted(records, key=_order)
+    many = len({r["scene"] for r in apart}) > 1
+    together = sorted(apart, key=lambda r: _order(r)[1:]) if many else []
+    for scene, r in [*((r["scene"], r) for r in apart), *((ALL, r) for r in together)]:
+        groups.setdefault((scene, r["noise"], r["method"]), []).append(r)
     compared = [_comparison(key, groups) for key in groups if key[2] != BASE and (*key[:2], BASE) in groups]
-    asked = [(c, name) for c in compared for name in _questions(c)]
+    asked = [(c, name) for c in compared for name, pairs in QUESTIONS.items() if c[pairs]]
     for (c, name), p in zip(asked, holm([c[f"{name}_p"] for c, name in asked]), strict=True):
         c[f"{name}_adjusted"] = p
     return [_point(key, groups) for key in groups], compared
@@ -77,32 +78,24 @@ def _order(record: Record) -> tuple[Any, ...]:
     return record["scene"], record["noise"], rank, record["method"], record["seed"]
 
 
-def _questions(c: Row) -> list[str]:
-    """List the questions that the pairs of a comparison could answer."""
-    return [name for name, pairs in (("success", c["pairs"]), ("cost", c["arrived"])) if pairs]
-
-
 def _point(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
     """Sum up the runs of one scene (or `ALL`), noise level and method."""
-    scene, noise, method = key
     runs = [r for r in groups[key] if r["outcome"] is not None]
     arrived = [r for r in runs if r["outcome"] == "goal"]
     ends = Counter(r["outcome"] for r in runs)
-    classes = Counter(r["executed_class"] for r in arrived) if scene != ALL else Counter[str]()
+    classes = Counter(r["executed_class"] for r in arrived) if key[0] != ALL else Counter[str]()
 
     def average(values: Iterable[float | None]) -> Interval:
         return mean([value for value in values if value is not None and isfinite(value)])
 
     return {
-        "scene": scene,
-        "noise": noise,
-        "method": method,
+        **dict(zip(KEY, key, strict=True)),
         "runs": len(runs),  # that came to an end
         "arrived": len(arrived),
         "errors": len(groups[key]) - len(runs),  # runs that count nowhere else
         **{name: wilson(ends[end], len(runs)) for name, end in OUTCOMES.items()},
         **{name: average(r[name] for r in arrived) for name in ("cost", "path_length", "time")},
-        "cost_over_optimal": mean(*_costs(_pairs(runs, groups.get((scene, noise, BEST), ())))),  # of equal seeds
+        "cost_over_optimal": mean(*_costs(_pairs(runs, groups.get((*key[:2], BEST), ())))),  # of equal seeds
         "classes": {str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},  # driven ones
         **{name: average(r[name] for r in runs) for name in ("class_switches", "class_reversals")},
         "step_ms": average(r["step_ms"]["median"] for r in runs),
@@ -112,15 +105,12 @@ def _point(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
 
 def _comparison(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
     """Compare a method with `BASE` on the seeds that both have come to an end with."""
-    scene, noise, method = key
-    pairs = _pairs(groups[key], groups[scene, noise, BASE])
+    pairs = _pairs(groups[key], groups[*key[:2], BASE])
     ends = Counter((a["outcome"] == "goal", b["outcome"] == "goal") for a, b in pairs)
     gained, lost = ends[True, False], ends[False, True]
     costs, base_costs = _costs(pairs)
     return {
-        "scene": scene,
-        "noise": noise,
-        "method": method,
+        **dict(zip(KEY, key, strict=True)),
         "pairs": len(pairs),
         "gained": gained,  # pairs of which only the method's reached the goal
         "lost": lost,  # only that of `BASE`
@@ -143,9 +133,8 @@ def _pairs(runs: Iterable[Record], others: Iterable[Record]) -> list[tuple[Recor
 
 def _costs(pairs: Iterable[tuple[Record, Record]]) -> Array:
     """Costs (2, k) of the pairs of which both reached the goal."""
-    return (
-        np.array([(a["cost"], b["cost"]) for a, b in pairs if a["outcome"] == b["outcome"] == "goal"]).reshape(-1, 2).T
-    )
+    costs = [(a["cost"], b["cost"]) for a, b in pairs if a["outcome"] == b["outcome"] == "goal"]
+    return np.array(costs).reshape(-1, 2).T
 
 
 def _findings(comparisons: Sequence[Row]) -> list[str]:
@@ -156,20 +145,16 @@ def _findings(comparisons: Sequence[Row]) -> list[str]:
         success, cost = c["success"]["value"], c["cost"]["value"]
         if c["success_adjusted"] < LEVEL:
             lines.append(
-                f"{where} reaches the goal {_more(success)} often than {BASE}, by {100 * abs(success):.1f} points "
+                f"{where} reaches the goal {MORE[success > 0]} often than {BASE}, by {100 * abs(success):.1f} points "
                 f"({counted(c['gained'], 'seed')} gained, {c['lost']} lost; "
                 f"adjusted p = {p_value(c['success_adjusted'])})"
             )
         if c["cost_adjusted"] < LEVEL:
             lines.append(
-                f"{where} costs {_more(cost)} than {BASE} where both arrive, by {abs(cost):.3f} "
+                f"{where} costs {MORE[cost > 0]} than {BASE} where both arrive, by {abs(cost):.3f} "
                 f"({counted(c['arrived'], 'seed')}; adjusted p = {p_value(c['cost_adjusted'])})"
             )
     return lines
-
-
-def _more(difference: float) -> str:
-    return "more" if difference > 0 else "less"
 
 
 def p_value(p: float) -> str:
