@@ -19,12 +19,11 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] =
     Args:
         foreseen: bodies that are outlined where they are taken to be soon.
     """
-    from matplotlib.patches import Circle, Polygon, Rectangle
+    from matplotlib.patches import Circle, Rectangle
 
     size = scene.upper - scene.lower
     axes.add_patch(Rectangle(tuple(scene.lower), *size, fc=style.FLOOR, ec=style.BORDER, lw=0.6, zorder=0))
-    for obstacle in scene.obstacles:
-        axes.add_patch(Polygon(outline(obstacle), closed=True, fc=style.WALL, ec="none", zorder=6))
+    ground.solids(axes, scene.obstacles, fc=style.WALL, ec="none", zorder=6)
     ground.bodies(axes, scene.movers, time, zorder=6)
     ground.predicted(axes, foreseen, time, zorder=5.9)
     goal = tuple(scene.goal.center)

@@ -1,6 +1,7 @@
 """Maps: workspace, static and moving obstacles seen from above, start and goal."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -18,11 +19,10 @@ MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles ar
 
 def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     """Draw a scene to scale, with moving obstacles at a time [s]."""
-    from matplotlib.patches import Circle, Polygon, Rectangle
+    from matplotlib.patches import Circle, Rectangle
 
     axes.add_patch(Rectangle(tuple(scene.lower), *(scene.upper - scene.lower), fc=FLOOR, ec=BORDER, lw=1, zorder=0))
-    for obstacle in scene.obstacles:
-        axes.add_patch(Polygon(outline(obstacle), closed=True, fc=WALL, ec="none", zorder=3))
+    solids(axes, scene.obstacles, fc=WALL, ec="none", zorder=3)
     bodies(axes, scene.movers, time)
     axes.add_patch(Circle(tuple(scene.goal.center), scene.goal.radius, fc=GOAL, ec=GOAL_EDGE, lw=1, zorder=1))
     axes.add_patch(Circle(tuple(scene.start[:2]), scene.robot_radius, fc="none", ec=INK, lw=1.2, zorder=5))
@@ -31,12 +31,18 @@ def draw(axes: Any, scene: Scene, time: float = 0.0) -> None:
     axes.set(aspect="equal", xlim=(left, right), ylim=(low, high), xlabel="x [m]", ylabel="y [m]")
 
 
-def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
-    """Draw moving obstacles at a time [s]."""
+def solids(axes: Any, shown: Sequence[Obstacle], **look: Any) -> None:
+    """Draw solids seen from above, with the look of a patch."""
     from matplotlib.patches import Polygon
 
-    for solid in (solid for mover in movers for solid in mover.at(time)):
-        axes.add_patch(Polygon(outline(solid), closed=True, fc=MOVER, ec="none", alpha=0.7, zorder=zorder))
+    for solid in shown:
+        axes.add_patch(Polygon(outline(solid), closed=True, **look))
+
+
+def bodies(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 3.0) -> None:
+    """Draw moving obstacles at a time [s]."""
+    for mover in movers:
+        solids(axes, mover.at(time), fc=MOVER, ec="none", alpha=0.7, zorder=zorder)
 
 
 def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float = 2.9) -> None:
@@ -47,12 +53,8 @@ def predicted(axes: Any, movers: Sequence[Mover], time: float, *, zorder: float 
 
 def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *, zorder: float) -> None:
     """Outline a moving obstacle at times [s], each with its opacity."""
-    from matplotlib.patches import Polygon
-
     for time, alpha in moments:
-        for solid in mover.at(time):
-            look = {"fill": False, "ec": MOVER, "lw": 0.9, "alpha": alpha, "zorder": zorder}
-            axes.add_patch(Polygon(outline(solid), closed=True, **look))
+        solids(axes, mover.at(time), fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
 
 
 def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
@@ -70,16 +72,18 @@ def outline(obstacle: Obstacle) -> Array:
 
 def surface(kind: Kind, size: Array) -> Array:
     """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
-    if kind is Kind.BOX:
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        return np.asarray(signs * size)
-    angle = np.linspace(0, 2 * np.pi, ROUND, endpoint=False)
-    ring = np.column_stack([np.cos(angle), np.sin(angle)])
-    if kind is Kind.CYLINDER:
-        return np.vstack([np.column_stack([size[0] * ring, np.full(ROUND, z)]) for z in (-size[1], size[1])])
-    latitude = np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1)
-    ball = np.vstack([np.column_stack([np.cos(a) * ring, np.full(ROUND, np.sin(a))]) for a in latitude])
-    if kind is Kind.CAPSULE:
-        shift = np.array([0.0, 0.0, size[1]])
-        return np.vstack([size[0] * ball + shift, size[0] * ball - shift])
-    return np.asarray(ball * (size if kind is Kind.ELLIPSOID else size[0]))
+    angle, latitude = (
+        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
+        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
+    )
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
+    ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
+    up = np.array([0.0, 0.0, size[1]])
+    points = {
+        Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,
+        Kind.CYLINDER: np.vstack([size[0] * ring - up, size[0] * ring + up]),
+        Kind.CAPSULE: np.vstack([size[0] * ball - up, size[0] * ball + up]),
+        Kind.ELLIPSOID: ball * size,
+        Kind.SPHERE: ball * size[0],
+    }
+    return np.asarray(points[kind])
