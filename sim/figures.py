@@ -21,7 +21,6 @@ from sim.plotting import ground, prompt
 from sim.plotting.prompt import pyplot
 from sim.scenario import Scenario
 
-INK = ground.INK
 TREE = "#9aa3ab"  # no colour of a class
 WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
 ENDINGS = (".png", ".pdf", ".svg")
@@ -39,8 +38,7 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
     prompt.edges(axes, tree, TREE, width=0.35, opacity=0.5, zorder=1)
-    colors = ClassColors()
-    colors.meet(reference.id for reference in references)
+    colors = ClassColors(reference.id for reference in references)
     labels = []
     for reference in references:
         words = wrap(", ".join(passing(reference, tree.homology)), WIDE)
@@ -59,8 +57,7 @@ def draw_convergence(
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
     figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
     axes = figure.subplots()
-    colors = ClassColors()
-    colors.meet(reference.id for reference in references)
+    colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
     iterations, end = convergence["iterations"], convergence["iterations"][-1]
     shown = [name for name in final if name in convergence["lengths"]][:at_most]
@@ -86,7 +83,7 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
 
     scene = scenario.loaded.scene
     ground.draw(axes, scene)
-    look = {"fontsize": 7, "ha": "center", "va": "center", "color": INK, "zorder": 9}
+    look = {"fontsize": 7, "ha": "center", "va": "center", "color": ground.INK, "zorder": 9}
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
         axes.text(x, y, mover.name, path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
@@ -118,7 +115,7 @@ def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference],
         for time in moments[moments <= path[-1, 2]]:
             place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
             axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
-            numbers.append((time, place, {"xytext": (3, 4), "color": INK, "zorder": 8}))
+            numbers.append((time, place, {"xytext": (3, 4), "color": ground.INK, "zorder": 8}))
     marked: list[Array] = []  # places of numbers
     for time, place, look in numbers:
         if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in marked):  # it can be read

@@ -58,7 +58,7 @@ def hall(side: int, fuzzy: bool, seed: int = 0) -> np.ndarray:
 
 def plot(path: Path, values: list[dict[str, Any]]) -> None:
     """Seconds over pixels, both logarithmic, and a line of time in proportion to pixels."""
-    plt = pyplot()
+    plt = pyplot("this script")
     figure, axes = plt.subplots(figsize=(5.6, 4.0), layout="constrained")
     for i, (name, style) in enumerate((("import", "o-"), ("plan", "s--"))):
         for j, walls in enumerate(("clean", "fuzzy")):

@@ -13,7 +13,7 @@ COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 
 def samples(path: Path, values: list[dict[str, Any]]) -> None:
     """Error of u against the number of samples per class, one panel per noise level."""
-    plt = pyplot()
+    plt = pyplot("this script")
     noises = sorted({v["noise"] for v in values})
     figure, panels = plt.subplots(1, len(noises), figsize=(3.4 * len(noises), 3.2), sharey=True, layout="constrained")
     for axes, noise in zip(np.atleast_1d(panels), noises, strict=True):
@@ -32,7 +32,7 @@ def samples(path: Path, values: list[dict[str, Any]]) -> None:
 
 def drives(path: Path, values: list[dict[str, Any]]) -> None:
     """Success of drives beside that of the optimal law, and their cost over its, per method and noise level."""
-    plt = pyplot()
+    plt = pyplot("this script")
     noises = sorted({v["noise"] for v in values})
     methods = list(dict.fromkeys(v["method"] for v in values))
     figure, (left, right) = plt.subplots(1, 2, figsize=(10.0, 3.4), layout="constrained")

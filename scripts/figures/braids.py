@@ -99,8 +99,7 @@ def _panel(axes: Any, shown: Shown) -> None:
 
 def _braids(axes: Any, shown: Shown, solids: Sequence[Tube]) -> None:
     """What is behind a tube is drawn before it, so that it shows through."""
-    colors, until = ClassColors(), shown.until
-    colors.meet(reference.id for reference in shown.references)
+    colors, until = ClassColors(reference.id for reference in shown.references), shown.until
     words = _words(shown)
     for reference in reversed(shown.references):
         way = timed(reference, 0.0)

@@ -52,8 +52,7 @@ def draw(plt: Any, shown: Lengths) -> Any:
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(style.PAGE, 3.15), layout="constrained", gridspec_kw={"width_ratios": [1.25, 1.0]}
     )
-    colors = ClassColors()
-    colors.meet(reference.id for reference in shown.references)
+    colors = ClassColors(reference.id for reference in shown.references)
     _histories(left, shown, colors)
     ground.draw(right, scene)
     for reference in reversed(shown.references):

@@ -45,8 +45,7 @@ def draw(plt: Any, shown: Lifted) -> Any:
     """One panel in three dimensions per obstacle, z being its H."""
     obstacles = shown.scenario.space.obstacles[:PANELS]
     figure = plt.figure(figsize=(style.PAGE, 3.35))
-    colors = ClassColors()
-    colors.meet(reference.id for reference in shown.references)
+    colors = ClassColors(reference.id for reference in shown.references)
     for k, part in enumerate(obstacles):
         place = (-0.015 + 0.5 * k, 0.1, 0.48, 0.86)
         axes = figure.add_axes(place, projection="3d", computed_zorder=False, proj_type="ortho")

@@ -37,8 +37,7 @@ def pictures(
     margin = np.array([0.0, MARGIN])
     low, high = scene.lower + margin, scene.upper - margin
     height = WIDTH / len(drives) * float((high - low)[1] / (high - low)[0])
-    colors = ClassColors()
-    colors.meet(name for one in drives for name in one.frames[0].plan.ids)
+    colors = ClassColors(name for one in drives for name in one.frames[0].plan.ids)
     for time in times:
         figure, panels = plt.subplots(1, len(drives), figsize=(WIDTH, height + 0.62), squeeze=False, dpi=DPI)
         figure.subplots_adjust(

@@ -74,8 +74,7 @@ def _exact(scenario: Scenario, ids: Sequence[str], effort: Effort) -> Array:
 def draw(plt: Any, shown: Shares) -> Any:
     """A line per class, circles for the grid, and a key of the classes."""
     figure, axes = plt.subplots(figsize=(style.COLUMN, 2.7), layout="constrained")
-    colors = ClassColors()
-    colors.meet(shown.ids)
+    colors = ClassColors(shown.ids)
     for c, name in enumerate(shown.ids):
         color = style.rgb(colors[name])
         low, high = (shown.sampled[:, c] + k * 1.96 * shown.error[:, c] for k in (-1.0, 1.0))

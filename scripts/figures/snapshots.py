@@ -61,8 +61,7 @@ def draw(plt: Any, drives: Sequence[Drive], *, labels: Sequence[str], width: flo
         len(drives), columns, figsize=(width, len(drives) * (height + 0.16) + 0.75), squeeze=False, layout="constrained"
     )
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.03, wspace=0.02, hspace=0.03)
-    colors = ClassColors()
-    colors.meet(name for one in drives for name in one.frames[0].plan.ids)
+    colors = ClassColors(name for one in drives for name in one.frames[0].plan.ids)
     for row, (one, label) in enumerate(zip(drives, labels, strict=True)):
         for column, step in enumerate(one.shown):
             axes, frame = panels[row][column], one.frames[step]
@@ -91,7 +90,7 @@ def panel(axes: Any, one: Drive, step: int, colors: ClassColors) -> None:
     _samples(axes, one, frame, colors)
     for reference, name in list(zip(frame.plan.references, frame.plan.ids, strict=True))[::-1]:
         line = strokes.even(reference.trajectory.points, CURVE)
-        if name in colors.names[:MOST]:
+        if name in list(colors)[:MOST]:
             ground.dots(axes, line, style.rgb(colors[name]), width=1.1)
         else:
             axes.plot(*line.T, color=style.LONGER, lw=0.7, zorder=4)
@@ -144,20 +143,20 @@ def weights(axes: Any, frame: Frame, colors: ClassColors, height: float) -> None
 
 
 def _color(name: str, colors: ClassColors) -> Color:
-    return colors[name if name in colors.names[:MOST] else OTHER]
+    return colors[name if name in list(colors)[:MOST] else OTHER]
 
 
 def _handles(colors: ClassColors) -> list[Any]:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    ink, many = style.INK, len(colors.names) > MOST
+    ink, many = style.INK, len(colors) > MOST
     return [
         *(
             Line2D(
                 [], [], color=style.rgb(colors[n]), lw=1.1, marker="o", ms=2.5, mfc="white", label=f"class {title(n)}"
             )
-            for n in colors.names[:MOST]
+            for n in list(colors)[:MOST]
         ),
         *([Line2D([], [], color=style.LONGER, lw=0.7, label="longer classes")] if many else []),
         Line2D([], [], color=style.rgb(style.DEAD), lw=0.5, label="samples that died"),
@@ -166,5 +165,5 @@ def _handles(colors: ClassColors) -> list[Any]:
         Line2D([], [], color=ink, marker="o", ms=5, mfc=style.ROBOT, mew=0.6, ls="none", label="robot"),
         Patch(fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.6, label="goal"),
         Patch(fc=style.WALL, label="obstacle"),
-        Patch(fc=style.rgb(colors[colors.names[0]]), label="bar: class weights"),
+        Patch(fc=style.rgb(next(iter(colors.values()))), label="bar: class weights"),
     ]

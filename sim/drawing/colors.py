@@ -5,7 +5,6 @@ classes, from where the robot is, and from the other classes: the fewest obstacl
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import chain, count
 from zlib import crc32
 
 import numpy as np
@@ -28,6 +27,8 @@ PALETTE: tuple[Color, ...] = (
 METHODS: tuple[Color, ...] = (
     (68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204),
 )  # fmt: skip
+# What is mixed into the palette in turn, and its share: late comers must not be taken for the first classes.
+TINTS = (((0, 0, 0), 0.0), ((255, 255, 255), 0.5), ((0, 0, 0), 0.35), ((128, 128, 128), 0.7))
 EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
 OTHER_COLOR: Color = (187, 187, 187)
 DEAD_COLOR: Color = (112, 116, 122)
@@ -40,31 +41,28 @@ FEW = 4  # moving obstacles of which every one is named
 NAMED = 8  # moving obstacles that all bear their names in a picture; those of more would hide it
 
 
-class ClassColors:
-    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it."""
+class ClassColors(dict[str, Color]):
+    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it.
 
-    def __init__(self) -> None:
-        self._place: dict[str, int] = {}
+    Ids are in order of first appearance.
+    """
 
-    def __getitem__(self, name: str) -> Color:
-        """The colour of a class id."""
+    def __init__(self, names: Iterable[str] = ()) -> None:
+        super().__init__()
+        self.meet(names)
+
+    def __missing__(self, name: str) -> Color:
         if name == OTHER:
             return OTHER_COLOR
-        self.meet((name,))
-        return nth_color(self._place[name])
+        wanted, hues, taken = place_of(name), len(PALETTE), set(self.values())
+        early = (nth_color(hues * tint + (wanted + k) % hues) for tint in range(3) for k in range(hues))
+        self[name] = next((color for color in early if color not in taken), nth_color(len(self)))
+        return self[name]
 
     def meet(self, names: Iterable[str]) -> None:
         """Take note of class ids."""
-        hues = len(PALETTE)
-        for name in (name for name in names if name != OTHER and name not in self._place):
-            wanted, taken = place_of(name), set(self._place.values())
-            early = (hues * tint + (wanted + k) % hues for tint in range(3) for k in range(hues))
-            self._place[name] = next(k for k in chain(early, count(EARLY)) if k not in taken)
-
-    @property
-    def names(self) -> list[str]:
-        """The class ids met so far, in order of first appearance."""
-        return list(self._place)
+        for name in names:
+            self.__getitem__(name)
 
 
 def place_of(name: str) -> int:
@@ -93,16 +91,14 @@ def title(name: str) -> str:
 
 def nth_color(index: int) -> Color:
     """Colour number `index`: palette, tints, shades, then greyish ones in turn."""
-    color, round_ = PALETTE[index % len(PALETTE)], index // len(PALETTE)
-    if round_ > 2:  # late comers must not be taken for the first classes
-        return mix(color, (128, 128, 128), 0.7)
-    return (color, mix(color, (255, 255, 255), 0.5), mix(color, (0, 0, 0), 0.35))[round_]
+    tint, hue = divmod(index, len(PALETTE))
+    return mix(PALETTE[hue], *TINTS[min(tint, len(TINTS) - 1)])
 
 
 def method_color(index: int) -> Color:
     """The colour of method number `index`; after the last of the palette, tints of the same."""
-    color, round_ = METHODS[index % len(METHODS)], index // len(METHODS)
-    return mix(color, (255, 255, 255), min(0.8, 0.4 * round_))
+    tint, hue = divmod(index, len(METHODS))
+    return mix(METHODS[hue], (255, 255, 255), min(0.8, 0.4 * tint))
 
 
 def mix(color: Color, other: Color, share: float) -> Color:

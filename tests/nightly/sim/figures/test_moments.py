@@ -21,9 +21,8 @@ def door() -> Any:
 
 
 def drawn(scenario: Scenario, references: Any) -> Any:
-    axes, colors = Figure().subplots(), ClassColors()
+    axes, colors = Figure().subplots(), ClassColors(reference.id for reference in references)
     axes.set_xlim(0.0, 6.0)
-    colors.meet(reference.id for reference in references)
     step = figures.draw_moments(axes, scenario, references, colors)
     return axes, step
 

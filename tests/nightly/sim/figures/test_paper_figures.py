@@ -47,8 +47,7 @@ def legend(figure):
 
 
 def palette(ids):
-    colors = ClassColors()
-    colors.meet(ids)
+    colors = ClassColors(ids)
     return [style.rgb(colors[name]) for name in ids]
 
 

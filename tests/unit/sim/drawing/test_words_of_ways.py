@@ -46,8 +46,7 @@ def test_a_class_has_its_colour_in_every_picture_whatever_came_before():
     names = ("0,0", "0,1", "-1,0", "1,0", "0,-1")
     assert len({place_of(name) for name in names}) == len(names)
     for order in permutations(names):
-        colors = ClassColors()
-        colors.meet(order)
+        colors = ClassColors(order)
         assert [colors[name] for name in names] == [ClassColors()[name] for name in names]
 
 
