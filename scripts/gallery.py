@@ -18,7 +18,7 @@ from pirrht.errors import PirrhtError
 from sim.cli.commands import DEMO_PATHS
 from sim.cli.parser import Parser
 from sim.files import replaced
-from sim.film.film import Film
+from sim.film import Film
 from sim.mjcf import load, scene_names
 from sim.scenario import Scenario, prepare
 

@@ -38,7 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     look.check(scenario.space)
     film = recorder = None
     if arguments.video is not None or arguments.png is not None:
-        from sim.film.film import Film
+        from sim.film import Film
 
         film = Film(scenario.loaded, video=arguments.video, still=arguments.png)
     with Progress("exact value") as bar:

@@ -172,20 +172,26 @@ def worded(
         passed: by id, how each moving obstacle is passed (`sides`).
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
-    found = {}
+    found, M = {}, len(names)
     for name, mine in windings.items():
-        chosen, by = list[int](), (passed or {}).get(name, ())
-        differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
-        while len(differ):  # the fewest obstacles that tell it from all others, one by one
-            chosen.append(int(np.argmax(differ.sum(axis=0))))
-            differ = differ[~differ[:, chosen[-1]]]
+        chosen, by = _telling(mine, rivals), (passed or {}).get(name) or [""] * len(movers)
         groups: dict[str, list[str]] = {"once round": [], "right of": [], "left of": []}
-        for k in sorted(k for k in chosen if k < len(names)):
+        for k in (k for k in chosen if k < M):
             turn = float(straight[k]) + mine[k]
             groups["once round" if abs(turn) >= 1.0 else ("right of", "left of")[turn < 0.0]].append(names[k])
         parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
-        if len(names) == 2 and groups["right of"] and groups["left of"]:  # of many it need not lead through the gap
+        if M == 2 and groups["right of"] and groups["left of"]:  # of many it need not lead through the gap
             parts = [f"between {groups['right of'][0]} and {groups['left of'][0]}"]
-        moving = [k - len(names) for k in sorted(chosen) if k >= len(names)] if chosen else range(len(by))
-        found[name] = ", ".join(parts + [f"{by[j]} {movers[j]}" for j in moving if j < len(by) and by[j]])
-    return {name: words or "straight ahead" for name, words in found.items()}
+        moving = [k - M for k in chosen if k >= M] if chosen else range(len(by))
+        found[name] = ", ".join(parts + [f"{by[j]} {movers[j]}" for j in moving if by[j]]) or "straight ahead"
+    return found
+
+
+def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:
+    """Return the fewest obstacles, found one by one, whose turns tell a class from all that have others."""
+    chosen = list[int]()
+    differ = np.array([np.not_equal(mine, other) for other in rivals if tuple(other) != tuple(mine)])
+    while len(differ):
+        chosen.append(int(np.argmax(differ.sum(axis=0))))
+        differ = differ[~differ[:, chosen[-1]]]
+    return sorted(chosen)

@@ -11,7 +11,7 @@ from thoroughly import thorough
 
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
-from sim.film.film import Film
+from sim.film import Film
 from sim.mjcf import load, models_folder
 from sim.recording.export import read
 from sim.scenario import prepare

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
+from sim import film
 from sim.cli import main
-from sim.film import film
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -107,8 +107,14 @@ def test_every_robot_is_drawn_where_it_is(graphics, robot):
 
 def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphics, monkeypatch):
     told, noted, draw = list[str](), list[str](), film.Film._draw
-    monkeypatch.setattr(film.Film, "_label", lambda self, place, text: told.append(text))
-    monkeypatch.setattr(film.Film, "_draw", lambda self, rows: noted.extend(t for t, _ in rows) or draw(self, rows))
+
+    def noting(self, rows):
+        shapes = self._shapes.geoms[: self._shapes.ngeom]
+        told.extend(shape.label for shape in shapes if shape.type == film.mujoco.mjtGeom.mjGEOM_LABEL)
+        noted.extend(text for text, _ in rows)
+        return draw(self, rows)
+
+    monkeypatch.setattr(film.Film, "_draw", noting)
     for scene, expected in (("crossing", ["crosser"]), ("slit", [])):
         noted.clear()
         told.clear()

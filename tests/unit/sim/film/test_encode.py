@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pirrht.errors import OptionError
+from sim import film
 from sim.files import replaced
-from sim.film import film
 
 
 class Full(io.BytesIO):

@@ -7,8 +7,10 @@ import copy
 import importlib
 import os
 import sys
+from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -72,8 +74,14 @@ class Film:
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
         for file, option, ending, library in ((video, "--video", ".mp4", "av"), (still, "--png", ".png", "PIL")):
-            if file is not None:
-                _check(file, option, ending, library)
+            if file is None:
+                continue
+            if file.suffix.lower() != ending:
+                raise OptionError(f"{option} {file}: the ending must be {ending}")
+            try:
+                importlib.import_module(library)
+            except ImportError as error:
+                raise OptionError(f"{option} needs the extra `video` ({error}); pip install 'pirrht[video]'") from None
         self._model = model = copy.copy(loaded.model)
         model.vis.global_.offwidth, model.vis.global_.offheight = wide, high
         # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
@@ -104,9 +112,8 @@ class Film:
         self._mocap = Mocap(loaded.model, self._scene.movers) if self._scene.movers else None
         self._colors = ClassColors()
         self._path: list[Array] = []  # rows of a time [s] and a state
-        self._times: list[float] = []  # of plans
-        self._plans: list[tuple[Plan, dict[str, Fan]]] = []
-        self._drawn = -np.inf  # time of the samples drawn last [s]
+        self._plans: list[tuple[float, Plan, dict[str, Fan]]] = []  # with their times [s]
+        self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
         """Take a control step in.
@@ -119,13 +126,11 @@ class Film:
             self._path.append(np.append(0.0, plan.state)[None])
         times = frame.time + frame.advance.time * np.arange(1, len(states) + 1) / max(1, len(states))
         self._path.append(np.column_stack([times, states]))
-        found = self._plans[-1][1] if self._plans else {}
         if frame.time >= self._drawn + FRESH - 1e-9:
-            self._drawn, found = frame.time, {}
+            self._drawn, self._samples = frame.time, {}
             if path_integral is not None and plan.estimate is not None:
-                found = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
-        self._times.append(frame.time)
-        self._plans.append((plan, found))
+                self._samples = fans(path_integral, plan.estimate, plan.classes, points=SAMPLED, everything=False)
+        self._plans.append((frame.time, plan, self._samples))
         self._colors.meet(plan.ids)
 
     @property
@@ -174,7 +179,7 @@ class Film:
         path = path[: np.searchsorted(path[:, 0], time + 1e-9, side="right")]
         now, state, over = float(path[-1, 0]), path[-1, 1:], time >= self._path[-1][-1, 0]
         self._pose(state, now)
-        plan, samples = self._plans[int(np.searchsorted(self._times, time + 1e-9, side="right")) - 1]
+        _, plan, samples = self._plans[bisect_right(self._plans, time + 1e-9, key=itemgetter(0)) - 1]
         weights = plan.estimate.class_weights if plan.estimate else {}
         for reference, name in zip(plan.references, plan.ids, strict=True):
             radius = 0.008 + 0.02 * float(np.sqrt(weights.get(name, 0.0)))
@@ -186,7 +191,9 @@ class Film:
                 self._join(strip, mujoco.mjtGeom.mjGEOM_LINE, THIN, np.array([*rgb(color), share]), 0.6)
         for mover in self._scene.movers if len(self._scene.movers) <= NAMED else ():
             top = max(float(solid.position[2]) for solid in mover.solids)
-            self._label(np.array([*mover.motion.pose(now)[:2], top]), mover.name.replace("_", " "))
+            place = np.array([*mover.motion.pose(now)[:2], top])
+            if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, place, np.ones(4))) is not None:
+                shape.label = mover.name.replace("_", " ")
         for one in () if over else foreseen(plan.movers, plan.time):
             if one.after > 0.0:
                 self._line(one.ring, 0.01, mix(GROUND, FORESEEN, one.strength), 0.008)
@@ -208,10 +215,6 @@ class Film:
         """Draw a polyline (k, 2) at a height, as thick as the scene is large [m]."""
         lifted = np.column_stack([points, np.full(len(points), height)])
         self._join(lifted, mujoco.mjtGeom.mjGEOM_CAPSULE, radius * self._thick, np.array([*rgb(color), 1.0]), 0.2)
-
-    def _label(self, place: Array, text: str) -> None:
-        if (shape := self._add(mujoco.mjtGeom.mjGEOM_LABEL, place, np.ones(4))) is not None:
-            shape.label = text
 
     def _join(self, points: Array, kind: mujoco.mjtGeom, width: float, rgba: Array, emission: float) -> None:
         for a, b in zip(points[:-1], points[1:], strict=True):
@@ -245,15 +248,6 @@ class Film:
         if not self._sky:
             pixels[(depth >= 1.0) & ~pixels.any(axis=2)] = SKY  # what is transparent has no depth
         return pixels[::-1]
-
-
-def _check(file: Path, option: str, ending: str, library: str) -> None:
-    if file.suffix.lower() != ending:
-        raise OptionError(f"{option} {file}: the ending must be {ending}")
-    try:
-        __import__(library)
-    except ImportError as error:
-        raise OptionError(f"{option} needs the extra `video` ({error}); pip install 'pirrht[video]'") from None
 
 
 def _encode(stream: Any, pictures: Iterator[Picture]) -> None:

@@ -1,1 +1,0 @@
-"""Films of drives, rendered by MuJoCo without a display."""
