@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from pirrht.errors import PirrhtError
 from sim.cli.parser import Parser
-from sim.plotting.prompt import pyplot
+from sim.plotting import pyplot
 
 
 def main() -> int:

@@ -14,11 +14,10 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from sim import plotting
 from sim.drawing.colors import NAMED, ClassColors, passing, rgb, title
 from sim.drawing.strokes import timed
 from sim.files import replaced
-from sim.plotting import ground, prompt
-from sim.plotting.prompt import pyplot
 from sim.scenario import Scenario
 
 TREE = "#9aa3ab"  # no colour of a class
@@ -32,12 +31,12 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
     """Write a map with obstacles, tree and the reference of every class."""
     scene = scenario.loaded.scene
     wide, high = scene.upper - scene.lower
-    figure = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
+    figure = plotting.pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
     axes = figure.subplots()
     draw_scene(axes, scenario)
     for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
-    prompt.edges(axes, tree, TREE, width=0.35, opacity=0.5, zorder=1)
+    plotting.edges(axes, tree, TREE, width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
     labels = []
     for reference in references:
@@ -45,7 +44,7 @@ def draw_plan(path: Path, scenario: Scenario, tree: HomologyTree, references: Se
         labels.append("\n  ".join([f"{title(reference.id)}: {reference.cost:.2f}", *words]))
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines, hues = [r.trajectory.points for r in references], [rgb(colors[r.id]) for r in references]
-    prompt.classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
+    plotting.classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
     _save(figure, path, "--png")
@@ -55,7 +54,7 @@ def draw_convergence(
     path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
 ) -> None:
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
-    figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
+    figure = plotting.pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
     axes = figure.subplots()
     colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
@@ -73,7 +72,7 @@ def draw_convergence(
     axes.set_title(f"{scene}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10)
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(title="class", **prompt.LEGEND)
+    axes.legend(title="class", **plotting.LEGEND)
     _save(figure, path, "--convergence")
 
 
@@ -82,8 +81,8 @@ def draw_scene(axes: Any, scenario: Scenario) -> None:
     from matplotlib.patheffects import withStroke
 
     scene = scenario.loaded.scene
-    ground.draw(axes, scene)
-    look = {"fontsize": 7, "ha": "center", "va": "center", "color": ground.INK, "zorder": 9}
+    plotting.draw(axes, scene)
+    look = {"fontsize": 7, "ha": "center", "va": "center", "color": plotting.INK, "zorder": 9}
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
         axes.text(x, y, mover.name, path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
@@ -108,14 +107,14 @@ def draw_moments(axes: Any, scenario: Scenario, references: Sequence[Reference],
     numbers: list[tuple[float, Array, dict[str, Any]]] = []
     for mover in scenario.loaded.scene.movers:
         until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
-        ground.outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9)
-        look = {"xytext": (0, 0), "ha": "center", "va": "center", "color": ground.MOVER, "zorder": 2.9}
+        plotting.outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9)
+        look = {"xytext": (0, 0), "ha": "center", "va": "center", "color": plotting.MOVER, "zorder": 2.9}
         numbers += [(time, mover.motion.pose(time)[:2], look) for time in until]
     for reference, path in zip(references, paths, strict=True):
         for time in moments[moments <= path[-1, 2]]:
             place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
             axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
-            numbers.append((time, place, {"xytext": (3, 4), "color": ground.INK, "zorder": 8}))
+            numbers.append((time, place, {"xytext": (3, 4), "color": plotting.INK, "zorder": 8}))
     marked: list[Array] = []  # places of numbers
     for time, place, look in numbers:
         if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in marked):  # it can be read
@@ -130,7 +129,7 @@ def check(path: Path, option: str) -> None:
     Raises:
         OptionError: matplotlib is missing, or it knows no such ending.
     """
-    pyplot(option)
+    plotting.pyplot(option)
     if path.suffix.lower() not in ENDINGS:
         raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
 

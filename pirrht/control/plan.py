@@ -110,7 +110,7 @@ class Plan:
             samples: number of the heaviest that arrived, and of those that died, in a lighter grey.
             axes: of matplotlib, which are returned; None: those of a new figure. OptionError: it is not installed.
         """
-        return import_module("sim.plotting.prompt").plan(self, samples, axes)
+        return import_module("sim.plotting").plan(self, samples, axes)
 
     @property
     def tape(self) -> Array:

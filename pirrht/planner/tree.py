@@ -297,4 +297,4 @@ class HomologyTree:
 
         Returns matplotlib's axes, new ones unless they are given. OptionError: it is not installed; NoReference.
         """
-        return import_module("sim.plotting.prompt").tree(self, x, axes)
+        return import_module("sim.plotting").tree(self, x, axes)

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from sim.importing.ros_map import DEFAULTS
 from sim.importing.scene_file import import_world
-from sim.plotting.prompt import pyplot
+from sim.plotting import pyplot
 from sim.scenario import prepare
 
 SIDES = (1000, 1400, 2000, 2800, 4000)  # pixels

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sim.drawing.colors import METHODS
-from sim.plotting.prompt import pyplot
+from sim.plotting import pyplot
 
 COLORS = [tuple(c / 255.0 for c in color) for color in METHODS]
 

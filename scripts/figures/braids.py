@@ -16,7 +16,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, sides, worded
 from sim.drawing.strokes import Tube, timed, tubes
-from sim.plotting.ground import MOVER, outline
+from sim.plotting import MOVER, outline
 from sim.scenario import Scenario
 
 SCENES = ("crossing", "closing_door")

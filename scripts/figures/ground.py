@@ -9,8 +9,8 @@ from figures import style
 from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Scene
-from sim.plotting import ground
-from sim.plotting.ground import outline
+from sim import plotting
+from sim.plotting import outline
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:
@@ -23,9 +23,9 @@ def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] =
 
     size = scene.upper - scene.lower
     axes.add_patch(Rectangle(tuple(scene.lower), *size, fc=style.FLOOR, ec=style.BORDER, lw=0.6, zorder=0))
-    ground.solids(axes, scene.obstacles, fc=style.WALL, ec="none", zorder=6)
-    ground.bodies(axes, scene.movers, time, zorder=6)
-    ground.predicted(axes, foreseen, time, zorder=5.9)
+    plotting.solids(axes, scene.obstacles, fc=style.WALL, ec="none", zorder=6)
+    plotting.bodies(axes, scene.movers, time, zorder=6)
+    plotting.predicted(axes, foreseen, time, zorder=5.9)
     goal = tuple(scene.goal.center)
     axes.add_patch(Circle(goal, scene.goal.radius, fc=style.GOAL, ec=style.GOAL_EDGE, lw=0.7, zorder=1))
     axes.set_aspect("equal")

@@ -7,7 +7,7 @@ from pirrht.errors import OptionError
 from sim.drawing.colors import DEAD_COLOR, mix
 from sim.drawing.colors import rgb as rgb
 from sim.files import check_writable, replaced
-from sim.plotting.ground import INK as INK
+from sim.plotting import INK as INK
 
 COLUMN, PAGE = 3.5, 7.16  # widths of a column and of a page [in]
 DPI = 300  # of PNG files

@@ -20,7 +20,7 @@ from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
-from sim.plotting.ground import fading, outline
+from sim.plotting import fading, outline
 
 Floats = NDArray[np.float32]
 DEAD = "dead"

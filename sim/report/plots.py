@@ -11,7 +11,7 @@ import numpy as np
 
 from pirrht.control.settings import METHODS
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
-from sim.plotting.prompt import pyplot
+from sim.plotting import pyplot
 from sim.report.summary import ALL, Row
 
 MOST = 6  # scenes with pictures of their own; of more, all together

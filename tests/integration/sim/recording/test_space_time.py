@@ -10,7 +10,7 @@ from moving_scenes import body, moving_scene, rows
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import timed as in_time
-from sim.plotting.ground import MOMENTS, outline
+from sim.plotting import MOMENTS, outline
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject

@@ -7,10 +7,10 @@ from figures import braids, snapshots
 from figures.effort import Effort
 from moving import moved
 
+from sim import plotting as map_of
 from sim.drawing.strokes import timed, tubes
 from sim.mjcf import load
-from sim.plotting import ground as map_of
-from sim.plotting.ground import outline
+from sim.plotting import outline
 
 SMALL = Effort(vertices=250, samples=20, max_time=0.1)
 plt = pytest.importorskip("matplotlib.pyplot")

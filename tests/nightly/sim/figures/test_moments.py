@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 
 from sim import figures
 from sim.drawing.colors import ClassColors
-from sim.plotting.ground import MOVER
+from sim.plotting import MOVER
 from sim.scenario import Scenario, prepare
 
 
