@@ -30,13 +30,9 @@ WORTH = 2e-3  # a smaller margin is none [m]
 
 
 def prepare(
-    scene: str | Path,
-    *,
-    given: Mapping[str, Any] | None = None,
-    loose: bool = False,
-    driven: bool = True,
-    **options: Any,
-) -> Scenario:
+    scene: str | Path, *,
+    given: Mapping[str, Any] | None = None, loose: bool = False, driven: bool = True, **options: Any,
+) -> Scenario:  # fmt: skip
     """Load a scene and decide everything that a run needs.
 
     Args:
@@ -74,10 +70,8 @@ def prepare(
         scenario = within_risk(at, settings.risk, stop=settings.risk_infeasible == "stop")
     else:
         scenario = at(None)
-        if task.margin is None and "margin" not in loaded.scene.defaults:
-            reaction = settings.period if settings.between == "hold" else REACTION
-            if (own := default_margin(scenario.problem, scenario.space, reaction)) > 0.0:
-                scenario = at(own)
+        if task.margin is None and "margin" not in loaded.scene.defaults and (own := default_margin(scenario)) > 0.0:
+            scenario = at(own)
     if driven:
         scenario.plant()
     return scenario
@@ -96,13 +90,13 @@ def _refuse_unknown(options: Mapping[str, Any], given: Mapping[str, Any]) -> Non
             raise OptionError(f"{where}: {name!r} is no {meant}")
 
 
-def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float:
-    """Return the margin [m] for a problem without one; 0 where there is no clearance for it.
+def default_margin(scenario: Scenario) -> float:
+    """Return the margin [m] for a scenario without one; 0 where there is no clearance for it.
 
-    It is three standard deviations of the place that noise alone moves the robot to before it reacts [s], and takes
-    no more than a quarter of the clearance anywhere, so that no class is lost.
+    It is three standard deviations of the place that noise alone moves the robot to before it reacts, and takes no more
+    than a quarter of the clearance anywhere, so that no class is lost.
     """
-    scene = space.scene
+    s, problem, space, scene = scenario.settings, scenario.problem, scenario.space, scenario.space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
     if scene.goal is not problem.scene.goal:  # its centre is covered, and plans lead to what is free with the margin
         ends = ends[:1]
@@ -110,7 +104,8 @@ def default_margin(problem: Problem, space: FreeSpace, reaction: float) -> float
         ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
     widths = find_passages(space.field, space.collision).width
     clearance = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
-    margin = min(max(LEAST, DEVIATIONS * deviation(problem, reaction)), SHARE * clearance)
+    spread = deviation(problem, s.period if s.between == "hold" else REACTION)
+    margin = min(max(LEAST, DEVIATIONS * spread), SHARE * clearance)
     return round(margin, 4) if margin > WORTH else 0.0
 
 

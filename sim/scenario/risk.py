@@ -16,7 +16,7 @@ DRAWN = 4  # times the samples of a plan: this estimate is made once per run
 
 
 def predicted(scenario: Scenario, margins: Sequence[float] = (0.0,)) -> list[CollisionProbability] | None:
-    """Predict the probability of a collision of a run, by one plan at its start, for margins besides its own [m].
+    """Predict the probability of a collision by one plan at the start, for margins besides the scenario's own [m].
 
     None: nothing is predicted (`Scenario.collisions`).
     """
@@ -24,8 +24,7 @@ def predicted(scenario: Scenario, margins: Sequence[float] = (0.0,)) -> list[Col
     driver = many.controller(many.grown_tree())
     driver.begin(many.start)
     plan = driver.plan(many.start)
-    found = [many.collisions(plan, more) for more in margins]
-    return None if found[0] is None else [one for one in found if one is not None]
+    return [one for more in margins if (one := many.collisions(plan, more)) is not None] or None
 
 
 def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> Scenario:
@@ -35,15 +34,11 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
 
     Args:
         at: makes the scenario with a margin [m].
-        stop: whether it is an error if no margin keeps the risk; else the one that comes nearest is taken.
-
-    Raises:
-        OptionError: the probability is not predicted for this robot or scene, or no margin keeps the risk.
+        stop: whether OptionError is raised if no margin keeps the risk; else the one that comes nearest is taken.
     """
     scenario, margin, wide, closed = at(0.0), 0.0, 0.0, math.inf
     spread = scenario.problem.dynamics.position_spread(scenario.start)
-    widest = WIDEST * spread * math.sqrt(scenario.physics_step)
-    more = np.arange(0.0, widest + FINEST, FINEST).tolist()
+    more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.physics_step) + FINEST, FINEST).tolist()
     tried: list[tuple[float, Scenario]] = []
     for _ in range(ROUNDS):
         try:
@@ -51,11 +46,11 @@ def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> 
             found = predicted(scenario, more)
         except (NoReference, SceneError):  # no way is as wide as that
             found = None
-        if found is None and not tried:
-            raise OptionError(
-                "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
-            )
         if found is None:
+            if not tried:
+                raise OptionError(
+                    "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
+                )
             closed = margin
         elif found[0].most <= risk:
             return scenario

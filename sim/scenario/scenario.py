@@ -2,6 +2,7 @@
 
 import itertools
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -59,8 +60,7 @@ class Scenario:
         Outcome.TIMEOUT
 
     Raises:
-        OptionError: plans under these settings would fit into no memory or never end, or moving obstacles are to be
-            predicted for the optimal law.
+        OptionError: plans would fit into no memory or never end, or the optimal law would need a prediction.
     """
 
     loaded: Loaded
@@ -82,11 +82,7 @@ class Scenario:
         return f"Scenario({loaded.robot} in {loaded.scene.name!r}, {s.method}, noise {s.noise:g}, seed {s.seed})"
 
     def with_settings(self, **changes: Any) -> Self:
-        """Return the scene under other settings; the free space is kept.
-
-        Raises:
-            OptionError: the system has no such number, or a value cannot work.
-        """
+        """Return the scene under other settings; OptionError: the system has no such number, or it cannot work."""
         refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
         if settings.risk is not None and settings.noise != self.settings.noise:
@@ -111,7 +107,7 @@ class Scenario:
 
     @property
     def homology(self) -> Homology:
-        """Homology by which classes of runs are told apart."""
+        """Homology that separates the classes of runs."""
         return self._in_time().homology(self.space) if self.moving else self.space.homology
 
     def _in_time(self) -> InTime:
@@ -161,8 +157,8 @@ class Scenario:
 
         None: there are no samples, or the noise does not act on the position, for which nothing is predicted.
         """
-        predicts = self.problem.dynamics.noisy_position and self.settings.exit == "bridge"
-        if plan is None or plan.estimate is None or not predicts:
+        noisy = self.problem.dynamics.noisy_position
+        if plan is None or plan.estimate is None or not noisy or self.settings.exit != "bridge":
             return None
         return collision_probability(
             self.problem, plan.estimate, step=self.physics_step, margin=self.margin + margin, classes=plan.classes
@@ -180,9 +176,7 @@ class Scenario:
 
         Where no class reaches the goal from the start, or from another state (n,), or the limit leaves out a path that
         is not much longer than the shortest, it is grown anew within a wider one, unless the limit was asked for.
-
-        Raises:
-            OptionError: that is no tree for this scene, robot and limit.
+        OptionError: the file holds no tree for this scene, robot and limit.
         """
         s, x = self.settings, self.start if at is None else at
         if s.tree is not None:
@@ -197,45 +191,32 @@ class Scenario:
         if not self.widens:
             return first
         wide = {} if self.moving else grown(WIDER[-1], min(s.vertices, QUICK)).lengths(x)
-        short = LONGER * min(wide.values(), default=0.0)
+        short = {one: LONGER * length for one, length in wide.items() if length <= LONGER * min(wide.values())}
 
         def fits(tree: HomologyTree) -> bool:
             lengths = tree.lengths(tree.at(x, 0.0))
             other = 0.0 if len(lengths) == s.classes else np.inf  # more than it holds are as short
-            left_out = (lengths.get(one, other) > LONGER * length for one, length in wide.items() if length <= short)
-            return bool(lengths) and not any(left_out)
+            return bool(lengths) and all(lengths.get(one, other) <= longest for one, longest in short.items())
 
         wider = (grown(limit) for limit in WIDER if limit > s.limit)
         return next((tree for tree in itertools.chain([first], wider) if fits(tree)), first)
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
-        """Return the best path of every class from the start, cheapest first.
+        """Return the best path of every class from the start, cheapest first; NoReference: there is none.
 
-        Among moving obstacles there may be none if the robot `waits` for a path.
-
-        Raises:
-            NoReference: no class reaches the goal.
+        Among moving obstacles that is no error if the robot `waits` for a path.
         """
-        try:
+        with suppress(*((NoReference,) if waits and self.moving else ())):
             return tree.references(tree.at(self.start, 0.0), shortened=self.settings.polish)
-        except NoReference:
-            if waits and self.moving:
-                return []
-            raise
-
-    def truth(self, progress: Progress = ignore_progress) -> Desirability:
-        """Solve exactly: in continuous time, or for steps of dt if exit is judged at their ends."""
-        return self._solved(self.settings.dt if self.settings.exit == "endpoint" else None, progress)
+        return []
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
-        """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before.
+        """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before."""
+        return Optimal(truth or self.truth(progress, steps=False), self.sampling)
 
-        Raises:
-            OptionError: no grid solves this problem.
-        """
-        return Optimal(truth or self._solved(None, progress), self.sampling)
-
-    def _solved(self, dt: float | None, progress: Progress) -> Desirability:
+    def truth(self, progress: Progress = ignore_progress, *, steps: bool = True) -> Desirability:
+        """Solve exactly, for `steps` of dt if exit is judged at their ends; OptionError: no grid solves the problem."""
+        dt = self.settings.dt if steps and self.settings.exit == "endpoint" else None
         try:
             solver_for(self.problem, self.space, dt)
         except OptionError:
@@ -255,8 +236,12 @@ class Scenario:
         if s.method in ("mppi", "single", "passive"):
             budget = None if s.budget is None else s.budget * classes
             sampling = replace(sampling, samples=s.samples * classes, budget=budget)
-        more: Any = {"homology": self.homology, "rng": np.random.default_rng(self._seeds()[1])}
-        more["predict"] = self._prediction() if self.moving and s.predict != "known" else None
+        tree_seed, sampler_seed, _ = self._seeds()
+        more: Any = {"homology": self.homology, "rng": np.random.default_rng(sampler_seed), "predict": None}
+        if self.moving and s.predict != "known":
+            seeds = tree_seed.spawn(1)[0]
+            trees = None if s.method in TREELESS else lambda space: self.empty_tree(space=space, seed=seeds.spawn(1)[0])
+            more["predict"] = ConstantVelocity(self.space, self._in_time(), trees, vertices=min(s.vertices, QUICK))
         if s.method == "mppi":
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
             problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
@@ -266,16 +251,6 @@ class Scenario:
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
             between=s.between, held=self.physics_step, **more,
         )  # fmt: skip
-
-    def _prediction(self) -> ConstantVelocity:
-        """Return what predicts moving obstacles for plans."""
-        seeds, s = self._seeds()[0].spawn(1)[0], self.settings
-
-        def empty(space: FreeSpace) -> HomologyTree:
-            return self.empty_tree(space=space, seed=seeds.spawn(1)[0])
-
-        trees = None if s.method in TREELESS else empty
-        return ConstantVelocity(self.space, self._in_time(), trees, vertices=min(s.vertices, QUICK))
 
     def driver(
         self, tree: HomologyTree | None = None, truth: Desirability | None = None, progress: Progress = ignore_progress
@@ -295,8 +270,8 @@ class Scenario:
         grid: Desirability | None = None,
     ) -> Generator[Frame]:  # fmt: skip
         """Run from a start (n,) under the plant's noise, as fast as it goes or in real time; see `episode.run`."""
-        s, start, clock = self.settings, self.start if start is None else start, Clock()
+        s = self.settings
         return episode.run(
-            plant, driver, start, rng or self.plant_rng(), max_time=s.max_time, grow=s.grow,
-            clock=clock if s.real_time else None, grid=grid,
+            plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
+            grow=s.grow, clock=Clock() if s.real_time else None, grid=grid,
         )  # fmt: skip
