@@ -8,18 +8,19 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from pirrht.errors import OptionError, printable
-from sim.cli import parser, plan_command, run_command, tables
+from sim.cli import parser, plan_command, run_command
 from sim.cli.plan_command import notice
 from sim.files import check_writable, path_text, refused, replaced, write_json
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.rehearsal import rehearse
 from sim.scenario import prepare
 from sim.systems import named
-from sim.text import counted, say
+from sim.text import counted, say, table
 
 SHOWN_ERRORS = 3
 DEMO_LEVELS = (("little", 0.1), ("much", 0.3))  # noise b [m/sqrt(s)]
@@ -28,29 +29,31 @@ DEMO_ENDS = {"collision": "into a wall", "timeout": "nowhere in time"}
 
 
 def scenes(_: argparse.Namespace) -> int:
-    """List the built-in scenes."""
-    rows = []
+    """List the built-in scenes: robot, noise, number of moving obstacles, and a sentence on each."""
+    rows, about = [], ["about", "-----"]
     for name in scene_names():
         loaded = load(name)
         noise = loaded.scene.defaults.get("noise", named(loaded.dynamics_name).settings.noise)
-        rows.append((name, loaded.robot, noise, len(loaded.scene.movers), loaded.about))
-    say(tables.scene_table(rows))
+        rows.append([name, loaded.robot, f"{noise:g}", str(len(loaded.scene.movers))])
+        about.append(loaded.about)
+    print(*map("{}  {}".format, table(["scene", "robot", "noise", "moving"], rows).splitlines(), about), sep="\n")
     print(f"\nfiles: {models_folder() / 'scenes'}; pictures of all: docs/gallery.md")
     return 0
 
 
 def demo(_: argparse.Namespace, more: Sequence[str] = ()) -> int:
     """Run the paper's first example with both noise levels and `more` words, and print two sentences."""
-    found = []
+    found, status = [], 0
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "run.json"
         for word, noise in DEMO_LEVELS:
             print(f"{word} noise: pirrht run slit --noise {noise:g}\n")
-            run_command.run(parser.read(["run", "slit", "--noise", f"{noise:g}", "--json", str(file), *more]))
+            words = ["run", "slit", "--noise", f"{noise:g}", "--json", str(file), *more]
+            status |= run_command.run(parser.read(words))
             found.append(json.loads(file.read_text()))
             print()
-    say("\n".join(demo_sentences(*found)))
-    return 0 if all(one["outcome"] == "goal" for one in found) else 1
+    print(*demo_sentences(*found), sep="\n")
+    return status
 
 
 def demo_sentences(little: dict[str, Any], much: dict[str, Any]) -> list[str]:
@@ -81,49 +84,39 @@ def sweep(arguments: argparse.Namespace) -> int:
     """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
     from sim.report import summary, wording
     from sim.sweeps import sweep as engine
+    from sim.sweeps.dataset import Dataset
     from sim.sweeps.grid import parse
 
-    grid = parse(vars(arguments))
+    grid, folder = parse(vars(arguments)), arguments.output
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 
         cluster.probe(arguments.scheduler)
-    if arguments.output is not None:
-        records = _stored(grid, arguments)
-    elif arguments.again:
+    if folder is None and arguments.again:
         raise OptionError("--again repeats runs of a dataset; add its folder, -o DIR")
+    run = partial(engine.sweep, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
+    if folder is None:
+        records = run(grid.jobs())
     else:
-        records = engine.sweep(grid.jobs(), jobs_at_once=arguments.jobs, scheduler=arguments.scheduler)
+        dataset, jobs = Dataset(folder), engine.checked(grid.jobs())
+        scenes = {job.name: job.digest for job in jobs}
+        noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
+        requested = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
+        dataset.check(grid.settings, scenes)
+        with dataset.locked():
+            dataset.begin(grid.settings, scenes, requested)
+            records = run(jobs, dataset=dataset, again=arguments.again)
     print(wording.figures(*summary.summed(records)))
     if arguments.json:
         write_json(arguments.json, records)
     errors = [printable((str(r["error"]).splitlines() or [""])[0]) for r in records if r["outcome"] is None]
-    if arguments.output is not None:
-        runs = counted(len(records), "run")
-        print(f"{path_text(arguments.output)}: {runs}, {len(errors)} of them ended with an error")
+    if folder is not None:
+        print(f"{path_text(folder)}: {counted(len(records), 'run')}, {len(errors)} of them ended with an error")
     if errors:
         often = [f"  {count} x {error}" for error, count in Counter(errors).most_common(SHOWN_ERRORS)]
-        again = ["the same command with --again repeats them"] if arguments.output is not None else []
+        again = ["the same command with --again repeats them"] if folder is not None else []
         print(f"{counted(len(errors), 'run')} ended with an error:", *often, *again, sep="\n", file=sys.stderr)
     return 1 if errors else 0
-
-
-def _stored(grid: Any, arguments: argparse.Namespace) -> list[dict[str, Any]]:
-    """The records of a sweep whose finished runs a folder keeps."""
-    from sim.sweeps import sweep as engine
-    from sim.sweeps.dataset import Dataset
-
-    dataset = Dataset(arguments.output)
-    jobs = engine.checked(grid.jobs())
-    scenes = {job.name: job.digest for job in jobs}
-    noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
-    requested = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
-    dataset.check(grid.settings, scenes)
-    with dataset.locked():
-        dataset.begin(grid.settings, scenes, requested)
-        return engine.sweep(
-            jobs, jobs_at_once=arguments.jobs, scheduler=arguments.scheduler, dataset=dataset, again=arguments.again
-        )
 
 
 def report(arguments: argparse.Namespace) -> int:
@@ -179,12 +172,11 @@ def export(arguments: argparse.Namespace) -> int:
 
     engine.check_format(arguments.output)
     known = engine.read(arguments.recording)
-    columns = engine.table(known)
-    engine.write(arguments.output, columns, known)
+    engine.write(arguments.output, columns := engine.table(known), known)
     print(f"{path_text(arguments.output)}: {len(known.steps)} control steps, {len(columns)} columns")
     if not known.whole:
-        name, end = path_text(arguments.recording), known.steps[-1][1]
-        print(f"{name} ends at {end:.2f} s without an outcome; all that it holds is exported")
+        end = f"ends at {known.steps[-1][1]:.2f} s without an outcome"
+        print(f"{path_text(arguments.recording)} {end}; all that it holds is exported")
     return 0
 
 

@@ -82,27 +82,26 @@ def notice() -> Notice:
 
 def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenario:
     """Read the scene and the task of a command line, and put into `arguments` the scene's numbers for the rest."""
-    start, given, command = arguments.start, vars(arguments), arguments.command
-    if start is not None and len(start) not in (2, 3):
+    given, command, numbers = vars(arguments), arguments.command, len(arguments.start or (0, 0))
+    if numbers not in (2, 3):
         raise OptionError(
-            f"--start has {counted(len(start), 'number')}; it must be X Y, and TH of a robot with a heading; runs "
-            "begin at rest (`pirrht estimate --at` takes any state)"
+            f"--start has {counted(numbers, 'number')}; it must be X Y, and TH of a robot with a heading; runs begin "
+            "at rest (`pirrht estimate --at` takes any state)"
         )
     notice()
     settings, driven = options.settings(command, given), command not in ("plan", "estimate")
     scenario = prepare(arguments.scene, given=settings, loose=loose, driven=driven, **options.scene_options(given))
-    if start is not None and len(start) == 3 and not scenario.problem.dynamics.angles:
+    if numbers == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
-    for name in ("predict", "speed_limit") if not scenario.moving else ():
-        if settings[name] is not None:
+    for name in ("predict", "speed_limit"):
+        if settings[name] is not None and not scenario.moving:
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
-    for note in scenario.loaded.notes:
-        say(note)
+    say("\n".join(scenario.loaded.notes))
     scene, moved = scenario.loaded.scene, deviation(scenario.problem, 1.0)
     if moved > (width := float(np.hypot(*(scene.upper - scene.lower)))):
         say(f"noise alone moves the robot by {moved:.3g} m in a second, more than the {width:.3g} m of the workspace: "
             f"is --noise {scenario.settings.noise:g} in {scenario.system.noise_in or 'its unit'}?")  # fmt: skip
-    given.update(options.completed(command, given, scenario.loaded.scene.defaults))
+    given.update(options.completed(command, given, scene.defaults))
     return scenario
 
 
@@ -136,17 +135,17 @@ def plan(arguments: argparse.Namespace) -> int:
 
             figures.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
-    began, lengths = notice().clock(), None
+    began, watched = notice().clock(), {}
     if arguments.convergence:
         tree, vertices = scenario.empty_tree(), scenario.settings.vertices
         with Progress("plan", vertices, " vertices") as bar:
             lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=bar.to)
-        references = scenario.references(tree)
+        references, watched = scenario.references(tree), {"convergence": lengths}
     else:
         tree, references = planned(scenario)
     seconds = notice().clock() - began
     notice().finish()
-    found = plan_json(scenario, tree, references, seconds)
+    found = plan_json(scenario, tree, references, seconds) | watched
     print(tables.class_table(references, scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
@@ -154,11 +153,10 @@ def plan(arguments: argparse.Namespace) -> int:
         tree_file.save(tree, arguments.output)
         print(f"tree: {path_text(arguments.output)}")
     if arguments.json:
-        more = {} if lengths is None else {"convergence": lengths}
-        write_json(arguments.json, {**found, **more})
+        write_json(arguments.json, found)
     if arguments.png:
         figures.draw_plan(arguments.png, scenario, tree, references)
-    if lengths is not None:
+    if arguments.convergence:
         figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
     return 0
 
@@ -173,8 +171,8 @@ def estimate(arguments: argparse.Namespace) -> int:
     if time > 0.0 and not scenario.moving:
         raise OptionError(f"--time is {time:g}, and nothing moves in this scene; leave it out")
     if scenario.space.moving.distance(x[:2], time) <= 0.0:
-        where = f"--at {x[0]:g} {x[1]:g}"
-        raise OptionError(f"{where}: a moving obstacle is there at {time:g} s; choose another state or --time")
+        there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
+        raise OptionError(f"--at {x[0]:g} {x[1]:g}: {there}")
     truth = None
     if arguments.truth:
         with Progress("exact value") as bar:
@@ -192,8 +190,7 @@ def estimate(arguments: argparse.Namespace) -> int:
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
-    for line in tables.doubts(estimates, references, scenario.problem.temperature, settings.target_error):
-        say(line)
+    say("\n".join(tables.doubts(estimates, references, scenario.problem.temperature, settings.target_error)))
     if settings.weights == "biased":
         say("--weights biased leaves the likelihood ratio out: v and shares are no estimates, however many samples")
     if arguments.json:
@@ -210,10 +207,9 @@ def state_of(at: list[float], scenario: Scenario) -> Array:
     if not 2 <= len(at) <= len(whole) or not finite:
         known = f"has {counted(len(at), 'number')}" if finite else f"is {where}"
         raise OptionError(f"--at {known}; it must be X Y or the first few of {typed(whole)}, all finite")
+    x = np.array([*at, *[0.0] * (len(whole) - len(at))])
     if len(at) <= len(place):
         x = scenario.problem.dynamics.state_of(np.array([*at, 0.0]))
-    else:
-        x = np.array([*at, *[0.0] * (len(whole) - len(at))])
     if scenario.space.clearance(x) <= 0.0:
         raise SceneError(f"--at {where}: this state is in collision or outside the workspace; choose another")
     if scenario.loaded.scene.goal.contains(x[:2]):

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import asdict
+from functools import partial
 from typing import Any
 
 from tqdm import tqdm
@@ -24,6 +25,7 @@ from sim.result import run_json, settings_json
 from sim.text import say
 
 HEADLESS = "use --headless, with --script FILE for what is done and --serve to watch in a browser"
+WATCH = "watch it in a browser of this machine: {}"
 POLL = 0.05  # between two queries whether something has been moved once a run has ended [s]
 Observer = Callable[[Frame], object]
 
@@ -58,8 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
             recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
             observers.append(lambda frame: recorder.log(frame, frame.news, frame.truth))
             if recorder.server is not None:
-                print(f"watch it in a browser of this machine: {recorder.server.page}", flush=True)
-        observers.append(stack.enter_context(Bar("run", scenario.settings.max_time, "s")).show)
+                print(WATCH.format(recorder.server.page), flush=True)
+        observers.append(partial(_show, stack.enter_context(Progress("run", scenario.settings.max_time, "s"))))
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
     result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
@@ -76,25 +78,20 @@ def run(arguments: argparse.Namespace) -> int:
     if film is not None:
         with Progress("film", film.length, " pictures") as bar:
             film.save(bar.update)
-        for what, file in (("film", arguments.video), ("picture", arguments.png)):
-            if file is not None:
-                print(f"{what}: {path_text(file)}")
+    for what, file in (("film", arguments.video), ("picture", arguments.png)):
+        say("" if file is None else f"{what}: {path_text(file)}")
     if recorder is not None and recorder.server is not None and sys.stdout.isatty():
         print("served until Ctrl-C", flush=True)
         recorder.server.stay()
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-class Bar(Progress):
-    """Shows how far a run is, and its news."""
-
-    def show(self, frame: Frame) -> None:
-        """Show a control step."""
-        if frame.news and frame.outcome is None:  # how it ended is in the summary
-            self.write(frame.news)
-        self.to(round(frame.end_time, 6))
-        favourite = title(frame.metrics.favourite or OTHER)
-        self.set_postfix_str(f"class {favourite}, cost {frame.cost:.2f}", refresh=False)
+def _show(bar: Progress, frame: Frame) -> None:
+    """Show how far a run is, and its news; how it ended is in the summary."""
+    if frame.news and frame.outcome is None:
+        bar.write(frame.news)
+    bar.to(round(frame.end_time, 6))
+    bar.set_postfix_str(f"class {title(frame.metrics.favourite or OTHER)}, cost {frame.cost:.2f}", refresh=False)
 
 
 def _driven(frames: Generator[Frame], observers: Sequence[Observer], ends: Callable[[], bool] = bool) -> Frame | None:
@@ -122,8 +119,8 @@ def _sinks(arguments: argparse.Namespace) -> Any:
 def _recorder(scenario: Any, driver: Any, sinks: Any, **more: Any) -> Any:
     from sim.recording.recorder import Recorder
 
-    shown = (scenario.loaded, driver.tree, driver.path_integral, sinks)
-    return Recorder(*shown, settings=settings_json(scenario), **more)
+    settings = settings_json(scenario)
+    return Recorder(scenario.loaded, driver.tree, driver.path_integral, sinks, settings=settings, **more)
 
 
 def play(arguments: argparse.Namespace) -> int:
@@ -154,16 +151,14 @@ def play(arguments: argparse.Namespace) -> int:
     game = Play(scenario, built, script=script, real_time=not arguments.headless, tell=tqdm.write)
     with ExitStack() as stack:
         stack.callback(game.close)
-        screen = None if arguments.headless else window.Window(game.plant).start()
-        if screen is not None:
-            stack.callback(screen.close)
+        screen = start = None
+        if not arguments.headless:
+            screen = stack.enter_context(closing(window.Window(game.plant).start()))
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
         live = stack.enter_context(closing(Live(arguments, game)))
-        start = None
         while True:
             last = _driven(game.drive(start), [live.log], bool if screen is None else lambda: not screen.open)
-            start = None if screen is None else _next_start(game, screen, last)
-            if start is None:
+            if screen is None or (start := _next_start(game, screen, last)) is None:
                 break
     if last is None:
         return 1
@@ -177,8 +172,7 @@ def play(arguments: argparse.Namespace) -> int:
 def _next_start(game: Any, screen: Any, last: Frame | None) -> Any:
     """Wait for the start (n,) of the run after the last; None once the window is closed.
 
-    A goal that is moved is driven to from where the robot is, unless it has collided: then, and by the key Home, the
-    robot starts over.
+    If the goal is moved, the robot drives on from where it is; after a collision, and by the key Home, it starts over.
     """
     from sim.play import events
 
@@ -208,7 +202,7 @@ class Live:
         if arguments.serve:
             self._server = viewer.Server.start()
             self._urls.append(self._server.url)
-            tqdm.write(f"watch it in a browser of this machine: {self._server.page}")
+            tqdm.write(WATCH.format(self._server.page))
 
     def close(self) -> None:
         """Write what is left."""

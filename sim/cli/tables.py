@@ -22,13 +22,6 @@ MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about i
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def scene_table(rows: Sequence[tuple[str, str, float, int, str]]) -> str:
-    """One row per scene: its name, robot, noise, number of moving obstacles, and a sentence on it."""
-    known = [[name, robot, f"{noise:g}", str(moving)] for name, robot, noise, moving, _ in rows]
-    lines = table(["scene", "robot", "noise", "moving"], known).splitlines()
-    return "\n".join(map("{}  {}".format, lines, ["about", "-" * 5, *(row[-1] for row in rows)]))
-
-
 def class_table(references: Sequence[Reference], homology: Homology | None = None) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes moving obstacles."""
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
@@ -45,18 +38,17 @@ def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], tru
     off = [] if truth is None else ["v error", "u error"]
     if len(ids) > FEW_CLASSES:  # too wide for a terminal; JSON has them all
         ids = [name for name in ids if any(e and e.class_weights.get(name, 0.0) >= 5e-4 for e in estimates)]
-    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), "other"]
+    classes = [*map(title, ids), "other"]
+    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *classes]
     rows = []
     for i, e in enumerate(estimates):
         row = {"repeat": str(i), "value": "none", "control": "none", "ESS": "0"}
         if e is not None:
             shares = [e.class_weights.get(name, 0.0) for name in ids]
-            shares.append(max(0.0, 1.0 - sum(shares)))
-            errors = () if truth is None else truth.errors(e)
             row |= {"value": f"{e.value:.4f}", "v stderr": f"{e.value_error:.4f}", "ESS": f"{e.ess:.1f}"}
             row |= {"control": _vector(e.control, "+.3f"), "u stderr": _vector(e.control_error, ".3f")}
-            row |= {name: f"{error:+.4f}" for name, error in zip(off, errors, strict=True)}
-            row |= {name: f"{share:.3f}" for name, share in zip([*map(title, ids), "other"], shares, strict=True)}
+            row |= zip(off, map("{:+.4f}".format, () if truth is None else truth.errors(e)), strict=True)
+            row |= zip(classes, map("{:.3f}".format, [*shares, max(0.0, 1.0 - sum(shares))]), strict=True)
         rows.append(row)
     if truth is not None:
         rows.append({"repeat": "truth", "value": f"{truth.value:.4f}", "control": _vector(truth.control, "+.3f")})
@@ -83,9 +75,9 @@ def doubts(
     for r in references:
         thin = sum(e.class_ess.get(r.id, 0.0) < LONE_ESS for e in known)
         cheap = 2 * thin > len(known) and r.cost < least + DOUBT_RANGE * temperature
-        weighty = any(e.class_weights.get(r.id, 0.0) >= MIN_WEIGHT for e in known)
-        unknown = "standard errors do not know what it is worth"
-        lines.append((thin * (cheap or weighty), f"class {title(r.id)}: hardly a sample in {thin} {of}; {unknown}"))
+        if cheap or any(e.class_weights.get(r.id, 0.0) >= MIN_WEIGHT for e in known):
+            text = f"class {title(r.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is worth"
+            lines.append((thin, text))
     found = [f"{line}, try more --samples" for often, line in lines if often]
     if target is not None:
         missed = sum(float(e.control_error.max()) > target for e in known)
@@ -115,10 +107,8 @@ def fitting_lines(scenario: Scenario) -> str:
         if given.margin > 0.0
     ]
     if planned.goal is not given.goal:
-        (x, y), radius = planned.goal.center, planned.goal.radius
-        lines.append(
-            f"the centre of the goal is covered: plans lead to its free part, {radius:.3g} m around ({x:.4g}, {y:.4g})"
-        )
+        (x, y), free = planned.goal.center, f"{planned.goal.radius:.3g} m around"
+        lines.append(f"the centre of the goal is covered: plans lead to its free part, {free} ({x:.4g}, {y:.4g})")
     return "\n".join(lines)
 
 
@@ -154,13 +144,11 @@ def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) 
     if so_far and run.fallbacks > run.steps // 2:
         say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
     if run.outcome == "collision":
-        say(
-            "noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more clearance"
-        )
+        say("noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more "
+            "clearance")  # fmt: skip
     if run.doubtful_plans:
-        weakest = f"{run.least_ess:.1f} at {run.least_ess_time:.2f} s"
-        say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, "
-            f"the weakest on {weakest}: a guess; try more --samples")  # fmt: skip
+        say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, the "
+            f"weakest on {run.least_ess:.1f} at {run.least_ess_time:.2f} s: a guess; try more --samples")  # fmt: skip
     if run.real_time is not None:
         say(episode.summary(run.real_time))
     say(f"{counted(run.steps, 'control step')}: median {run.step_ms['median']:.1f} ms, p95 {run.step_ms['p95']:.1f}, "
