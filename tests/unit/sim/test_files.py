@@ -9,7 +9,7 @@ import pytest
 from repository import environment
 
 from pirrht.errors import OptionError
-from sim.files import check_writable, path_text, replaced, write_json
+from sim.files import check_writable, replaced, write_json
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="devices and limits as Linux has them")
 
@@ -96,11 +96,3 @@ def test_a_pipe_takes_it_all(tmp_path):
     reader = subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE)
     write(pipe, b"all of it")
     assert reader.communicate()[0] == b"all of it"
-
-
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("a\nb", "a\\nb"), ("a\x1b[2J", "a\\x1b[2J"), ("\ud800", "\\ud800"), ("\udcff", "\\udcff"), ("é", "é")],
-)
-def test_any_name_is_shown_in_one_line(name, text):
-    assert path_text(Path(name)) == text
