@@ -34,7 +34,7 @@ from sim.options import scene_options
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING
 from sim.sweeps import runs, scores
-from sim.sweeps.runs import Job
+from sim.sweeps.runs import Job, Planned
 
 try:
     import gymnasium
@@ -176,8 +176,8 @@ def score(
     drive = env.unwrapped
     assert isinstance(drive, Drive)
     job = replace(drive.job, method=method, noise=drive.scenario.settings.noise, label=Path(drive.job.scene).stem)
-    job = replace(job, digest=runs.digest(job))
-    keys = [{**runs.key(replace(job, seed=SEED.check(seed, "seed")), job.noise), "plan_seed": 0} for seed in seeds]
+    job = replace(job, digest=runs.digest(*job.place))
+    keys = [{**replace(job, seed=SEED.check(seed, "seed")).identity, "plan_seed": 0} for seed in seeds]
     records: list[dict[str, Any]] = []
     into_folder = scores.kept(Path(into), replace(job, method="passive"), keys, again) if into and keys else None
     with into_folder or nullcontext(lambda record: None) as keep:
@@ -190,7 +190,7 @@ def score(
                 _control(action, env.action_space.shape, f"seed {key['seed']}, step {step}: the policy returned")
                 x, _, terminated, truncated, _ = env.step(action)
                 step, over = step + 1, terminated or truncated
-            record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began)
+            record = runs.finished(key, drive.scenario, drive.result(), time.perf_counter() - began, Planned())
             records.append({**record, "samples": None, "dt": None})  # they are the policy's own affair
             keep(records[-1])
     return records

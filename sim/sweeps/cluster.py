@@ -26,6 +26,7 @@ class Cluster(Crew):
         OptionError: Dask is missing, nobody answers at the address, or workers have another version.
     """
 
+    inline = False
     ahead, most = 2, CHUNK_TASKS
     tries, death = 1, "the workers died"  # the scheduler has tried it on several
 
@@ -38,7 +39,7 @@ class Cluster(Crew):
         try:
             self._client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
         except (OSError, ValueError, TypeError) as error:
-            raise _silent(address, " ".join(str(error).split()) or type(error).__name__) from None
+            raise _silent(address, error) from None
         self._executor = self._client.get_executor(pure=False)
         self._counted, self._workers = -CENSUS, 0
 
@@ -97,33 +98,29 @@ def probe(address: str) -> None:
         if not parts.hostname or not parts.port:
             raise ValueError("missing port" if parts.hostname else "missing machine")
     except ValueError as error:
-        raise _silent(address, str(error)) from None
+        raise _silent(address, error) from None
     try:
-        import distributed  # noqa: F401
-        from distributed.core import connect
+        from distributed.core import rpc
     except ImportError:
         raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in one line
 
     async def identity() -> Any:
-        comm = await connect(address, timeout=REACHABLE)
-        try:
-            await comm.write({"op": "identity", "reply": True})
-            return await comm.read()
-        finally:
-            comm.abort()
+        async with rpc(address, timeout=REACHABLE) as found:
+            return await found.identity()
 
     try:
         found = asyncio.run(asyncio.wait_for(identity(), REACHABLE))
     except Exception as error:  # whatever another program's bytes lead to
-        raise _silent(address, " ".join(str(error).split())[:80] or type(error).__name__) from None
+        raise _silent(address, error) from None
     if not isinstance(found, dict) or found.get("type") != "Scheduler":
         raise _silent(address, "who does is none")
 
 
-def _silent(address: str, reason: str) -> OptionError:
+def _silent(address: str, reason: Exception | str) -> OptionError:
+    why = " ".join(str(reason).split())[:80] or type(reason).__name__
     return OptionError(
-        f"--scheduler {address}: no scheduler answers there ({reason}); write for instance tcp://127.0.0.1:8786"
+        f"--scheduler {address}: no scheduler answers there ({why}); write for instance tcp://127.0.0.1:8786"
     )
 
 

@@ -3,10 +3,10 @@
 Each file is whole or absent (`sim.sweeps.parts`); of a run that is in several the last counts.
 """
 
+import fcntl
 import json
 import os
 import shutil
-import stat
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -37,7 +37,7 @@ class Dataset:
     """
 
     def __init__(self, folder: Path, now: Callable[[], float] = time.monotonic) -> None:
-        self.folder, self.runs, self._now = folder, folder / "runs", now
+        self.folder, self.file, self.runs, self._now = folder, folder / "manifest.json", folder / "runs", now
         self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
         self._tried = now()  # when they were last written
         self.failing = False  # whether that went wrong
@@ -48,46 +48,41 @@ class Dataset:
         Raises:
             OptionError: the folder holds none, or it cannot be read.
         """
-        if self.folder.is_file():
-            raise OptionError(f"{self.folder} is a file; give the folder of `pirrht sweep -o`")
-        file = self.folder / "manifest.json"
+        why = why_unreadable(self.file)
+        if why == MISSING:
+            what = "a file" if self.folder.is_file() else "no sweep: it has no manifest.json"
+            raise OptionError(f"{self.folder} is {what}; give the folder of `pirrht sweep -o`")
         try:
-            why = why_unreadable(file)
-            if why not in (None, MISSING):
-                raise OptionError(f"{file}: {why}; remove it and start the sweep again")
-            found = json.loads(file.read_text())
-        except FileNotFoundError:
-            raise OptionError(
-                f"{self.folder} is no sweep: it has no manifest.json; give the folder of `pirrht sweep -o`"
-            ) from None
+            found: Any = json.loads(self.file.read_text()) if why is None else None
         except (OSError, ValueError, RecursionError) as error:
-            raise OptionError(f"{file}: cannot be read ({error}); remove it and start the sweep again") from None
-        if not isinstance(found, dict) or found.get("format") != parts.DATASET_FORMAT:
-            theirs = found.get("format") if isinstance(found, dict) else None
-            raise OptionError(
-                f"{file}: dataset format {theirs}; pirrht {pirrht.__version__} reads format {parts.DATASET_FORMAT}: "
-                "choose another folder"
-            )
-        flaw = _flaw(found)
-        if flaw is not None:
+            why = f"cannot be read ({error})"
+        if why is not None:
+            raise OptionError(f"{self.file}: {why}; remove it and start the sweep again")
+        theirs = found.get("format") if isinstance(found, dict) else None
+        if theirs != parts.DATASET_FORMAT:
+            ours = f"pirrht {pirrht.__version__} reads format {parts.DATASET_FORMAT}"
+            raise OptionError(f"{self.file}: dataset format {theirs}; {ours}: choose another folder")
+        if (flaw := _flaw(found)) is not None:
             why = f'"{flaw}" is not what a sweep writes'
-            raise OptionError(f"{file} is damaged: {why}; put a copy back, or choose another folder")
-        return found
+            raise OptionError(f"{self.file} is damaged: {why}; put a copy back, or choose another folder")
+        return dict(found)
 
-    def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> None:
-        """Refuse what does not belong to the runs that are there already, by OptionError with the first difference."""
+    def check(self, settings: Mapping[str, Any], scenes: Mapping[str, str]) -> dict[str, Any]:
+        """Return the manifest, empty if there is no sweep yet.
+
+        Raises:
+            OptionError: what is asked for does not belong to the runs that are there; names the first difference.
+        """
         try:
-            if not stat.S_ISDIR(os.stat(self.folder).st_mode):
+            if self.folder.exists() and not self.folder.is_dir():
                 raise OptionError(f"--output {path_text(self.folder)} is a file; give the path of a folder")
-        except FileNotFoundError:
-            pass
+            if not self.file.exists():
+                strange = [file.name for file in self.folder.glob("[!.]*") if file != self.runs] or self.files()
+                if strange:
+                    raise self._other(f"holds {strange[0]} and no manifest.json, so it is no sweep's")
+                return {}
         except (OSError, ValueError) as error:  # ValueError: a name that is none
             raise refused("--output", self.folder, error) from None
-        if not (self.folder / "manifest.json").exists():
-            strange = [file.name for file in self.folder.glob("[!.]*") if file != self.runs] or self.files()
-            if strange:
-                raise self._other(f"holds {strange[0]} and no manifest.json, so it is no sweep's")
-            return
         known, asked = self.manifest(), plain(settings)
         for name in {**known["settings"], **asked}:
             before, now = known["settings"].get(name), asked.get(name)
@@ -96,6 +91,7 @@ class Dataset:
         for name, digest in scenes.items():
             if known["scenes"].get(name, digest) != digest:
                 raise self._other(f"was made with another {name}: the files of scene or robot have changed since")
+        return known
 
     def begin(self, settings: Mapping[str, Any], scenes: Mapping[str, str], *asked: Mapping[str, Any]) -> None:
         """Make the folder, or add to what one was asked for; what a killed sweep left half-written goes.
@@ -103,8 +99,7 @@ class Dataset:
         Raises:
             OptionError: another sweep's folder, or one that cannot be written.
         """
-        self.check(settings, scenes)
-        known = self.manifest() if (self.folder / "manifest.json").exists() else {}
+        known = self.check(settings, scenes)
         everything = [*known.get("asked", []), *map(plain, asked)]
         content = {
             "format": parts.DATASET_FORMAT,
@@ -122,7 +117,7 @@ class Dataset:
                 shutil.rmtree(left, ignore_errors=True)
         except OSError as error:
             raise refused("--output", self.folder, error) from None
-        with replaced(self.folder / "manifest.json", "--output") as stream:
+        with replaced(self.file, "--output") as stream:
             stream.write((json.dumps(content, indent=2) + "\n").encode())
             stream.flush()
             os.fsync(stream.fileno())
@@ -131,18 +126,9 @@ class Dataset:
     def locked(self) -> Iterator[None]:
         """Keep other sweeps out of the folder by OptionError; a process that is killed keeps nobody out."""
         try:
-            import fcntl
-        except ImportError:  # no such locks on this system
-            yield
-            return
-        try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            lock = self.folder / ".lock"
-            why = why_unreadable(lock)
-            if why not in (None, MISSING):
-                raise OptionError(f"{lock} {why}; remove it, or choose another folder")
-            stream = lock.open("a")
-        except OSError as error:
+            stream = (self.folder / ".lock").open("ab+")
+        except (OSError, ValueError) as error:
             raise refused("--output", self.folder, error) from None
         with stream:
             try:
@@ -159,14 +145,13 @@ class Dataset:
 
     def records(self) -> list[dict[str, Any]]:
         """Every finished run once, in the order of the files; OptionError if one cannot be read."""
-        rows = (row for file in self.files() for row in parts.read(file).to_pylist())
-        return [record_of(row) for row in {key_of(row): row for row in rows}.values()]
+        return [record_of(row) for row in {key_of(row): row for row in parts.rows(self.files())}.values()]
 
     def compact(self) -> None:
         """Write what has been added; rewrite all rows as one file if a run is there twice."""
         self.flush()
         files = self.files()
-        rows = [row for file in files for row in parts.read(file).to_pylist()]
+        rows = parts.rows(files)
         known = {key_of(row): row for row in rows}
         if len(known) < len(rows):
             try:
@@ -177,8 +162,9 @@ class Dataset:
                 raise refused("--output", self.folder, error) from None
 
     def add(self, record: Mapping[str, Any]) -> None:
-        """Take a finished run in; it is written when `tend` or `flush` is called."""
+        """Take a finished run in; it is written by `flush`, or soon if `tend` is called now and then."""
         self._kept.append(row_of(record))
+        self.tend()
 
     def tend(self) -> None:
         """Write what has waited long enough; what cannot be written is kept for the next time."""
@@ -249,26 +235,19 @@ def _flaw(manifest: Mapping[str, Any]) -> str | None:
         if name == "version":
             return isinstance(found, str)
         if name == "asked":
-            return isinstance(found, list) and all(map(_is_wish, found)) and sum(map(_points, found)) <= MOST_POINTS
+            wishes = isinstance(found, list) and all(map(_is_wish, found))
+            return wishes and sum(len(w["methods"]) * sum(map(len, w["noise"].values())) for w in found) <= MOST_POINTS
         return isinstance(found, dict) and (name == "settings" or _all([*found.values()], str))
 
     names = ("version", "settings", "scenes", "libraries", "asked")
     return next((name for name in names if not fits(name, manifest.get(name))), None)
 
 
-def _points(wish: Mapping[str, Any]) -> int:
-    return len(wish["methods"]) * sum(map(len, wish["noise"].values()))
-
-
 def _is_wish(wish: Any) -> bool:
-    if not isinstance(wish, dict) or not isinstance(wish.get("noise"), dict):
-        return False
-    seeds: Any = wish.get("seeds")
-    return (
-        _all(wish.get("methods"), str)
-        and all(_all(values, (int, float)) for values in wish["noise"].values())
-        and (_all(seeds, int) and len(seeds) == 2 and 0 <= seeds[0] <= seeds[1] <= seeds[0] + MOST)
-    )
+    match wish:
+        case {"methods": methods, "noise": dict(noises), "seeds": [int(first), int(end)]} if _all(methods, str):
+            return 0 <= first <= end <= first + MOST and all(_all(known, (int, float)) for known in noises.values())
+    return False
 
 
 def _all(values: Any, kind: Any) -> bool:

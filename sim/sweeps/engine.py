@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, Self
 
 from pirrht.errors import PirrhtError
 
@@ -27,12 +27,11 @@ ENVIRONMENT = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VE
 class Stop:
     """Count of requests to stop: one ends what is under way, two end at once."""
 
-    def __init__(self) -> None:
-        self.asked = 0
-        self.number = signal.SIGINT  # the last signal that asked
-        self.inline = False  # whether the work is done in this thread, which only an exception can stop
+    asked = 0
+    number: int = signal.SIGINT  # the last signal that asked
+    inline = False  # whether the work is done in this thread, which only an exception can stop
 
-    def ask(self, times: int = 1, number: signal.Signals = signal.SIGINT) -> None:
+    def ask(self, times: int = 1, number: int = signal.SIGINT) -> None:
         """Take note of a wish to stop."""
         self.asked, self.number = self.asked + times, number
         if self.inline and self.asked > 1:
@@ -41,16 +40,11 @@ class Stop:
 
 @contextmanager
 def interruptible() -> Iterator[Stop]:
-    """A stop that Ctrl-C asks for, once or twice, and SIGTERM with urgency."""
-    stop, times = Stop(), {signal.SIGINT: 1, signal.SIGTERM: 2}
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-
-    def ask(number: int, _: Any) -> None:
-        stop.ask(times[signal.Signals(number)], signal.Signals(number))
-
-    before = {number: signal.signal(number, ask) for number in times}
+    """A stop that Ctrl-C asks for, once or twice, and SIGTERM with urgency; in the main thread only."""
+    stop, times = Stop(), dict[int, int]()
+    if threading.current_thread() is threading.main_thread():
+        times = {signal.SIGINT: 1, signal.SIGTERM: 2}
+    before = {number: signal.signal(number, lambda n, _: stop.ask(times[n], n)) for number in times}
     try:
         yield stop
     finally:
@@ -89,6 +83,7 @@ class Agenda:
 class Crew:
     """Who does the work, as a context: this thread, one task after the other. Subclasses have other workers."""
 
+    inline = True
     workers, ahead, most = 1, 1, 1  # chunks of a worker that are under way, tasks of a chunk
     broken: tuple[type[BaseException], ...] = ()  # raised by the chunks of a process that has died
     tries, death = 1, ""  # processes that a task may end with nothing else under way, and the error of its record then
@@ -96,8 +91,8 @@ class Crew:
     def __init__(self, stop: Stop) -> None:
         self.stop = stop
 
-    def __enter__(self) -> Crew:
-        self.stop.inline = True
+    def __enter__(self) -> Self:
+        self.stop.inline = self.inline
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -112,8 +107,10 @@ class Crew:
     def check(self, error: BaseException | None = None) -> None:
         """Raise PirrhtError if there is nobody any more."""
 
-    def run(self, work: Callable[[Any], Any], agenda: Agenda, lost: Callable[[Any, str], Any]) -> Iterator[Any]:
-        """Do all of it: results as they come, and None now and then while there are none.
+    def run(
+        self, work: Callable[[Any], Any], agenda: Agenda, lost: Callable[[Any, str], Any]
+    ) -> Iterator[tuple[Any, Any] | None]:
+        """Do all of it: tasks with their results as they come, and None now and then while there are none.
 
         What was under way when a process died is suspected of it, and tried again with nothing else under way.
 
@@ -127,9 +124,13 @@ class Crew:
         """
         chunks: dict[Future[list[Any]], list[Any]] = {}
         suspects: deque[Any] = deque()  # the first is tried alone, and leaves the queue when that is over
-        deaths, stop = 0, self.stop  # deaths: of the first suspect
-        while stop.asked < 2 and (chunks or ((agenda or suspects) and not stop.asked)):
-            for tasks in self._next_chunks(agenda, suspects, chunks.values()):
+        deaths = 0  # of the first suspect
+        while self.stop.asked < 2 and (chunks or ((agenda or suspects) and not self.stop.asked)):
+            room = 1 if suspects else self.workers * self.ahead
+            while len(chunks) < room and (suspects or agenda) and not self.stop.asked:
+                # With one chunk per worker, the idle one has just left its point, so nobody else is there: it goes on.
+                others = {tasks[0].point for tasks in chunks.values()} if self.ahead == 1 else ()
+                tasks = [suspects[0]] if suspects else agenda.take(self.workers, self.most, others)
                 chunks[self.submit(work, tasks)] = tasks
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:
@@ -155,25 +156,13 @@ class Crew:
                     suspects.popleft()
                     deaths = 0
                 agenda.add(tasks[len(results) :])
-                yield from results
-
-    def _next_chunks(
-        self, agenda: Agenda, suspects: Sequence[Any], chunks: Collection[list[Any]]
-    ) -> Iterator[list[Any]]:
-        """Chunks to begin now, in addition to those under way."""
-        if suspects:
-            if not chunks and not self.stop.asked:
-                yield [suspects[0]]
-            return
-        while agenda and not self.stop.asked and len(chunks) < self.workers * self.ahead:
-            # With one chunk per worker, the idle one has just left its point, so nobody else is there: it goes on.
-            others = {tasks[0].point for tasks in chunks} if self.ahead == 1 else ()
-            yield agenda.take(self.workers, self.most, others)
+                yield from zip(tasks, results, strict=False)
 
 
 class Pool(Crew):
     """Processes of this machine: those that are busy when it is left are ended at once."""
 
+    inline = False
     broken = (BrokenProcessPool,)
     tries, death = TRIES - 1, f"its process died {TRIES} times"
 
@@ -184,9 +173,6 @@ class Pool(Crew):
         self._theirs, self._lifeline = self._context.Pipe(duplex=False)
         self._pool: ProcessPoolExecutor | None = None
 
-    def __enter__(self) -> Pool:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self._lifeline.close()
         if self._pool is not None:
@@ -195,7 +181,7 @@ class Pool(Crew):
 
     def submit(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Future[list[Any]]:
         """Begin a chunk; processes that have died are replaced."""
-        with _without_interrupts(), _environment():
+        with _surroundings():
             if self._pool is not None:
                 with suppress(BrokenProcessPool):
                     return self._pool.submit(chunk, work, tasks)
@@ -230,28 +216,14 @@ def _begin(lifeline: Any) -> None:
 
 
 @contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """A process that begins here is spared Ctrl-C, which goes to all processes of a terminal."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _environment() -> Iterator[None]:
-    """Set what processes that begin here find in their environment, unless the user has."""
+def _surroundings() -> Iterator[None]:
+    """Let processes that begin here find `ENVIRONMENT`, and spare them Ctrl-C, which all of a terminal receive."""
     missing = [name for name in ENVIRONMENT if not os.environ.get(name)]
-    before = {name: os.environ.get(name) for name in missing}
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(dict.fromkeys(missing, "1"))
     try:
         yield
     finally:
-        for name, value in before.items():
+        for name in missing:
             del os.environ[name]
-            if value is not None:
-                os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -3,7 +3,7 @@
 import json
 import os
 import secrets
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ from sim.drive.result import FIGURES, columns
 from sim.files import Draft, why_unreadable
 
 TIMING = "timing_"  # begins the names of columns that differ when a run is repeated
-
 
 _TABLE = """
 scene            string  -     name of the scene
@@ -78,22 +77,25 @@ def schema() -> Any:
     return pa.schema(fields, metadata={"pirrht": json.dumps({"format": DATASET_FORMAT, "version": pirrht.__version__})})
 
 
-def read(file: Path) -> Any:
-    """The table of a file; OptionError if it cannot be read."""
+def rows(files: Iterable[Path]) -> list[dict[str, Any]]:
+    """The rows of files; OptionError if one cannot be read."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    why = why_unreadable(file)
-    if why is not None:
-        raise _unreadable(file, f"it {why}")
-    try:
-        table = pq.read_table(file, schema=schema())
-    except (OSError, pa.ArrowException) as error:
-        raise _unreadable(file, " ".join(str(error).split())) from None
-    empty = [name for name in ("scene", "method", "noise", "seed") if table[name].null_count]
-    if empty:
-        raise _unreadable(file, f"it has rows without {empty[0]}")
-    return table
+    found: list[dict[str, Any]] = []
+    for file in files:
+        why = why_unreadable(file)
+        if why is not None:
+            raise _unreadable(file, f"it {why}")
+        try:
+            table = pq.read_table(file, schema=schema())
+        except (OSError, pa.ArrowException) as error:
+            raise _unreadable(file, " ".join(str(error).split())) from None
+        for name in ("scene", "method", "noise", "seed"):
+            if table[name].null_count:
+                raise _unreadable(file, f"it has rows without {name}")
+        found += table.to_pylist()
+    return found
 
 
 def _unreadable(file: Path, reason: str) -> OptionError:

@@ -5,16 +5,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pirrht.control.settings import TREELESS
-from pirrht.errors import PirrhtError
+from pirrht.errors import PirrhtError, one_line
 from pirrht.planner.tree import HomologyTree
 from sim import tree_file
 from sim.mjcf.library import find
@@ -50,7 +49,7 @@ class Job:
         return self.label or self.scene
 
     @property
-    def place(self) -> tuple[Any, ...]:
+    def place(self) -> tuple[str, Frozen, Frozen]:
         """Key of runs that share one tree."""
         return self.scene, self.task, self.given
 
@@ -59,13 +58,23 @@ class Job:
         """Key of runs that differ in their seed only; the scene comes first."""
         return self.scene, self.noise, self.method, self.task, self.given
 
+    @property
+    def needs_tree(self) -> bool:
+        """Whether its method drives through a tree."""
+        return self.method not in TREELESS
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """The part of its record that is the key of a dataset."""
+        known = {"scene": self.name, "scene_digest": self.digest, "method": self.method, "noise": self.noise}
+        return known | {"seed": self.seed, "plan_seed": dict(self.given).get("plan_seed")}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Planned:
     """The tree of a place, or why there is none."""
 
-    place: tuple[Any, ...] = ()
-    tree: bytes | str = b""  # packed, or the file that holds it
+    tree: bytes | str = b""  # as it is saved, or the file that holds it
     shortest: float | None = None  # length of the shortest reference at the start [m]
     seconds: float | None = None  # wall time of tree and references
     error: str | None = None
@@ -96,17 +105,12 @@ def settled(job: Job) -> Scenario:
     changes: dict[str, Any] = {"method": job.method, "seed": job.seed, "threads": 1, "grow": None, "real_time": False}
     if job.noise is not None:
         changes["noise"] = job.noise
-    return _prepared(job.scene, job.task, job.given).with_settings(**changes)
-
-
-def digest(job: Job) -> str:
-    """Names the content of the files of scene and robot, wherever they lie, as this process first read them."""
-    return _digest(job.scene, job.task, job.given)
+    return _prepared(*job.place).with_settings(**changes)
 
 
 def forget() -> None:
     """Files of scenes and robots may have changed: read them anew."""
-    for known in (_prepared, _digest, _received, _solved):
+    for known in (_prepared, digest, _received, _solved):
         known.cache_clear()
 
 
@@ -115,122 +119,64 @@ def work(task: Task) -> Planned | dict[str, Any]:
     try:
         with _alone:
             return grown(task.job) if task.grows else drive(task.job, task.planned)
+    except PirrhtError as error:
+        return given_up(task, " ".join(str(error).split()))
     except Exception as error:
-        return given_up(task, one_line(error))
+        return given_up(task, one_line(error).removesuffix(":"))
 
 
 def given_up(task: Task, why: str) -> Planned | dict[str, Any]:
     """Return the result of a task that came to nothing."""
-    return Planned(place=task.job.place, error=why) if task.grows else failure(task.job, why)
+    return Planned(error=why) if task.grows else task.job.identity | {"outcome": None, "error": why}
 
 
 def drive(job: Job, planned: Planned | None = None) -> dict[str, Any]:
     """One run as a record: what it was, and what came of it. PirrhtError if it is impossible."""
     scenario = settled(job)
-    if job.digest and job.digest != digest(job):
+    if job.digest and job.digest != digest(*job.place):
         raise PirrhtError(f"{job.scene}: the file is not the one that the sweep began with")
     driver = _driver(job, scenario, planned)
-    _ready(job, scenario)
+    kind = scenario.loaded.dynamics_name, job.method, job.given
+    if kind not in _rehearsed:  # so that no drive has to wait for the compiler
+        rehearse(scenario, driving=True)
+        _rehearsed.add(kind)
     began = time.perf_counter()
     last = deque(scenario.drive(scenario.plant(), driver), maxlen=1).pop()
     seconds = time.perf_counter() - began
-    return finished(key(job, scenario.settings.noise), scenario, last.metrics.json(), seconds, planned)
+    return finished(job.identity, scenario, last.metrics.json(), seconds, planned or Planned())
 
 
 def finished(
-    identity: Mapping[str, Any],
-    scenario: Scenario,
-    result: Mapping[str, Any],
-    seconds: float,
-    planned: Planned | None = None,
+    identity: Mapping[str, Any], scenario: Scenario, result: Mapping[str, Any], seconds: float, planned: Planned
 ) -> dict[str, Any]:
     """The record of a run that came to an end, whose drive took `seconds` [s] of wall time."""
     return {
-        **identity,
-        "robot": scenario.loaded.robot,
-        "lambda": scenario.problem.temperature,
-        "samples": scenario.settings.samples,
-        "dt": scenario.settings.dt,
-        "period": scenario.settings.period,
-        **result,
-        "shortest_length": planned.shortest if planned else None,
-        "plan_seconds": planned.seconds if planned else None,
-        "drive_seconds": seconds,
-        "error": None,
-    }
-
-
-def failure(job: Job, error: str) -> dict[str, Any]:
-    """The record of a run that did not come to an end."""
-    return {**key(job, job.noise), "outcome": None, "error": error}
-
-
-def one_line(error: BaseException) -> str:
-    """Kind and message of an error."""
-    text = " ".join(str(error).split())
-    return text if isinstance(error, PirrhtError) else f"{type(error).__name__}: {text}".removesuffix(": ")
-
-
-def needs_tree(job: Job) -> bool:
-    """Return whether a job's method drives through a tree."""
-    return job.method not in TREELESS
-
-
-def unpacked(planned: Planned, folder: Path, number: int) -> Planned:
-    """Put the tree of a plan into a file, for processes of this machine; keep it if there is no room for one."""
-    if not planned.tree or isinstance(planned.tree, str):
-        return planned
-    file = folder / f"{number}.tree"
-    try:
-        file.write_bytes(planned.tree)
-    except OSError:
-        return planned
-    return replace(planned, tree=str(file))
+        **identity, "robot": scenario.loaded.robot, "lambda": scenario.problem.temperature,
+        **{name: getattr(scenario.settings, name) for name in ("samples", "dt", "period")}, **result,
+        "shortest_length": planned.shortest, "plan_seconds": planned.seconds, "drive_seconds": seconds, "error": None,
+    }  # fmt: skip
 
 
 def _driver(job: Job, scenario: Scenario, planned: Planned | None) -> Driver:
     if job.method == "optimal":
-        return scenario.driver(truth=_solved(job.scene, job.task, job.given, scenario.settings.noise))
+        return scenario.driver(truth=_solved(*job.place, scenario.settings.noise))
     if planned is None:
         return scenario.driver()
     if planned.error is not None:
         raise PirrhtError(planned.error)
-    return scenario.driver(_received(job.scene, job.task, job.given, planned.tree))
+    return scenario.driver(_received(*job.place, planned.tree))
 
 
 def grown(job: Job) -> Planned:
     """Grow the tree of a job's place."""
-    scenario = settled(job)
+    scenario, content = settled(job), BytesIO()
     rehearse(scenario)
     began = time.perf_counter()
     tree = scenario.grown_tree()
     shortest = min((r.length for r in scenario.references(tree, waits=True)), default=None)
     seconds = time.perf_counter() - began
-    return Planned(place=job.place, tree=pack(tree), shortest=shortest, seconds=seconds)
-
-
-def pack(tree: HomologyTree) -> bytes:
-    """A grown tree without the scene around it."""
-    content = BytesIO()
     tree_file.save(tree, content)
-    return content.getvalue()
-
-
-def unpack(scenario: Scenario, content: bytes) -> HomologyTree:
-    """The tree as it was packed, in the same scenario."""
-    return tree_file.load(BytesIO(content), scenario.space, scenario.steering(), classes=scenario.settings.classes)
-
-
-def key(job: Job, noise: float | None) -> dict[str, Any]:
-    """Return the key of a job's run in its dataset."""
-    return {
-        "scene": job.name,
-        "scene_digest": job.digest,
-        "method": job.method,
-        "noise": noise,
-        "seed": job.seed,
-        "plan_seed": dict(job.given).get("plan_seed"),
-    }
+    return Planned(tree=content.getvalue(), shortest=shortest, seconds=seconds)
 
 
 @lru_cache(KEPT)
@@ -238,16 +184,9 @@ def _prepared(scene: str, task: Frozen, given: Frozen) -> Scenario:
     return prepare(scene, **dict(task), given=dict(given))
 
 
-def _ready(job: Job, scenario: Scenario) -> None:
-    """See to it that a drive does not have to wait for the compiler; once per kind of drive and process."""
-    kind = scenario.loaded.dynamics_name, job.method, job.given
-    if kind not in _rehearsed:
-        rehearse(scenario, driving=True)
-        _rehearsed.add(kind)
-
-
 @lru_cache(KEPT)
-def _digest(scene: str, task: Frozen, given: Frozen) -> str:
+def digest(scene: str, task: Frozen, given: Frozen) -> str:
+    """Names the content of a place's files of scene and robot, wherever they lie, as this process first read them."""
     scenario = _prepared(scene, task, given)
     content = hashlib.sha256()
     for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
@@ -259,8 +198,9 @@ def _digest(scene: str, task: Frozen, given: Frozen) -> str:
 @lru_cache(KEPT)
 def _received(scene: str, task: Frozen, given: Frozen, tree: bytes | str) -> HomologyTree:
     """One tree per scene: it depends neither on noise nor on the method."""
-    content = tree if isinstance(tree, bytes) else Path(tree).read_bytes()
-    return unpack(_prepared(scene, task, given), content)
+    s = _prepared(scene, task, given)
+    file = tree if isinstance(tree, str) else BytesIO(tree)
+    return tree_file.load(file, s.space, s.steering(), classes=s.settings.classes)
 
 
 @lru_cache(GRIDS)

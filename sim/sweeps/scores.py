@@ -18,11 +18,11 @@ from sim.text import counted
 
 PLANT = ("max_time", "plant", "phi", "speed", "rho")  # settings by which drives of any controller must agree
 
-Keep = Callable[[Mapping[str, Any]], None]  # takes a record
-
 
 @contextmanager
-def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again: bool) -> Iterator[Keep]:
+def kept(
+    folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again: bool
+) -> Iterator[Callable[[Mapping[str, Any]], None]]:
     """Yield what adds records to a sweep's folder as runs of the job end; they are written at the latest when it is
     left.
 
@@ -51,19 +51,15 @@ def kept(folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again:
         seeds = [int(one["seed"]) for one in identities]
         dataset.begin(settings, {scene: digest}, *_wishes(method, scene, noise, seeds))
 
-        def keep(record: Mapping[str, Any]) -> None:
-            dataset.add(record)
-            dataset.tend()
-
         try:
-            yield keep
+            yield dataset.add
         finally:
             dataset.compact()
 
 
 def _agreed(dataset: Dataset, job: Job) -> dict[str, Any]:
     """The settings of a folder, which must mean the same task and plant; those of the job if it holds no sweep yet."""
-    if not (dataset.folder / "manifest.json").exists():
+    if not dataset.file.exists():
         given = {name: value for name, value in job.given if name != "noise"}  # it is each run's own
         return {**dict(job.task), **given, "plan_seed": 0}
     settings: dict[str, Any] = dataset.manifest()["settings"]

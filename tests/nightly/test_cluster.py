@@ -1,5 +1,6 @@
 """Sweeps on a Dask cluster on this machine: equal results, whatever happens to workers and scheduler."""
 
+import json
 import os
 import signal
 import subprocess
@@ -36,7 +37,7 @@ class Local:
         deadline = time.monotonic() + 60.0
         while not file.exists() and time.monotonic() < deadline:
             time.sleep(0.1)
-        self.address: str = __import__("json").loads(file.read_text())["address"]
+        self.address: str = json.loads(file.read_text())["address"]
         for _ in range(2):
             self.add_worker()
 
@@ -69,7 +70,7 @@ def local(tmp_path) -> Iterator[Local]:
 
 def results(address: str, work, tasks, lost=lambda task, why: (task.number, why)):
     with Cluster(address, Stop()) as cluster:
-        return [r for r in cluster.run(work, Agenda(tasks), lost) if r is not None]
+        return [done[1] for done in cluster.run(work, Agenda(tasks), lost) if done is not None]
 
 
 def test_everything_is_done_once_and_killers_are_given_up(local):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pirrht.errors import NoReference, OptionError
+from sim import tree_file
 from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import Scenario, prepare
@@ -14,7 +15,7 @@ from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
 from sim.scenario.risk import predicted
 from sim.scenario.scenario import WIDER
 from sim.sweeps.grid import Grid
-from sim.sweeps.runs import pack, settled, unpack
+from sim.sweeps.runs import settled
 
 # -- a margin ----------------------------------------------------------------------------------------------------
 
@@ -74,12 +75,13 @@ def narrow() -> Scenario:
     return replace(scenario, system=system, settings=replace(scenario.settings, limit=NARROW))
 
 
-def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal():
+def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal(tmp_path):
     scenario = narrow()
     tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
     assert tree.limit == WIDER[0]
     assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
-    assert unpack(scenario, pack(tree)).limit == WIDER[0]
+    tree_file.save(tree, tmp_path / "tree")
+    assert tree_file.load(tmp_path / "tree", scenario.space, scenario.steering()).limit == WIDER[0]
 
 
 def test_a_limit_that_was_asked_for_stays():

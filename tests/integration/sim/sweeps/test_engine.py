@@ -12,13 +12,13 @@ TASKS = [Task(scene, number) for scene in ("a", "b", "c") for number in range(4)
 
 def results(work, tasks, size=2, stop=None, lost=lambda task, why: why):
     with Pool(size, stop or Stop()) as pool:
-        return [r for r in pool.run(work, Agenda(tasks), lost) if r is not None]
+        return [done[1] for done in pool.run(work, Agenda(tasks), lost) if done is not None]
 
 
 def test_everything_is_done_once_in_processes_and_in_turn():
     expected = sorted(square(task) for task in TASKS)
     assert sorted(results(square, TASKS)) == expected
-    assert sorted(Crew(Stop()).run(square, Agenda(TASKS), lambda task, why: why)) == expected
+    assert sorted(r for _, r in Crew(Stop()).run(square, Agenda(TASKS), lambda task, why: why)) == expected
 
 
 def test_a_task_is_of_a_point_that_nobody_is_at_and_of_the_first_if_all_are_taken():
@@ -47,7 +47,7 @@ def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):
             if stop.asked == 0 and len(list(tmp_path.iterdir())) == 2:
                 stop.ask()
                 (tmp_path / "leave").touch()
-            done += [] if result is None else [result]
+            done += [] if result is None else [result[1]]
     assert sorted(done) == [0, 1]
     assert len(list(tmp_path.glob("*-*"))) == 2
 
@@ -67,7 +67,7 @@ def test_in_turn_a_second_wish_is_an_interrupt():
     stop = Stop()
     with Crew(stop) as crew:
         results = crew.run(square, Agenda(TASKS), lambda task, why: why)
-        assert next(results) == 0
+        assert next(results) == (TASKS[0], 0)
         with pytest.raises(KeyboardInterrupt):
             stop.ask(2)
         assert list(results) == []

@@ -4,6 +4,7 @@ import heapq
 import io
 from collections.abc import Iterator
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from zlib import crc32
 
 import pytest
@@ -13,9 +14,9 @@ from hypothesis import strategies as st
 from pirrht.errors import PirrhtError
 from sim.sweeps import runs
 from sim.sweeps.engine import Agenda, Crew, Stop
-from sim.sweeps.parts import KEY
+from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job, Planned, Task
-from sim.sweeps.sweep import Pipeline, Progress
+from sim.sweeps.sweep import Progress, driven
 
 TREE = b"wood"
 
@@ -27,17 +28,6 @@ def jobs(scenes: int, methods: tuple[str, ...] = ("pi-rrht", "passive"), seeds: 
         for method in methods
         for seed in range(seeds)
     ]
-
-
-def done(task: Task):
-    """What a worker would answer."""
-    if task.grows:
-        return Planned(place=task.job.place, tree=TREE)
-    needs = runs.needs_tree(task.job)
-    assert (task.planned is not None) == needs
-    if needs and isinstance(task.planned.tree, str):
-        assert Path(task.planned.tree).read_bytes() == TREE  # there until the last of its runs has ended
-    return runs.failure(task.job, "")
 
 
 class Simulated:
@@ -55,17 +45,21 @@ class Simulated:
                 self.order.append(task)
                 heapq.heappush(busy, (now + self.seconds(task), len(self.order), task))
             now, _, task = heapq.heappop(busy)
-            yield done(task)
+            assert (task.planned is not None) == (task.job.needs_tree and not task.grows)
+            if task.planned is not None:  # its tree is there until the last of its runs has ended
+                assert Path(task.planned.tree).read_bytes() == TREE
+            yield task, Planned(tree=TREE) if task.grows else lost(task, "")
 
 
 def test_one_worker_drives_through_each_tree_before_it_grows_the_next(tmp_path):
-    flow, crew = Pipeline(jobs(3), tmp_path), Simulated(1, lambda task: 1.0)
-    trees, records = zip(*((flow.trees, record) for record in flow.run(crew)), strict=True)
-    order = [(task.job.scene, task.grows) for task in crew.order if runs.needs_tree(task.job)]
+    crew = Simulated(1, lambda task: 1.0)
+    trees, records = zip(
+        *((len(list(tmp_path.iterdir())), record) for record, _ in driven(jobs(3), crew, tmp_path)), strict=True
+    )
+    order = [(task.job.scene, task.grows) for task in crew.order if task.job.needs_tree]
     assert order == [(f"s{k}", first) for k in range(3) for first in (True, False, False, False)]
     assert max(trees) == 1
     assert sum(record is not None for record in records) == 18
-    assert not list(tmp_path.iterdir())
 
 
 @settings(max_examples=60)
@@ -77,42 +71,39 @@ def test_one_worker_drives_through_each_tree_before_it_grows_the_next(tmp_path):
 )
 def test_every_run_has_one_record_and_there_are_no_more_trees_than_workers_and_one(workers, scenes, methods, pace):
     wanted = jobs(scenes, tuple(methods))
-    flow = Pipeline(wanted, None)
     crew = Simulated(workers, lambda task: pace[crc32(repr(task.point).encode()) % len(pace)])
     keys, most = [], 0
-    for record in flow.run(crew):
-        keys += [] if record is None else [tuple(record[k] for k in KEY)]
-        most = max(most, flow.trees)
-    assert sorted(keys, key=str) == sorted((tuple(runs.failure(j, "")[k] for k in KEY) for j in wanted), key=str)
+    with TemporaryDirectory() as folder:
+        for record, _ in driven(wanted, crew, Path(folder)):
+            keys += [] if record is None else [key_of(record)]
+            most = max(most, len(list(Path(folder).iterdir())))
+        assert not list(Path(folder).iterdir())
+    assert sorted(keys, key=str) == sorted((key_of(job.identity) for job in wanted), key=str)
     assert most <= workers + 1
-    assert flow.trees == 0
 
 
 def test_a_tree_that_cannot_be_had_costs_its_own_runs_only(monkeypatch):
     def grown(job):
-        return Planned(place=job.place, **({"error": "no way"} if job.scene == "s0" else {"tree": TREE}))
+        return Planned(**({"error": "no way"} if job.scene == "s0" else {"tree": TREE}))
 
     def drive(job, planned=None):
         if planned is not None and planned.error is not None:
             raise PirrhtError(planned.error)
-        return {**runs.failure(job, ""), "outcome": "goal"}
+        return {**job.identity, "outcome": "goal", "error": None}
 
     monkeypatch.setattr(runs, "grown", grown)
     monkeypatch.setattr(runs, "drive", drive)
-    found = Pipeline(jobs(2), None).run(Crew(Stop()))
-    errors = {(r["scene"], r["method"], r["seed"]): r["error"] for r in found if r is not None}
-    assert {key for key, error in errors.items() if error} == {("s0", "pi-rrht", seed) for seed in range(3)}
-    assert len(errors) == 12
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
+    found = [record for record, _ in driven(jobs(2), Crew(Stop())) if record is not None]
+    assert {(r["scene"], r["method"], r["seed"]) for r in found if r["error"]} == {
+        ("s0", "pi-rrht", s) for s in range(3)
+    }
+    assert len(found) == 12
 
 
 @pytest.mark.parametrize("terminal", [True, False])
 def test_a_terminal_sees_runs_done_goals_and_trees_and_a_pipe_nothing(terminal, monkeypatch):
-    stream = Terminal() if terminal else io.StringIO()
+    stream = io.StringIO()
+    stream.isatty = lambda: terminal
     monkeypatch.setattr("sys.stderr", stream)
     with Progress(8, [{"outcome": "goal"}], 2) as progress:
         progress.add(None, 1)
