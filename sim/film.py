@@ -28,8 +28,8 @@ from sim.drive.episode import Frame
 from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
-from sim.mjcf.dressed import dress, has_sky
-from sim.mjcf.motions import Mocap
+from sim.mjcf.edits import dress, has_sky
+from sim.mjcf.obstacles import Mocap
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
 

@@ -27,7 +27,7 @@ from pirrht.problem import Problem
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
-from sim.mjcf.motions import Mocap
+from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
 from sim.systems import named
 

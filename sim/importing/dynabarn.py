@@ -22,7 +22,7 @@ from scipy.interpolate import CubicHermiteSpline
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.solids import Solid, World, distinct, text, transform
-from sim.mjcf.limits import FARTHEST, FINEST, content_of, listed
+from sim.mjcf.library import FARTHEST, FINEST, content_of, listed
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'

@@ -25,7 +25,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError, SceneError
 from sim.importing.sdf_files import parse
 from sim.importing.solids import FLAT, World, part_solid
-from sim.mjcf.limits import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of
+from sim.mjcf.library import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of
 
 SUFFIXES = (".dae", ".obj", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]

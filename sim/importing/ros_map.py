@@ -24,7 +24,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
 from sim.files import why_unreadable
 from sim.importing.solids import Solid, World, transform
-from sim.mjcf.limits import FARTHEST, MOST_PIXELS, content_of
+from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")

@@ -21,7 +21,7 @@ from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, text
 from sim.mjcf import load, models_folder
-from sim.mjcf.limits import FARTHEST, FINEST, content_of
+from sim.mjcf.library import FARTHEST, FINEST, content_of
 
 START, GOAL, BORDER = "--start X Y [TH]", "--goal X Y R", "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]

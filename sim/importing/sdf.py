@@ -19,7 +19,7 @@ from pirrht.errors import SceneError
 from sim.importing.meshes import split
 from sim.importing.sdf_files import read_world
 from sim.importing.solids import Solid, World, part_solid, transform
-from sim.mjcf.limits import FARTHEST, FINEST, MOST_NESTED, listed
+from sim.mjcf.library import FARTHEST, FINEST, MOST_NESTED, listed
 
 _SHAPES = {  # measures of a geometry, and how many numbers each has
     "box": (("size", 3),),

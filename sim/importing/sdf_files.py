@@ -18,7 +18,7 @@ from defusedxml.common import DTDForbidden
 from defusedxml.ElementTree import fromstring
 
 from pirrht.errors import SceneError
-from sim.mjcf.limits import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
+from sim.mjcf.library import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 _FUEL = re.compile(r".*?/models/([^/]+)(?:/(?:[0-9]+|tip))?(?:/files)?(/.*)?", re.DOTALL)  # version, folders

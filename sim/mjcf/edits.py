@@ -1,15 +1,19 @@
-"""Scenes of other people, edited before they are compiled: bodies are left out, welded where they are, or set loose."""
+"""Scenes of other people, edited before they are compiled: bodies are left out, welded where they are, or set loose.
 
-from collections.abc import Collection, Iterable, Sequence
-from itertools import chain
+A scene that says nothing of its looks gets light, and the colours of those that are built in. What a file does say
+stays. The site `workspace` bounds the plan and is no thing: it is never drawn.
+"""
+
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.mjcf.library import compile_spec
-from sim.mjcf.limits import listed
+from sim.mjcf.library import compile_spec, delete, listed
+from sim.mjcf.obstacles import MOTION
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
@@ -19,6 +23,11 @@ _KEPT = (
     *("solmix", "solref", "solimp", "margin", "gap", "rgba", "material", "meshname", "group", "fitscale"),
 )  # of a geom that gets a body; its orientation may be in other attributes, too
 _TURNS = ("axisangle", "xyaxes", "zaxis", "euler", "type")
+SITES = {"start": (0.20, 0.45, 0.75, 0.8), "goal": (0.25, 0.65, 0.35, 0.7)}
+FLOOR, WALL, MOVING = (0.83, 0.845, 0.86, 1.0), (0.27, 0.33, 0.42, 1.0), (0.50, 0.36, 0.62, 1.0)
+PLAIN = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of what has none
+DARK = (0.1, 0.4, 0.5)  # its light at the eye: ambient, diffuse, specular; alone it leaves walls black
+LIGHT = (0.42, 0.42, 0.0)
 
 
 def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
@@ -36,7 +45,7 @@ def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
     for eye in [*spec.cameras, *spec.lights]:  # MuJoCo removes the rest of what refers to a body
         if eye.targetbody in gone:
             eye.targetbody, eye.mode = "", mujoco.mjtCamLight.mjCAMLIGHT_FIXED
-    _delete(spec, spec.skins, spec.tuples)  # what they refer to may be in files of their own
+    delete(spec, spec.skins, spec.tuples)  # what they refer to may be in files of their own
     dropped = before - len(spec.actuators)
     return f"left out: {listed(names)}" + (f" and {counted(dropped, 'actuator')}" if dropped else "")
 
@@ -63,16 +72,11 @@ def freeze(spec: mujoco.MjSpec, moving: Collection[str], path: Path) -> str:
         body.set_frame(body.parent.add_frame())  # its pose is relative to the body that holds it
         body.pos, body.quat, body.alt.type = place, turn, mujoco.mjtOrientation.mjORIENTATION_QUAT
     dropped = len(spec.actuators)
-    _delete(spec, spec.actuators, spec.sensors, spec.equalities, spec.tendons, spec.tuples, spec.keys)
-    _delete(spec, *(body.joints for body in jointed.values()))
+    delete(spec, spec.actuators, spec.sensors, spec.equalities, spec.tendons, spec.tuples, spec.keys)
+    delete(spec, *(body.joints for body in jointed.values()))
     spec.compiler.fusestatic = 0
     also = f"; {counted(dropped, 'actuator')} dropped" if dropped else ""
     return f"frozen as {where} has them: {listed(called)}{also}" if roots or dropped else ""
-
-
-def _delete(spec: mujoco.MjSpec, *groups: Iterable[object]) -> None:
-    for element in list(chain(*groups)):
-        spec.delete(element)
 
 
 def loosen(spec: mujoco.MjSpec) -> None:
@@ -97,3 +101,29 @@ def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
     if own.fromto[0] == own.fromto[0]:  # not a number where it has no ends
         body.pos = np.reshape(own.fromto, (2, 3)).mean(axis=0)
         own.fromto = own.fromto - np.tile(body.pos, 2)
+
+
+def dress(model: mujoco.MjModel) -> None:
+    """Give a model looks where it has none."""
+    for site, name in ((i, model.site(i).name) for i in range(model.nsite)):
+        if name == "workspace":
+            model.site_rgba[site, 3], model.site_matid[site] = 0.0, -1
+        elif name in SITES and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
+            model.site_rgba[site] = SITES[name]
+    bare, flat = (model.geom_matid < 0) & _plain(model.geom_rgba), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
+    moving = np.isin(model.body_rootid[model.geom_bodyid], [model.body(one.removeprefix(MOTION)).id for one in motions])
+    model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
+    head = model.vis.headlight
+    if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
+        head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
+
+
+def has_sky(model: mujoco.MjModel) -> bool:
+    """Whether there is something behind everything."""
+    return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
+
+
+def _plain(rgba: Array) -> Array:
+    """Whether colours (..., 4) are the ones that nobody chose."""
+    return np.asarray(np.all(np.isclose(rgba, PLAIN), axis=-1))

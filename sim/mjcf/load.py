@@ -21,12 +21,11 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.scene import ROUNDING, Goal, Scene
+from sim.mjcf import obstacles
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
-from sim.mjcf.library import compile_spec, find, parse, robot_names
-from sim.mjcf.limits import Faults, listed, prefixed
-from sim.mjcf.motions import clearance_at_start, moved_geoms, read_motions, read_movers
-from sim.mjcf.obstacles import MOTION, Mask, concave_meshes, geom_label, read_obstacles, read_workspace, site_of
+from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, robot_names
+from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
@@ -87,7 +86,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
     spec, faults = parse(path), Faults()
     with prefixed(f"{path}: "):
         notes = [leave_out(spec, task.without)] if task.without else []
-        motions = read_motions(spec)
+        motions = obstacles.read_motions(spec)
         if task.freeze:
             notes.append(freeze(spec, motions, path))
         if loose:
@@ -104,21 +103,21 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         mine = np.asarray(model.body_rootid[model.geom_bodyid] == model.body("robot/robot").id)
         faults.of(_refuse_actuators, model, len(robot.command))
         span = max(robot.height - robot.radius, 0.0), robot.height + robot.radius
-        solids = read_obstacles(model, data, mine, span, faults)
-        borders = faults.of(read_workspace, model, data, task.workspace)
+        solids = obstacles.read_obstacles(model, data, mine, span, faults)
+        borders = faults.of(obstacles.read_workspace, model, data, task.workspace)
         goal, start = faults.of(_goal, model, data, task.goal), faults.of(_start, model, data, task.start)
         faults.refuse()
         assert borders is not None and goal is not None and start is not None  # noqa: PT018
-        if concave := concave_meshes(model, solids):
+        if concave := obstacles.concave_meshes(model, solids):
             called = listed([*concave.values()])
             notes.append(f"MuJoCo collides with the convex hulls of meshes, and so do plans: {called}; {DECOMPOSE}")
-        moving, movers = moved_geoms(model, motions), read_movers(model, data, motions, solids)
+        moving, movers = obstacles.moved_geoms(model, motions), obstacles.read_movers(model, data, motions, solids)
         values = Scene(
             name=path.stem, lower=borders[0], upper=borders[1], goal=goal, start=start, robot_radius=robot.radius,
             obstacles=tuple(solid for geom, solid in solids.items() if not moving[geom]), movers=movers,
             robot_height=robot.height, margin=max(robot.radius - robot.reach, 0.0), defaults=defaults,
         )  # fmt: skip
-        clearance, body = clearance_at_start(values)
+        clearance, body = obstacles.clearance_at_start(values)
         if clearance <= 0.0:
             if (left := margin + clearance) > 0.0:
                 return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
@@ -143,14 +142,19 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
 
 
 def _join(spec: mujoco.MjSpec, robot: Robot, path: Path) -> mujoco.MjModel:
+    """Attach the robot, with servos carried over to the scene's physics step; those of wheels keep their own."""
     if not spec.option.timestep > 0:
         raise SceneError(f"option timestep is {spec.option.timestep:g}; write a positive number [s]")
-    robot.tune(spec.option.timestep)
+    ratio = 1.0 if robot.rolling else robot.spec.option.timestep / spec.option.timestep
+    for actuator in robot.spec.actuators:  # motors stay: what the noise asks of them is given per step already
+        if actuator.gainprm[0] == -actuator.biasprm[2]:  # of a servo: kv * timestep is kept, so deadbeat stays so
+            actuator.gainprm[0] *= ratio
+            actuator.biasprm[2] *= ratio
+    robot.spec.option.timestep = spec.option.timestep
     for name in _FROM_ROBOT:
         setattr(spec.option, name, getattr(robot.spec.option, name))
     spec.attach(robot.spec, prefix="robot/", frame=spec.worldbody.add_frame())
-    for key in list(spec.keys):
-        spec.delete(key)
+    delete(spec, spec.keys)
     spec.add_key(name="start")
     return compile_spec(spec, path)
 
@@ -219,11 +223,11 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
     return np.array(place, dtype=float)
 
 
-def _check_start(model: mujoco.MjModel, data: mujoco.MjData, obstacles: Mask, concave: Mapping[int, str]) -> None:
+def _check_start(model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str]) -> None:
     """Refuse a robot that touches an obstacle where it starts."""
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
-    touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if obstacles[g]]
+    touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]
     if touched:
         (x, y), geom = model.key_qpos[0, :2], int(touched[0])
         label, body = geom_label(model, geom), model.body(model.body_rootid[model.geom_bodyid[geom]]).name

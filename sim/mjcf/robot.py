@@ -19,8 +19,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.systems.dynamics import Dynamics
 from sim.mjcf.coordinates import GROUND, Stance, rolls, turn_to
-from sim.mjcf.library import compile_spec, find, parse
-from sim.mjcf.limits import prefixed
+from sim.mjcf.library import compile_spec, find, parse, prefixed
 from sim.mjcf.obstacles import mesh_of
 from sim.systems import POSE, SPEED, VELOCITIES, System, named, names
 from sim.text import counted
@@ -44,19 +43,6 @@ class Robot:
     height: float  # of the footprint's centre above the ground [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
-
-    def tune(self, timestep: float) -> None:
-        """Carry the servos over to another physics step [s].
-
-        kv * timestep is kept, so deadbeat stays so; wheels have slow servos, whose time constant is kept. Motors stay
-        as they are: what the noise asks of them is given per step already.
-        """
-        ratio = 1.0 if self.rolling else self.spec.option.timestep / timestep
-        for actuator in self.spec.actuators:
-            if actuator.gainprm[0] == -actuator.biasprm[2]:
-                actuator.gainprm[0] *= ratio
-                actuator.biasprm[2] *= ratio
-        self.spec.option.timestep = timestep
 
 
 def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:

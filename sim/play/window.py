@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 
 from pirrht.errors import OptionError
-from sim.mjcf.dressed import dress
+from sim.mjcf.edits import dress
 from sim.play.drive import ROBOT, SHOWN, InteractivePlant, loose_bodies
 from sim.play.events import Event, Move, Noise, Push
 

@@ -39,7 +39,7 @@ from sim.drawing.colors import DRIVEN, ClassColors, Color, title
 from sim.drawing.strokes import lift
 from sim.drive.episode import Frame
 from sim.drive.metrics import Truth
-from sim.mjcf.motions import Mocap
+from sim.mjcf.obstacles import Mocap
 from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures

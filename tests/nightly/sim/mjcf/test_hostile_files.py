@@ -14,7 +14,7 @@ from hostile_mjcf import hostile
 from pirrht.errors import SceneError
 from sim.mjcf import load
 
-FILES, SECONDS = 600, 180  # the trial of `sim.mjcf.limits` has 120 s, and machines are busy
+FILES, SECONDS = 600, 180  # the trial of `sim.mjcf.library` has 120 s, and machines are busy
 
 
 def outcome(path: Path) -> str:

@@ -9,7 +9,7 @@ import pytest
 from mjcf_samples import SITES, mjcf, refusal
 
 from pirrht.errors import SceneError
-from sim.mjcf import limits, load
+from sim.mjcf import library, load
 
 BOX = 'type="box" size="0.1 2 1" pos="5 5 0"'
 NAMING = {
@@ -41,7 +41,7 @@ def test_what_has_no_end_is_refused_by_name_whatever_it_is_for(write, tmp_path, 
 
 def test_files_that_are_too_large_or_include_themselves_are_refused(write, tmp_path):
     assert "scene.xml" in refusal(write('<mujoco><include file="scene.xml"/></mujoco>'))
-    for name, size in (("wall.png", limits.LARGEST_FILE), ("large.xml", limits.LARGEST_TEXT)):
+    for name, size in (("wall.png", library.LARGEST_FILE), ("large.xml", library.LARGEST_TEXT)):
         with (tmp_path / name).open("wb") as stream:
             stream.truncate(size + 1)
     head = '<asset><texture name="t" type="2d" file="wall.png"/></asset>'
@@ -50,8 +50,8 @@ def test_files_that_are_too_large_or_include_themselves_are_refused(write, tmp_p
 
 
 def test_files_of_too_many_parts_are_refused_before_mujoco_reads_them(write, monkeypatch):
-    monkeypatch.setattr(limits, "trial", lambda path, read: None)
-    monkeypatch.setattr(limits, "MOST_PARTS", 20)
+    monkeypatch.setattr(library, "trial", lambda path, read: None)
+    monkeypatch.setattr(library, "MOST_PARTS", 20)
     geom = f"<geom {BOX}/>"
     assert "more than 20 bodies, geoms and sites" in refusal(write(mjcf(SITES + 20 * geom)))
     write(f"<mujoco><worldbody>{20 * geom}<body>{geom}</body></worldbody></mujoco>", "part.xml")
@@ -127,9 +127,9 @@ def test_what_slips_through_meets_limits_of_memory_and_time_and_passes_on_words(
     def fails() -> None:
         raise SceneError("these words")
 
-    monkeypatch.setattr(limits, "MEMORY", 2**28)
-    monkeypatch.setattr(limits, "CPU", 1)
-    limits.trial(Path("file"), lambda: None)
+    monkeypatch.setattr(library, "MEMORY", 2**28)
+    monkeypatch.setattr(library, "CPU", 1)
+    library.trial(Path("file"), lambda: None)
     for read, words in ((lambda: bytearray(2**29), "GiB of memory"), (spins, "or 1 s"), (fails, "^these words$")):
         with pytest.raises(SceneError, match=words):
-            limits.trial(Path("file"), read)
+            library.trial(Path("file"), read)
