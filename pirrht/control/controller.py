@@ -8,6 +8,7 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control import proposals as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
+from pirrht.control.held import off_walls
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
@@ -95,7 +96,8 @@ class Controller(Policy):
         """
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
-        x = self._off_walls(x)
+        gap = settings.tuning.off_walls * self.space.scene.robot_radius
+        x = off_walls(self.path_integral.setup.world, x, run.now, gap)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = of_tree.extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
@@ -110,16 +112,6 @@ class Controller(Policy):
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
-
-    def _off_walls(self, x: Array) -> Array:
-        """Return the nearest state that plans can begin at, where noise has carried x (n,) into the safety margin."""
-        world, gap = self.path_integral.setup.world, self.settings.tuning.off_walls * self.space.scene.robot_radius
-        for _ in range(4):  # a second wall may be near
-            if world.clearance(x[0], x[1], self.run.now) > 0.0:
-                break
-            c, nx, ny, *_ = world.walls(x[0], x[1], self.run.now)[0]
-            x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
-        return x
 
     def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
         """Return what a plan at x (n,) samples; see `ProposalBuilder.batch`."""

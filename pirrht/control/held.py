@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.control.plan import ClassMixture
+from pirrht.control.plan import Law
+from pirrht.geometry.world import World
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
@@ -21,13 +22,14 @@ NEAR_WALL = 6.0  # deviations of a step from a wall beyond which the drift is sm
 class HeldLaw:
     """A law whose controls are held for a step, and move the robot off a wall no farther than that can help."""
 
-    law: ClassMixture
+    law: Law
     walls: WallDrift
     step: float  # time for which a control is held [s]
     deviation: float  # of the position after it [m]
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
+        s += self.step if self.walls.moving.J else 0.0  # walls that move are judged where the step ends
         u = self.law(x, s)
         c, nx, ny, d, mx, my = map(float, self.walls.walls(x, s, closest=-np.inf))
         if c > NEAR_WALL * self.deviation:
@@ -39,6 +41,15 @@ class HeldLaw:
         excess = self.step * float(away @ G @ u) - most
         return u if excess <= 0.0 else u - np.linalg.pinv(G) @ away * (excess / self.step)
 
-    def weights(self, x: Array, s: float) -> dict[str, float]:
-        """Return the weight of every class at state x (n,), s [s] after the plan."""
-        return self.law.weights(x, s)
+
+def off_walls(world: World, x: Array, t: float, gap: float) -> Array:
+    """Return the nearest state to x (n,) from which plans can begin at t [s], `gap` [m] off walls.
+
+    It is x itself unless noise has carried the robot into the safety margin.
+    """
+    for _ in range(4):  # a second wall may be near
+        if world.clearance(x[0], x[1], t) > 0.0:
+            break
+        c, nx, ny, *_ = world.walls(x[0], x[1], t)[0]
+        x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
+    return x

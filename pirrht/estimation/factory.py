@@ -93,7 +93,7 @@ class ProposalFactory:
     def climbing(self, x: Array, line: Array, time: float = 0.0) -> DesirabilityAscent:
         """Return the ascent from x (n,) over the corners of a line (k, 2) [m] to the goal point, at a time [s]."""
         scales = self.scales(x)
-        push = self._push(scales.wall_offset, self.sampling.first_dt, time=time)
+        push = self.wall_drift(scales.wall_offset, self.sampling.first_dt, time=time)
         return DesirabilityAscent.of(self._soft, line, x, scales.decay, push)
 
     def defensive(self, x: Array, trajectory: Trajectory, time: float) -> DesirabilityAscent | None:
@@ -112,7 +112,7 @@ class ProposalFactory:
         offset, slack = tables.wall_offset, 0.0
         if offset > 0.0 and (known := float(clearance(self.space.field, x[0], x[1]))) < offset:
             slack = max(0.0, float(self.space.collision.clearance(x[None, :2])[0]) - known)
-        return self._push(offset, float(tables.times[1]), slack, time)
+        return self.wall_drift(offset, float(tables.times[1]), slack, time)
 
     def near_walls(self, tables: ProposalTables, x: Array, time: float) -> NearWalls:
         """Return wall drift at x (n,) and a time [s], and its effect on the control of samples of these tables."""
@@ -121,7 +121,8 @@ class ProposalFactory:
             return NearWalls.of(push, x)
         return NearWalls.of(push, x, FlatWalls(push, x, float(tables.times[tables.window])))
 
-    def _push(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
+    def wall_drift(self, offset: float, step: float, slack: float = 0.0, time: float = 0.0) -> WallDrift:
+        """Return the wall drift for an offset [m] and steps [s], where clearance is `slack` [m] too low."""
         return WallDrift(
             problem=self.problem, field=self.space.field, offset=offset, step=step, behind=self.set_back, slack=slack,
             moving=self.world.setup.world.moving, time=time,

@@ -23,8 +23,10 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array, IntArray
-from pirrht.control.plan import Plan
+from pirrht.control.held import HeldLaw, off_walls
+from pirrht.control.plan import Law, Plan
 from pirrht.control.policy import Policy
+from pirrht.control.settings import TUNING as CONTROL
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
@@ -219,10 +221,13 @@ class Desirability:
 
 
 class Optimal(Policy):
-    """Feedback control by a solved grid in continuous time; only recordings draw by `sampling`."""
+    """Feedback control by a solved grid in continuous time; only recordings draw by `sampling`.
 
-    def __init__(self, desirability: Desirability, sampling: Sampling) -> None:
-        self.desirability = desirability
+    A point's control is held for `held` [s], as in `Controller`; None: it changes continuously.
+    """
+
+    def __init__(self, desirability: Desirability, sampling: Sampling, *, held: float | None = None) -> None:
+        self.desirability, self.held = desirability, held
         self.path_integral = path_integral(desirability.problem, desirability.space, sampling)
         self.homology = self.path_integral.homology
         start = self.problem.dynamics.state_of(self.problem.scene.start)
@@ -234,15 +239,22 @@ class Optimal(Policy):
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
-        now = self.run.time
+        now, world, d = self.run.time, self.path_integral.setup.world, self.problem.dynamics
+        gap = CONTROL.off_walls * self.space.scene.robot_radius
 
-        def law(state: Array, since: float = 0.0) -> Array:
-            return self.desirability.control(state, now + since)
+        def optimal(state: Array, since: float = 0.0) -> Array:
+            t = now + since
+            return self.desirability.control(off_walls(world, state, t, gap), t)
 
+        law: Law = optimal
+        if self.held is not None and d.noisy_position:
+            proposals, deviation = self.path_integral.proposals, d.position_spread(x) * math.sqrt(self.held)
+            walls = proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now)
+            law = HeldLaw(law=law, walls=walls, step=self.held, deviation=deviation)
         value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
-            instead=law(x)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
+            instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
         )  # fmt: skip
 
 

@@ -212,7 +212,7 @@ class Scenario:
 
     def optimal(self, truth: Desirability | None = None, progress: Progress = ignore_progress) -> Optimal:
         """Return the grid's feedback law, in continuous time; `truth` if it has been solved for before."""
-        return Optimal(truth or self.truth(progress, steps=False), self.sampling)
+        return Optimal(truth or self.truth(progress, steps=False), self.sampling, held=self.physics_step)
 
     def truth(self, progress: Progress = ignore_progress, *, steps: bool = True) -> Desirability:
         """Solve exactly, for `steps` of dt if exit is judged at their ends; OptionError: no grid solves the problem."""

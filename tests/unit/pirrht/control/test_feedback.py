@@ -49,7 +49,7 @@ def problem():
 def test_at_the_state_of_a_first_plan_the_law_is_the_estimate(slit, slit_tree):
     plan = slit.with_settings(noise=0.3, samples=10000, plan_seed=0).controller(slit_tree).plan(START)
     np.testing.assert_allclose(plan.law(START, 0.0), plan.estimate.control, rtol=1e-9)
-    for name, weight in plan.law.weights(START, 0.0).items():
+    for name, weight in plan.law.law.weights(START, 0.0).items():
         assert weight == pytest.approx(plan.estimate.class_weights[name], abs=1e-9)
 
 

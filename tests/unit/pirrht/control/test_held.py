@@ -45,3 +45,14 @@ def test_a_plan_that_noise_has_carried_into_the_margin_begins_where_that_ends(pl
     assert 0.005 <= np.hypot(*(plan.state - x)) < 0.015
     assert scenario.space.world.clearance(*plan.state) > 0.0
     assert plan.at(x, 0.0)[1] < 0.0
+
+
+def test_among_moving_obstacles_a_held_control_is_that_of_the_walls_where_its_step_ends():
+    scenario = prepare("closing_door", given={"noise": NOISE})
+    controller = scenario.controller(scenario.grown_tree())
+    controller.begin(x := np.array([3.1, 2.6]), 0.9)
+    plan = controller.plan(x)
+    below = [scenario.space.world.clearance(*x, 0.9 + s) for s in (0.0, STEP)]
+    assert below[1] < below[0] - 5e-4  # the door comes nearer
+    np.testing.assert_allclose(plan.at(x, 0.0), plan.law.law(x, STEP))
+    assert plan.at(x, 0.0)[1] > plan.law.law(x, 0.0)[1] + 0.01
