@@ -254,7 +254,8 @@ class Optimal(Policy):
         value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
-            instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space, movers=self.run.movers,
+            instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space,
+            movers=self.run.movers,
         )  # fmt: skip
 
 
