@@ -12,7 +12,8 @@
                                             --part moving: at random states and times among bodies;
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py risk        predicted probability of a collision against the exact law, held for a
-                                            physics step, at random states of random scenes; --part moving
+                                            physics step, at random states of random scenes; --part moving;
+                                            --part tradeoff: cost against collisions of drives at many margins
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
@@ -35,7 +36,7 @@ PARTS = {
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
-    "risk": (None, "moving"),
+    "risk": (None, "moving", "tradeoff"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
 
@@ -57,9 +58,9 @@ def main() -> int:
         + "; of `speed`: rollouts, planners, drive (all), systems, moving; "
         "of `calibration`: car, moving; of `mass`: line",
     )
-    parser.add_argument("--seeds", type=int, default=300, help="drives per method and noise in `quality` (300)")
+    parser.add_argument("--seeds", type=int, default=300, help="drives per row of `quality` and `risk` (300)")
     parser.add_argument(
-        "--png", type=Path, help="draw `calibration`, `maps`, or the parts samples and drives of `quality`"
+        "--png", type=Path, help="draw `calibration`, `maps`, samples and drives of `quality`, or tradeoff of `risk`"
     )
     random = parser.add_argument_group("calibration and mass")
     random.add_argument(

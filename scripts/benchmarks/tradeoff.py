@@ -1,0 +1,93 @@
+"""Cost against the probability of a collision: drives in MuJoCo at many margins, beside the exact law.
+
+The exact law with a margin is the best there is for its walls; v is its cost in continuous time, and what holding it
+for a physics step costs is driven. `--risk` chooses the margin of "pi-rrht"; the other methods get some by hand.
+Costs are of drives that arrived.
+"""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.plots import COLORS
+from scipy.stats import binomtest
+
+from sim.plotting.prompt import pyplot
+from sim.scenario import prepare
+from sim.sweeps.runs import Job, frozen
+from sim.sweeps.sweep import sweep
+
+RISKS = (0.1, 0.03, 0.01, 0.003)
+MARGINS = (0.0, 0.5, 1.0, 1.5, 2.5, 5.0)  # of the exact law, in deviations of a physics step
+BY_HAND = (0.0, 0.02, 0.05)  # of other methods [m]
+HEADER = ["method", "risk", "margin mm", "drives", "collided", "95 % interval", "cost", "error", "v"]
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON; with --png also a picture."""
+    scene, noise = options.scene or "slit", (options.noises or [0.2])[0]
+    step = noise * np.sqrt(prepare(scene, margin=0.0).physics_step)
+    wanted: list[tuple[str, dict[str, Any]]] = [("optimal", {"margin": float(step * m)}) for m in MARGINS]
+    wanted += [("pi-rrht", {"risk": risk}) for risk in RISKS]
+    wanted += [(method, {"margin": m}) for method in ("pi-rrht", "best-class", "mppi") for m in BY_HAND]
+    found = [_row(options, scene, noise, method, **how) for method, how in wanted]
+    if options.png is not None:
+        draw(options.png, found, f"{scene}, b = {noise:g}")
+    table = [
+        [
+            one["method"], "" if one["risk"] is None else f"{one['risk']:g}", f"{1e3 * one['margin']:.1f}",
+            str(one["drives"]), str(one["collided"]), f"{100 * one['low']:.1f} .. {100 * one['high']:.1f} %",
+            f"{one['cost']:.3f}", f"{one['error']:.3f}", "" if one["v"] is None else f"{one['v']:.3f}",
+        ]
+        for one in found
+    ]  # fmt: skip
+    return HEADER, table, found
+
+
+def _row(
+    options: argparse.Namespace, scene: str, noise: float, method: str, *, margin: float | None = None,
+    risk: float | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Drive one method with one margin, or the one that keeps a risk."""
+    given = {"noise": noise, "risk": risk}
+    scenario = prepare(scene, margin=margin, given=given)
+    shared, task = frozen({"plan_seed": 0}), frozen({"margin": scenario.margin})
+    drives = options.seeds if risk is not None or method == "optimal" else max(1, options.seeds // 3)
+    jobs = [Job(scene=scene, method=method, noise=noise, seed=k, task=task, given=shared) for k in range(drives)]
+    ends = list(sweep(jobs, jobs_at_once=options.workers))
+    collided = sum(one["outcome"] == "collision" for one in ends)
+    low, high = binomtest(collided, drives).proportion_ci(method="wilson")
+    cost = np.array([one["cost"] for one in ends if one["outcome"] == "goal"])
+    return {
+        "method": method, "risk": risk, "margin": scenario.margin, "drives": drives, "collided": collided,
+        "low": float(low), "high": float(high), "cost": float(cost.mean()) if len(cost) else np.nan,
+        "error": float(cost.std() / np.sqrt(max(len(cost), 1))) if len(cost) else np.nan,
+        "v": float(scenario.truth().value(scenario.start)) if method == "optimal" else None,
+    }  # fmt: skip
+
+
+def draw(path: Path, found: list[dict[str, Any]], title: str) -> None:
+    """Draw the cost over the share of drives that collided, one line a method."""
+    figure, axes = pyplot("--png").subplots(figsize=(6.4, 4.2), layout="constrained")
+    lines = {(one["method"], one["risk"] is not None): None for one in found}
+    for i, (method, kept) in enumerate(lines):
+        line = [one for one in found if (one["method"], one["risk"] is not None) == (method, kept)]
+        share = np.array([100.0 * one["collided"] / one["drives"] for one in line])
+        bars = np.abs(np.array([[100.0 * one["low"], 100.0 * one["high"]] for one in line]).T - share)
+        name = "pi-rrht --risk" if kept else "exact law" if method == "optimal" else f"{method}, margin by hand"
+        axes.errorbar(
+            share, [one["cost"] for one in line], xerr=bars, yerr=[one["error"] for one in line], marker="o", ms=5,
+            lw=1.8 if method == "optimal" or kept else 0.8, elinewidth=0.7, label=name,
+            color="#222222" if method == "optimal" else COLORS[i % len(COLORS)],
+        )  # fmt: skip
+    axes.set_xscale("symlog", linthresh=1.0)
+    axes.set_xlim(-0.1, 100.0)
+    axes.set_xticks([0, 1, 3, 10, 30, 100], ["0", "1", "3", "10", "30", "100"])
+    axes.set_xlabel("drives that collided [%], with 95 % intervals")
+    axes.set_ylabel("cost of drives that arrived")
+    axes.set_title(title, fontsize=10)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=8, frameon=False)
+    figure.savefig(path, dpi=120)
