@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.plots import COLORS
 from scipy.stats import binomtest
 
-from sim.plotting.prompt import pyplot
+from sim.plotting import pyplot
 from sim.scenario import prepare
 from sim.sweeps.runs import Job, frozen
 from sim.sweeps.sweep import sweep
