@@ -281,17 +281,9 @@ def chosen(which: str | System) -> System:
     try:
         there = vars(importlib.import_module(module))
         made = there.get(name)
-        made = made() if callable(made) and not isinstance(made, System) else made
+        made = made() if callable(made) else made
     except (Exception, SystemExit) as error:
-        why = f"{error if isinstance(error, PirrhtError) else one_line(error)} while {module} was imported"
-        places = [f"line {at.lineno} of {at.filename}" for at in _theirs(error, {Path(folder).resolve()})]
-        why += f" ({places[-1]}); fix it" if places else "; fix it"
-        if isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}."):
-            why = f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
-            if Path(module).suffix == ".py" or os.sep in module:
-                file = Path(module)
-                why = f"{file.name} is a file, and a module is wanted; in its folder, write --system {file.stem}:{name}"
-        raise OptionError(f"--system {which}: {why}") from None
+        raise OptionError(f"--system {which}: {_why(error, module, name, folder)}") from None
     finally:
         with suppress(ValueError):
             sys.path.remove(folder)
@@ -304,6 +296,18 @@ def chosen(which: str | System) -> System:
         what = "missing" if made is None else f"of the type {type(made).__name__}"
         raise OptionError(f"--system {which}: {name} is {what}; write a sim.systems.System of {module}: {others}")
     return register(made)
+
+
+def _why(error: BaseException, module: str, name: str, folder: str) -> str:
+    """Return why a module cannot be imported, and what to do about it."""
+    file, missing = Path(module), isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
+    places = [f" (line {at.lineno} of {at.filename})" for at in _theirs(error, {Path(folder).resolve()})]
+    if missing and (file.suffix == ".py" or os.sep in module):
+        return f"{file.name} is a file, and a module is wanted; in its folder, write --system {file.stem}:{name}"
+    if missing:
+        return f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
+    said = error if isinstance(error, PirrhtError) else one_line(error)
+    return f"{said} while {module} was imported{''.join(places[-1:])}; fix it"
 
 
 def source(which: str | System | None) -> bytes:
