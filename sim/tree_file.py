@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 import pirrht
 from pirrht.errors import OptionError, one_line
@@ -32,11 +31,10 @@ Arrays = dict[str, np.ndarray[Any, Any]]
 
 MOST_BYTES = 2 << 30  # of all arrays of a file together: some million vertices
 TREE_FORMAT = 5  # earlier ones have more arrays, or a checksum next to those of the zip
-# Arrays of a `Graph` that are kept, the rest follows: kind, shape, and what their indices lie below (`_sizes`).
+# Arrays of a `Graph` that are kept, the rest follows: how many they are, and what their indices lie below (`_sizes`).
 KEPT = {
-    "states": ("f8", "Vn", ""), "in_goal": ("b1", "V", ""), "tail": ("i4", "E", "V"), "head": ("i4", "E", "V"),
-    "edge_cost": ("f8", "E", ""), "edge_first": ("i8", "e", "p"), "edge_marker": ("i4", "P", "M"),
-    "edge_turn": ("i2", "P", ""),
+    "states": "V", "in_goal": "V", "tail": "EV", "head": "EV", "edge_cost": "E", "edge_first": "ep",
+    "edge_marker": "PM", "edge_turn": "P",
 }  # fmt: skip
 MOVING = "moving obstacles"  # key of what a tree depends on
 
@@ -57,9 +55,8 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
         "format": TREE_FORMAT, "version": pirrht.__version__, "draws": tree.draws, "rng": bits.state,
         "belongs": belongings(tree.space, tree.steering) | {"limit": tree.limit, "classes": tree.classes},
     }  # fmt: skip
-    V, E, P = (int(tree.graph.size[k]) for k in (SIZE.vertices, SIZE.edges, SIZE.pairs))
-    count = _sizes(tree, V, E, P)
-    packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count[KEPT[name][1][0]]]) for name in KEPT}
+    count = _sizes(tree, *(int(tree.graph.size[k]) for k in (SIZE.vertices, SIZE.edges, SIZE.pairs)))
+    packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count[letters[0]]]) for name, letters in KEPT.items()}
     packed["about"] = np.array(json.dumps(about))
     with replaced(Path(file), "tree") if isinstance(file, str | Path) else nullcontext(file) as stream:
         np.savez_compressed(stream, **packed)  # type: ignore[arg-type]
@@ -95,7 +92,6 @@ def load(
         bits.state, limits = about["rng"], {"limit": float(known["limit"]), "classes": int(known["classes"])}
         tree = HomologyTree(space, steering, **limits, rng=np.random.Generator(bits))  # type: ignore[arg-type]
         tree.draws = int(about["draws"])
-        _check(arrays, tree, np.any(np.isnan(steering.roots(space.scene.goal.center)), axis=0))
         _restore(tree, arrays)
     except Exception as error:  # of whatever kind: a file may hold anything
         raise OptionError(f"{name} is a damaged tree ({one_line(error)}); make it anew with `pirrht plan`") from None
@@ -142,38 +138,34 @@ def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Array
 
 
 def _sizes(tree: HomologyTree, V: int, E: int, P: int) -> dict[str, int]:
-    """Numbers by the letters of KEPT: of vertices, edges and their pairs, of ends of ranges, of a state."""
-    return {"V": V, "E": E, "P": P, "e": E + 1, "p": P + 1, "M": tree.homology.M, "n": tree.steering.n}
-
-
-def _check(arrays: Arrays, tree: HomologyTree, left_open: NDArray[np.bool_]) -> None:
-    """Raise a ValueError unless edges are those of a tree, whose roots may have numbers `left_open` (n,)."""
-    V, E, P = (len(arrays[name]) for name in ("in_goal", "tail", "edge_marker"))
-    sizes, first = _sizes(tree, V, E, P), arrays["edge_first"]
-    for name, (kind, shape, below) in KEPT.items():
-        array = arrays[name]
-        if array.shape != tuple(sizes[letter] for letter in shape) or array.dtype != np.dtype(kind):
-            raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
-        if below and np.any((array < 0) | (array >= sizes[below])):
-            raise ValueError(f"{name} points out of its range")
-    if V < 1 or first[0] != 0 or first[-1] != P or np.any(np.diff(first) < 0):
-        raise ValueError("its sizes do not fit together")
-    states = np.where(np.isnan(arrays["states"]) & arrays["in_goal"][:, None] & left_open, 0.0, arrays["states"])
-    if not np.all(np.isfinite(states)) or not np.all((arrays["edge_cost"] >= 0.0) & (arrays["edge_cost"] < np.inf)):
-        raise ValueError("its states and costs are not numbers")
+    """Numbers by the letters of KEPT: of vertices, edges and their pairs, of ends of ranges, of markers."""
+    return {"V": V, "E": E, "P": P, "e": E + 1, "p": P + 1, "M": tree.homology.M}
 
 
 def _restore(tree: HomologyTree, arrays: Arrays) -> None:
-    """Give a tree the vertices and edges of arrays, and search for its nodes."""
-    V, E, P = (len(arrays[name]) for name in ("states", "tail", "edge_marker"))
+    """Give a tree the vertices and edges of arrays, and search for its nodes; ValueError if they are of no tree."""
+    V, E, P = (len(arrays[name]) for name in ("in_goal", "tail", "edge_marker"))
+    sizes, first = _sizes(tree, V, E, P), arrays["edge_first"]
     tree.storage = Storage(tree.steering.n, tree.homology.M, tree.classes)
+    for name, letters in KEPT.items():
+        array, like = arrays[name], getattr(tree.graph, name)
+        if array.shape != (sizes[letters[0]], *like.shape[1:]) or array.dtype != like.dtype:
+            raise ValueError(f"{name} has the shape {array.shape} of {array.dtype}")
+        if len(letters) > 1 and np.any((array < 0) | (array >= sizes[letters[1]])):
+            raise ValueError(f"{name} points out of its range")
+    if V < 1 or first[0] != 0 or first[-1] != P or np.any(np.diff(first) < 0):
+        raise ValueError("its sizes do not fit together")
+    left_open = np.any(np.isnan(tree.steering.roots(tree.space.scene.goal.center)), axis=0)
+    states = np.where(np.isnan(arrays["states"]) & arrays["in_goal"][:, None] & left_open, 0.0, arrays["states"])
+    if not np.all(np.isfinite(states)) or not np.all((arrays["edge_cost"] >= 0.0) & (arrays["edge_cost"] < np.inf)):
+        raise ValueError("its states and costs are not numbers")
     tree.storage.make_room(V=V, E=E, P=P)
     graph = tree.graph
     for name in KEPT:
         getattr(graph, name)[: len(arrays[name])] = arrays[name]
     graph.size[[SIZE.vertices, SIZE.edges, SIZE.pairs]] = V, E, P
     graph.straight[:V] = [tree.homology.base(x) for x in arrays["states"]]
-    turns = Turns(arrays["edge_first"], arrays["edge_marker"], arrays["edge_turn"])
+    turns = Turns(first, arrays["edge_marker"], arrays["edge_turn"])
     graph.edge_key[:E] = keys_of(turns, tree.homology.hash_weights)
     restore(tree.storage.places, graph.in_goal)
     tree.relax()
@@ -185,12 +177,9 @@ def _digest(*parts: bytes) -> str:
 
 def _solids(obstacles: tuple[Obstacle, ...]) -> str:
     """Name a geometry; equal for equal shapes in equal places and order."""
-    arrays = ((o.kind.value, o.size, o.position, o.rotation, o.vertices, o.faces) for o in obstacles)
-    parts = (
-        kind.encode() + b"".join(b"-" if one is None else np.ascontiguousarray(one).tobytes() for one in known)
-        for kind, *known in arrays
-    )
-    return _digest(*parts)
+    arrays = [(o.size, o.position, o.rotation, o.vertices, o.faces) for o in obstacles]
+    texts = [[b"-" if one is None else one.tobytes() for one in known] for known in arrays]
+    return _digest(*(part for o, own in zip(obstacles, texts, strict=True) for part in (o.kind.value.encode(), *own)))
 
 
 def _motions(movers: tuple[Mover, ...]) -> str:
