@@ -1,5 +1,6 @@
 """Films of drives: pictures of the scene with references and path, and one line where none can be made."""
 
+import io
 import sys
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from pirrht.errors import OptionError
 from sim import film
 from sim.cli import main
+from sim.files import replaced
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -115,13 +117,29 @@ def test_pictures_name_moving_obstacles_and_show_the_time_and_the_classes(graphi
         return draw(self, rows)
 
     monkeypatch.setattr(film.Film, "_draw", noting)
-    for scene, expected in (("crossing", ["crosser"]), ("slit", [])):
-        noted.clear()
-        told.clear()
+    for scene in ("crossing", "slit"):
         shot(scene, (64, 36), 0.1, vertices=60, samples=20, period=0.1, max_time=0.2)
-        assert told == expected
-        assert noted[0] == "0.1 s"
-        assert all(row.endswith(" %") for row in noted[1:])
+    assert told == ["crosser"]
+    assert noted.count("0.1 s") == 2
+    assert all(row.endswith(" %") for row in noted if row != "0.1 s")
+
+
+class Full(io.BytesIO):
+    """A disk on which there is room for the beginning of a film."""
+
+    def write(self, content) -> int:
+        if self.tell() + len(content) > 100_000:
+            raise OSError(28, "No space left on device")
+        return super().write(content)
+
+
+def test_a_film_on_a_full_disk_costs_one_line_and_leaves_nothing(tmp_path):
+    pytest.importorskip("av")
+    rng = np.random.default_rng(0)
+    noise = (rng.integers(0, 255, (film.HEIGHT, film.WIDTH, 3), dtype=np.uint8) for _ in range(8))
+    with pytest.raises(OptionError, match="No space left on device"), replaced(tmp_path / "a.mp4", "--video"):
+        film._encode(Full(), noise)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
