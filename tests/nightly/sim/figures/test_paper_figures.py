@@ -1,24 +1,26 @@
-"""The paper's figures: each is made whole, with units on its axes and the colours that recordings have."""
+"""The figures of the paper: made whole, with units on axes, the colours of recordings, and bodies where they are."""
 
 import subprocess
 import sys
 
+import numpy as np
 import pytest
-from figures import gallery, lifted, snapshots, style
+from discs import disc
+from figures import braids, gallery, lifted, snapshots, style
 from figures.effort import Effort
+from matplotlib.colors import to_hex
+from moving import moved
 from repository import ROOT
 from thoroughly import first
 
+from sim import plotting
 from sim.drawing.colors import ClassColors, title
+from sim.drawing.strokes import timed, tubes
+from sim.mjcf import load
 
 SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
 SMALL = Effort(vertices=250, samples=30, max_time=0.15, noises=(0.05, 0.3), draws=100, estimates=2, paths=20)
 plt = pytest.importorskip("matplotlib.pyplot")
-
-
-def ticks():
-    done = []
-    return done, lambda: done.append(1)
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +44,6 @@ def colored(axes):
     return [line.get_color() for line in axes.get_lines()]
 
 
-def legend(figure):
-    return [text.get_text() for text in figure.legends[0].get_texts()]
-
-
 def palette(ids):
     colors = ClassColors(ids)
     return [style.rgb(colors[name]) for name in ids]
@@ -53,9 +51,8 @@ def palette(ids):
 
 @pytest.mark.parametrize("number", gallery.FIGURES)
 def test_every_figure_is_a_file_and_tells_each_piece_of_its_work(number, tmp_path):
-    done, tick = ticks()
-    open_before = plt.get_fignums()  # of other tests in this process
-    file = gallery.make(number, tmp_path, "png", SMALL, tick)
+    done, open_before = list[int](), plt.get_fignums()  # of other tests in this process
+    file = gallery.make(number, tmp_path, "png", SMALL, lambda: done.append(1))
     assert [path.name for path in tmp_path.iterdir()] == [f"{gallery.FIGURES[number].name}.png"]
     assert file.read_bytes().startswith(b"\x89PNG")
     assert len(done) == gallery.FIGURES[number].pieces(SMALL)
@@ -77,15 +74,14 @@ def test_the_lifted_tree_has_a_panel_per_obstacle_and_a_path_per_class_from_its_
     figure = lifted.draw(plt, tree)
     ids = [reference.id for reference in tree.references]
     assert len(figure.axes) == len(tree.scenario.space.obstacles) == 2
-    assert [text for text in legend(figure) if text.startswith("class")] == [
-        f"class {title(r.id)}: cost {r.cost:.2f}" for r in tree.references
-    ]
+    told = [text.get_text() for text in figure.legends[0].get_texts() if text.get_text().startswith("class")]
+    assert told == [f"class {title(r.id)}: cost {r.cost:.2f}" for r in tree.references]
     for k, axes in enumerate(figure.axes):
-        assert [axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()] == [
+        assert (axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()) == (
             "$x$ [m]",
             "$y$ [m]",
             f"$H_{k + 1}$ [turns]",
-        ]
+        )
         assert all(colored(axes).count(color) == 1 for color in palette(ids))
         for reference in tree.references:
             line, _ = lifted._raised(tree, reference, k)
@@ -105,6 +101,44 @@ def test_a_snapshot_has_a_reference_per_class_in_its_colour_and_weights_that_fil
         assert axes.get_xlabel() == "$x$ [m]"
     assert figure.axes[0].get_ylabel() == "$y$ [m]"
     assert figure.axes[1].get_title(loc="left") == f"(b) $b$ = 0.3, $t$ = {drive.frames[drive.shown[1]].time:.1f} s"
+
+
+def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it():
+    one = snapshots.drive(SMALL.scenario("crossing"), (0.0, 1.0))
+    figure = snapshots.draw(plt, [one], labels=[""], width=7.0, whole=True)
+    (mover,) = load("crossing").scene.movers
+    for axes, step in zip(figure.axes, one.shown, strict=True):
+        (body,) = [p for p in axes.patches if p.get_fill() and to_hex(p.get_facecolor()) == plotting.MOVER]
+        (solid,) = mover.at(one.frames[step].time)
+        np.testing.assert_allclose(body.get_xy()[:-1], plotting.outline(solid))
+        later = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == plotting.MOVER]
+        assert len(later) == len(plotting.MOMENTS)
+
+
+def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal():
+    shown = braids.work(SMALL, lambda: None)
+    figure = braids.draw(plt, shown)
+    assert len(figure.axes) == len(braids.SCENES) == len(shown)
+    for axes, one in zip(figure.axes, shown, strict=True):
+        assert [axes.get_xlabel(), axes.get_ylabel(), axes.get_zlabel()] == ["$x$ [m]", "$y$ [m]", "$t$ [s]"]
+        assert len(one.references) >= 2
+        goal = one.scenario.loaded.scene.goal
+        for reference in one.references:
+            way = timed(reference, 0.0)
+            np.testing.assert_allclose(way[0], [*one.scenario.start[:2], 0.0])
+            assert np.linalg.norm(way[-1, :2] - goal.center) <= goal.radius + 0.02
+            assert axes.get_zlim()[1] >= way[-1, 2]
+        told = " ".join(text.get_text() for text in axes.texts)
+        assert all(f"{reference.cost:.2f}" in told for reference in one.references)
+
+
+def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
+    (tube,) = tubes(moved("m", [(0, 3, 3, 0)], disc("d", 0, 0, 0.3)), 0.0, 5.0)
+    towards = braids._towards_eye(5.0)
+    for off, behind in ((-1.0, True), (-0.5, True), (0.5, False), (1.0, False)):
+        point = np.array([3.0, 3.0, 2.0]) + off * towards
+        assert bool(braids.hidden(point[None], [tube], 5.0)[0]) is behind
+    assert not braids.hidden(np.array([[1.0, 3.0, 2.0], [3.0, 4.0, 4.9]]), [tube], 5.0).any()
 
 
 def script(*arguments, **options):
