@@ -37,6 +37,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, Tape
 from pirrht.steering.in_time import homology_of
+from pirrht.steering.motion import step_means
 from pirrht.topology.homology import Homology
 
 USUAL = Sampling(guide="open-loop", draws="independent", samples=600)
@@ -123,7 +124,7 @@ class Mppi(Policy):
         """Decide at state x (n,); without a survivor the control sequence goes on."""
         run, x = self.run, self._state(x)
         self._update_prediction(x, TimeBudget())
-        tape = shifted(self.times, self._tape, self.times + run.since_plan)
+        tape = step_means(self._tape, np.diff(self.times), self.times, self.times + run.since_plan)
         proposal = Proposal(lead=Tape(self.times, tape), count=self.path_integral.sampling.samples)
         batch = Batch(state=x, times=self.times, proposals=(proposal,), time=run.now)
         try:
@@ -164,10 +165,3 @@ def straight_home(problem: Problem) -> Callable[[Array], Array]:
         return np.asarray(per_meter * np.maximum(away, 0.0))
 
     return terminal_cost
-
-
-def shifted(times: Array, tape: Array, then: Array) -> Array:
-    """Return means (T, m) of controls (k, m), which end at `times` (k+1,), over steps that end at `then` (T+1,) [s]."""
-    whole = np.vstack([np.zeros(tape.shape[1]), np.cumsum(tape * np.diff(times)[:, None], axis=0)])
-    at = np.column_stack([np.interp(then, times, column) for column in whole.T])
-    return np.asarray(np.diff(at, axis=0) / np.diff(then)[:, None])

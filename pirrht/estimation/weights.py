@@ -120,5 +120,4 @@ def scatter(terms, first, step, outlying):  # type: ignore[no-untyped-def]
 
 def deviation(terms: Array, first: IntArray, paired: bool, tuning: EstimationTuning = TUNING) -> Array:
     """Return standard deviations (k,) of sums of terms (S, k), independent or in antithetic pairs (`scatter`)."""
-    spread: Array = scatter(np.ascontiguousarray(terms), first, 2 if paired else 1, tuning.outlying)
-    return spread
+    return np.asarray(scatter(np.ascontiguousarray(terms), first, 2 if paired else 1, tuning.outlying))

@@ -18,6 +18,7 @@ from pirrht.errors import OptionError
 from pirrht.exact import grid as grids
 from pirrht.exact.grid import TUNING, Domain, Equation, Frame, cubic, in_goal
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.blocks import lattice
 from pirrht.jit.jit import inlined, kernel
 from pirrht.problem import Problem
 
@@ -120,7 +121,7 @@ def grid_of(problem: Problem, space: FreeSpace, spacing: float, dt: float | None
     margin = math.ceil(step.cutoff / spacing) + 1
     corner = domain.lower - margin * spacing
     size = np.ceil((domain.upper - corner) / spacing).astype(int) + 1 + margin
-    clearance = domain.clearance(corner + spacing * grids.indices(size)).reshape(tuple(size))
+    clearance = domain.clearance(corner + spacing * lattice(*size).reshape(-1, 2)).reshape(tuple(size))
     free, goal = _integrated(clearance, corner - domain.goal.center, domain.goal.radius, spacing)
     known = goal + math.exp(-equation.wall) * (1.0 - free - goal)
     taps = [taps_along(n, 0.0, spacing, -math.inf, math.inf, step) for n in size]

@@ -136,12 +136,6 @@ def frame_at(corner: Array, spacing: float, goal: Goal) -> Frame:
     return Frame(x0, y0, spacing, float(goal_x), float(goal_y), float(goal.radius))
 
 
-def indices(shape: tuple[int, int] | Array) -> Array:
-    """Grid indices of all points of a plane (nx, ny), (nx ny, 2)."""
-    nx, ny = shape
-    return np.stack(np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij"), axis=-1).reshape(-1, 2)
-
-
 def largest_change(now: Array, before: Array) -> float:
     """Largest change of log psi (nx, ny) [nats]; infinite where one is minus infinity and the other is not."""
     finite = np.isfinite(now)

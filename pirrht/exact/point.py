@@ -23,8 +23,9 @@ from scipy.special import hyp0f1
 
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import OptionError
-from pirrht.exact.grid import TUNING, Domain, Equation, Frame, affordable, frame_at, in_goal, indices
+from pirrht.exact.grid import TUNING, Domain, Equation, Frame, affordable, frame_at, in_goal
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.blocks import lattice
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import kernel
 from pirrht.problem import Problem
@@ -114,7 +115,7 @@ def solve(domain: Domain, *, wavenumber: float, wall: float, spacing: float) -> 
     """
     lower, goal = domain.lower, domain.goal
     nx, ny = np.maximum(np.ceil((domain.upper - lower) / spacing - 1e-9).astype(int), 2) + 1
-    index = indices((nx, ny))
+    index = lattice(nx, ny).reshape(-1, 2)
     points = lower + spacing * index
     free_by, rim = domain.clearance(points), np.hypot(*(points - goal.center).T) - goal.radius
     free = (free_by > CLOSE) & (rim > CLOSE)
@@ -153,8 +154,7 @@ def _lengths(neighbour: IntArray, length: Array, log_end: Array, wavenumber: flo
     exits = np.flatnonzero(np.isfinite(out))
     weight = np.concatenate([wavenumber * length[rows, arms], out[exits]])
     tail, head = np.concatenate([neighbour[rows, arms], np.full(len(exits), K)]), np.concatenate([rows, exits])
-    found: Array = dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K]
-    return found
+    return np.asarray(dijkstra(csr_matrix((weight, (tail, head)), shape=(K + 1, K + 1)), indices=K)[:K])
 
 
 def _fit(neighbour: IntArray, arms: ComplexArray, log_end: Array, s: Array, kh: float) -> tuple[Array, Array]:

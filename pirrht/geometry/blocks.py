@@ -149,11 +149,8 @@ def _require(count: float, limit: int, collision: Collision, members: Sequence[i
     """Refuse a workspace whose field would hold more than a limit of something."""
     if count <= limit:
         return
-    span, radius, share = (
-        collision.world.upper - collision.world.lower,
-        collision.least_radius,
-        math.sqrt(limit / count),
-    )
+    span, radius = collision.world.upper - collision.world.lower, collision.least_radius
+    share = math.sqrt(limit / count)
     x, y = (_rounded(share * side, math.floor) for side in span.tolist())
     raise SceneError(
         f"{_too_large(span, radius)} among these {len(members)} obstacles; up to about {x} m x {y} m works, or "

@@ -98,8 +98,7 @@ class Collision:
     def clearance(self, points: Array) -> Array:
         """Return free distances, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
         border = np.minimum(points - self.world.lower, self.world.upper - points).min(axis=-1)
-        nearest: Array = np.minimum(border, self.distance(points) - self.footprint.radius)
-        return nearest
+        return np.asarray(np.minimum(border, self.distance(points) - self.footprint.radius))
 
     def free(self, points: Array) -> BoolArray:
         """Return whether the robot touches no obstacle and is strictly inside the border, (k, 2) [m] -> (k,)."""

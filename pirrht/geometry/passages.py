@@ -55,8 +55,7 @@ class Passages:
         ends, pieces = _side(left, right, line), _side(line[:-1], line[1:], np.vstack([left, right])).T
         over = (ends[:, :-1] > 0.0) != (ends[:, 1:] > 0.0)
         within = (pieces[: self.count] > 0.0) != (pieces[self.count :] > 0.0)
-        crossed: BoolArray = (over & within).any(axis=1)
-        return crossed
+        return np.asarray((over & within).any(axis=1))
 
     def between(self, k: int, collision: Collision) -> list[str]:
         """Return the names of two solids, or of one and "border", between which passage k leads."""
@@ -72,8 +71,7 @@ class Passages:
 def _side(tails: Array, heads: Array, points: Array) -> Array:
     """Return on which side of lines 2 x (k, 2) points (l, 2) lie: (k, l), positive to the left [m^2]."""
     along, to = heads - tails, points[None] - tails[:, None]
-    side: Array = along[:, :1] * to[..., 1] - along[:, 1:] * to[..., 0]
-    return side
+    return np.asarray(along[:, :1] * to[..., 1] - along[:, 1:] * to[..., 0])
 
 
 def find_passages(field: Field, collision: Collision) -> Passages:

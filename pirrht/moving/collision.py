@@ -40,9 +40,10 @@ class Body:
         self._offset = motion.offset
         self._length = float(motion.rows[-1, 0]) if motion.repeat else inf
         self._times: list[float] = motion.rows[:, 0].tolist()
-        travelled = np.cumsum(travels(motion, radius_of(mover)))  # to each row but the first [m]
+        radius = radius_of(mover.solids)
+        travelled = np.cumsum(travels(motion, radius))  # to each row but the first [m]
         self._travelled: list[float] = [0.0, *travelled.tolist()]
-        self.speed = speed_bound(motion, radius_of(mover))
+        self.speed = speed_bound(motion, radius)
 
     def lap(self, time: float) -> tuple[int, float]:
         """Return how often it has started over at a time [s], and the time of its rows then [s]."""
@@ -171,13 +172,9 @@ def _off_chord(begin: Array, end: Array) -> float:
     return 0.125 * turn * (turn * max(hypot(x, y), hypot(u, v)) + 2.0 * hypot(u - x, v - y))
 
 
-def radius_of(mover: Mover) -> float:
-    """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
-    return _radius(mover.solids)
-
-
 @lru_cache(maxsize=GEOMETRY.shapes)  # obstacles keep their solids when their motions are predicted again
-def _radius(solids: tuple[Obstacle, ...]) -> float:
+def radius_of(solids: tuple[Obstacle, ...]) -> float:
+    """Return how far an obstacle's solids extend from its origin, seen from above, at most [m]."""
     every = Solids.of(solids)
     far = np.maximum(np.abs(every.low), np.abs(every.high))
     return float(np.hypot(*far.T).max(initial=0.0))

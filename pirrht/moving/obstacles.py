@@ -107,7 +107,7 @@ def _motions(movers: Sequence[Mover], radius: float) -> tuple[Array, IntArray, A
     body, parts, rows = np.zeros((len(movers), BODY)), np.zeros((len(movers), PARTS), dtype=np.int64), []
     row = solid = 0
     for j, mover in enumerate(movers):
-        motion, far = mover.motion, radius_of(mover)
+        motion, far = mover.motion, radius_of(mover.solids)
         body[j] = (
             motion.offset, motion.rows[-1, 0] if motion.repeat else 0.0, jumps(motion), far + radius,
             speed_bound(motion, far),
@@ -150,5 +150,4 @@ def _shapes(
 def _excess(distance: Array, pitch: float) -> Array:
     """Bound how much too high bilinear interpolation next to a point may be, from the distance there [m]."""
     nearest = np.maximum(distance - math.sqrt(2.0) * pitch, 1e-9 * pitch)
-    excess: Array = np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest))
-    return excess
+    return np.asarray(np.minimum(pitch / math.sqrt(2.0), pitch**2 / (8.0 * nearest)))

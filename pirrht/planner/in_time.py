@@ -74,8 +74,8 @@ def resumed(x: Array, path: Legs, steering: InTime, checker: EdgeChecker) -> Leg
 def _into(place: Array, goal: Goal) -> Array:
     """Move a place (2,) [m] inside the goal's disc [m]."""
     away = place - goal.center
-    inside: Array = goal.center + away * min(1.0, (1.0 - TUNING.inside) * goal.radius / max(np.hypot(*away), 1e-300))
-    return inside
+    share = min(1.0, (1.0 - TUNING.inside) * goal.radius / max(np.hypot(*away), 1e-300))
+    return np.asarray(goal.center + away * share)
 
 
 def _judged(path: Legs, checker: EdgeChecker) -> tuple[bool, int]:

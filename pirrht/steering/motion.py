@@ -86,10 +86,14 @@ class Trajectory:
 
     def tape(self, times: Array) -> Array:
         """Mean control of each step of a grid (T+1,) [s], (T, m); zero after the end (the paper's footnote)."""
-        ends = np.append(0.0, np.cumsum(self.durations))
-        sums = np.vstack([np.zeros(self.controls.shape[1]), np.cumsum(self.controls * self.durations[:, None], axis=0)])
-        done = np.column_stack([np.interp(times, ends, each) for each in sums.T])
-        return np.diff(done, axis=0) / np.diff(times)[:, None]
+        return step_means(self.controls, self.durations, np.append(0.0, np.cumsum(self.durations)), times)
+
+
+def step_means(controls: Array, durations: Array, ends: Array, times: Array) -> Array:
+    """Means (T, m) of controls (k, m), held for durations (k,) between `ends` (k+1,), over a grid (T+1,), all [s]."""
+    sums = np.vstack([np.zeros(controls.shape[1]), np.cumsum(controls * durations[:, None], axis=0)])
+    done = np.column_stack([np.interp(times, ends, each) for each in sums.T])
+    return np.asarray(np.diff(done, axis=0) / np.diff(times)[:, None])
 
 
 def running_cost(problem: Problem, x: Array, trajectory: Trajectory) -> float:

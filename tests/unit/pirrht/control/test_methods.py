@@ -12,11 +12,11 @@ from moving import hall, moved
 from trees import grown, point
 
 from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling
-from pirrht.control.baselines import Mppi, alone, class_values, follow_best, shifted, straight_home
+from pirrht.control.baselines import Mppi, alone, class_values, follow_best, straight_home
 from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import SAMPLING
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.motion import running_cost
+from pirrht.steering.motion import running_cost, step_means
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.rover import Rover
 from sim.drive import episode
@@ -133,7 +133,7 @@ def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(s
 
 def test_part_of_a_step_shifts_a_tape_by_its_share():
     times, tape = np.array([0.0, 1.0, 2.0, 3.0]), np.array([[1.0], [2.0], [5.0]])
-    np.testing.assert_allclose(shifted(times, tape, times + 0.25), [[1.25], [2.75], [3.75]])
+    np.testing.assert_allclose(step_means(tape, np.diff(times), times, times + 0.25), [[1.25], [2.75], [3.75]])
 
 
 def test_the_way_home_costs_what_the_straight_reference_does(slit: Scenario):

@@ -30,7 +30,7 @@ def test_a_tube_is_where_its_body_is_at_every_time(mover: Mover):
     found = tubes(mover, 0.3, 7.0)
     assert found[0].times[0] == 0.3
     assert found[-1].times[-1] == 7.0
-    tolerance = radius_of(mover) * (2.0 - np.cos(np.pi / CORNERS) - np.cos(0.5 * TURN)) + 1e-6
+    tolerance = radius_of(mover.solids) * (2.0 - np.cos(np.pi / CORNERS) - np.cos(0.5 * TURN)) + 1e-6
     for time in np.random.default_rng(0).uniform(0.3, 7.0, 200):
         (tube,) = [one for one in found if one.times[0] <= time <= one.times[-1]]
         (solid,) = mover.at(float(time))
