@@ -230,10 +230,7 @@ def pooled(
     problem: Problem, before: ClassMixture | None, estimate: Estimate, leads: Mapping[str, ProposalControl | None],
     push: Law, elapsed: float, tuning: ControlTuning = TUNING,
 ) -> ClassMixture:  # fmt: skip
-    """Return the mixture of a plan's estimate, and that of the plan `elapsed` [s] `before`, if any, carried along.
-
-    `leads` are what samples around each class followed, by name; None where that does not depend on the state.
-    """
+    """Return the mixture of a plan's estimate, by what its samples followed, and of that `elapsed` [s] `before`."""
     x, law_weight = estimate.rollouts.origin.x, estimate.rollouts.tables.law_weight
     laws = {} if before is None or tuning.memory <= 0.0 else _carried(before, x, leads, elapsed, law_weight, tuning)
     for name, weight in estimate.class_weights.items():

@@ -52,10 +52,7 @@ class ConstantVelocity:
         self._last = None
 
     def at(self, x: Array, seen: float, enough: Callable[[int], bool] | None = None) -> Prediction:
-        """Return the prediction for a robot at x (n,) that has seen all until `seen` [s].
-
-        Trees grow until there are `enough` vertices for lack of time; None: there is no lack.
-        """
+        """Return the prediction for a robot at x (n,) that has seen all until `seen` [s]; trees grow until `enough`."""
         if self._last is None or not self._holds(self._last, seen):
             movers = [straight_on(mover, seen, self.horizon) for mover in self.space.scene.movers]
             start = np.array([x[0], x[1], self.space.scene.start[2]])

@@ -162,10 +162,7 @@ Propose = Callable[[Array, ProposalControl], ProposalControl | None]  # state (n
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProposalBuilder:
-    """Builds the proposals of plans; all that it learns is in the memory of the run.
-
-    Where samples of all classes are not weighed together, nothing is learnt from their weights.
-    """
+    """Builds the proposals of plans; all that it learns is in the memory of the run."""
 
     integral: PathIntegral
     settings: ControlSettings

@@ -40,10 +40,7 @@ class Rays(NamedTuple):
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """Return the requested spacing [m], or one at which the grid smears paths less than the noise does.
-
-    OptionError if there is a step dt, the spacing is too coarse, or the grid would have too many points.
-    """
+    """Return the requested spacing [m], or one that smears paths less than noise does; OptionError if none will do."""
     if dt is not None:
         raise OptionError("no grid solves the discrete-time problem of a car; use the exit rule bridge")
     d = problem.dynamics

@@ -148,10 +148,7 @@ class Desirability:
         return bool(self.space.scene.movers)
 
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
-        """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,), among moving obstacles.
-
-        It is 0 in the goal and -phi/lambda at walls.
-        """
+        """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,), if obstacles move."""
         states = np.atleast_2d(np.asarray(x, dtype=float))
         value, _ = self._at(states, t)
         if not self.moves:
@@ -195,10 +192,7 @@ class Desirability:
     def collision_probability(
         self, x: Array, samples: int = 10_000, seed: int = 0, *, step: float, t: float = 0.0
     ) -> tuple[float, float]:
-        """Simulate the optimal law from x (n,), t [s], held for steps [s] at whose ends walls and goal are judged.
-
-        Return the share of runs that collide, and its standard error.
-        """
+        """Hold and judge the law from x (n,), t [s], step by step [s]: share of runs that collide, standard error."""
         outcome = self._walk(x, samples, seed, t, step, step)[-1]
         share = float(np.mean(outcome == COLLISION))
         return share, math.sqrt(max(share * (1.0 - share), 1.0 / samples) / samples)

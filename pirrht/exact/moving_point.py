@@ -87,10 +87,7 @@ def _steps(motions: Sequence[Motion], begin: float, end: float, longest: float) 
 
 
 def spacing_for(problem: Problem, space: FreeSpace, spacing: float | None, dt: float | None) -> float:
-    """Return the requested spacing [m], or one that keeps v to 0.1 %.
-
-    OptionError if the grid would have too many points or frames, a spacing is too coarse, or there is a step dt.
-    """
+    """Return the requested spacing [m], or one that keeps v to 0.1 %; OptionError if no such grid will do."""
     if dt is not None:
         raise OptionError("no grid solves a problem in steps among moving obstacles; leave out dt (exit rule bridge)")
     radius, length = space.scene.robot_radius, 1.0 / Equation.of(problem).wavenumber

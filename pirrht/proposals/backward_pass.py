@@ -162,10 +162,7 @@ def backward_pass(kind: KernelSpec) -> Any:
 
     @part
     def add_clearance(setup, task, states, i, times, points, work, v, W):  # type: ignore[no-untyped-def]
-        """Expand the clearance cost of a step in the states before and after it, (2 n,); return whether there is any.
-
-        It is a function of six numbers: both positions and the loss of velocity.
-        """
+        """Expand the clearance cost of a step in its states (2 n,), by position and velocity; return whether any."""
         (f, other, walls, bends, slope, bend, chain, bent), bx, by = work, 0.0, 0.0
         if bends:
             velocity(setup, states[i], f)

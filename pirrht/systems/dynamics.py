@@ -226,10 +226,7 @@ class Dynamics(ABC):
         return np.asarray(self.f(x)[self.n - self.m :] + self.G_c(x) @ u + self.B_c(x) @ dw / dt)
 
     def step(self, x: Array, u: Array, dw: Array, dt: float) -> Array:
-        """Take one Euler-Maruyama step of dt [s] from x (n,) under u (m,), increment dw (m,) [sqrt(s)] handed in, (n,).
-
-        A Stratonovich equation takes f and G of its middle.
-        """
+        """Take one Euler-Maruyama step of dt [s] from x (n,) under u (m,) and an increment dw (m,) [sqrt(s)], (n,)."""
         rate = self.rate(x, u, dw, dt)
         if not self.input_form:
             return np.asarray(x + dt * np.append(self.f(x)[: self.n - self.m], rate))
