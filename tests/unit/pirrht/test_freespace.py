@@ -7,9 +7,6 @@ import pytest
 from discs import scene_of
 
 from pirrht import FreeSpace, Goal, Kind, Obstacle, SceneError
-from pirrht.geometry.field import clearance
-from pirrht.geometry.world import World
-from pirrht.jit.jit import kernel
 
 PLACES = {Kind.BOX: (1.0, 1.0, 0.1), Kind.CYLINDER: (2.6, 1.2, 0.1), Kind.SPHERE: (1.8, 2.6, 0.1)}
 SHAPE = {"size": np.array([0.3, 0.2, 0.4]), "rotation": np.eye(3)}
@@ -40,19 +37,3 @@ def test_a_task_that_cannot_be_is_refused() -> None:
     for start in ((1.0, 1.0, 0.0), (5.0, 1.0, 0.0)):  # in the box, and outside
         with pytest.raises(SceneError, match="posts: the start"):
             FreeSpace.of(SCENE).with_task(start=np.array(start))
-
-
-@kernel
-def room_at(world, x, y):  # type: ignore[no-untyped-def]
-    """Clearance, and distance to the goal's disc."""
-    return clearance(world.field, x, y), np.hypot(x - world.goal[0], y - world.goal[1]) - world.radius
-
-
-def test_kernels_take_a_world_which_without_moving_obstacles_is_the_same_at_all_times() -> None:
-    space = FreeSpace.of(SCENE)
-    assert isinstance(space.world, World)
-    assert space.world.moving.J == 0
-    assert space.world.clearance(0.4, 0.5, 0.0) == space.world.clearance(0.4, 0.5, 7.0)
-    found, away = room_at(space.world, 0.4, 0.5)
-    assert found == clearance(space.field, 0.4, 0.5)
-    assert away == pytest.approx(np.hypot(3.2, 2.5) - 0.2)

@@ -175,10 +175,17 @@ def test_an_input_form_that_is_none_is_refused_by_name(changes, told):
         Problem(dynamics=cart(**changes), scene=around_a_disc(), R=np.diag([2.0, 0.5]))
 
 
-def test_noise_and_cost_without_a_common_lambda_are_refused_with_both_matrices():
-    told = r"^Cart: no lambda solves lambda R\^-1 = s s' .*R\^-1 = \[\[0.5, 0\], .*s s' = \[\[0.25, 0\], .*choose R"
-    with pytest.raises(NotLinearlySolvable, match=told):
-        Problem(dynamics=cart(), scene=around_a_disc(), R=np.diag([2.0, 2.0]))
+@pytest.mark.parametrize(
+    ("dynamics", "R", "told"),
+    [
+        (cart(), (2.0, 2.0), r"Cart: .* R\^-1 = s s' .*R\^-1 = \[\[0.5, 0\], .*s s' = \[\[0.25, 0\], .*choose R"),
+        (SingleIntegrator(b=0.5), (1.0, 2.0), r".* G R\^-1 G' = \[\[1, 0\], \[0, 0.5\]\], B B' = \[\[0.25, 0\], "),
+    ],
+)
+def test_noise_and_cost_without_a_common_lambda_are_refused_with_both_matrices(dynamics, R, told):
+    with pytest.raises(NotLinearlySolvable, match=f"^{told}") as caught:
+        posed(dynamics, np.diag(R))
+    assert "\n" not in str(caught.value)
 
 
 def test_lambda_is_what_turns_the_inverse_of_the_cost_into_the_noise():
@@ -195,11 +202,6 @@ def test_controls_and_noise_units_turn_into_each_other_in_both_forms():
         np.testing.assert_allclose(d.input_of(x, a), u, rtol=1e-12)
         np.testing.assert_allclose(d.B_c(x) @ a, d.G_c(x) @ u, rtol=1e-12)
         assert d.B_c(x).shape == d.G_c(x).shape == (d.rows, d.m)
-
-
-def test_noise_acts_on_the_position_where_a_row_of_it_is_not_zero():
-    assert Driven().noisy_position
-    assert not PushedMass().noisy_position
 
 
 @pytest.mark.parametrize("stratonovich", [False, True])

@@ -27,7 +27,6 @@ from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.double_integrator import DoubleIntegrator
 from pirrht.systems.rover import Rover, towards_goal
 from pirrht.systems.second_order_car import SecondOrderCar, cruising
-from pirrht.systems.single_integrator import SingleIntegrator
 from sim.mjcf import load
 from sim.scenario import prepare
 
@@ -273,9 +272,3 @@ def test_the_control_of_a_point_in_the_wind_is_the_slope_of_its_value():
     middle = at(AT)
     assert np.all(middle.control_error < 0.05)
     np.testing.assert_allclose(middle.control, -np.linalg.solve(integral.problem.control_cost(AT), slope), atol=0.1)
-
-
-def test_only_a_point_that_stands_still_and_is_shaken_alike_climbs():
-    integral = around_a_post(SingleIntegrator(b=0.1))
-    assert integral.proposals.climbs
-    assert integral.guidance is None

@@ -143,11 +143,6 @@ def budget(share: float = 1.0) -> TimeBudget:
     return TimeBudget(lambda: next(times, share * 0.1))
 
 
-@pytest.mark.parametrize(("share", "short"), [(0.31, False), (0.29, True), (-0.1, True)])
-def test_time_is_short_when_a_share_of_what_was_left_is(share: float, short: bool):
-    assert budget(share).short() == short
-
-
 @pytest.mark.parametrize("classes", [1, 3, 16])
 def test_after_a_plan_that_fits_just_so_there_is_time_for_as_many_classes_and_else_for_fewer(classes: int):
     spent = TUNING.before_samples

@@ -107,15 +107,6 @@ def test_only_what_takes_back_nine_tenths_of_the_weight_is_a_reversal(slit: Scen
 B, RADIUS = 0.3, 0.3
 
 
-def test_without_a_cost_behind_the_horizon_nothing_is_found():
-    problem, space = annulus(B, RADIUS)
-    sampling, beyond = Sampling(samples=200, guide="open-loop"), lambda states: np.full(len(states), np.inf)
-    mppi = Mppi(problem, space, sampling, horizon=0.2, terminal_cost=beyond, rng=np.random.default_rng(0))
-    plan = mppi.plan(np.array([1.2, 0.0]))
-    assert plan.fallback == "no survivor"
-    assert np.all(plan.control == 0.0)
-
-
 def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(slit: Scenario):
     scenario = slit.with_settings(noise=1.0)
     sampling = Sampling(dt=0.05, samples=60, guide="open-loop")

@@ -9,8 +9,8 @@ from closed_forms import at_strip, strip, strip_space
 from discs import scene_of
 from euler import Euler
 
-from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, Unicycle, path_integral
-from pirrht.errors import NoSurvivingSample, NotLinearlySolvable, OptionError
+from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
+from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.estimate import Estimate
 from sim.scenario import Scenario
 
@@ -34,21 +34,6 @@ def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
             said[weights, sides] = at_strip(integral, 0.2, sides, 3).value
     assert said["biased", ()] == said["balance", ()]
     assert said["biased", (1,)] < 0.9 * said["balance", (1,)]
-
-
-def test_lambda_follows_from_the_blocks():
-    assert strip(0.3, 0.5).temperature == pytest.approx(2.0 * 0.3**2)
-    car = Problem(dynamics=Unicycle(b=0.03, rho=2.0), scene=strip_space(0.5).scene, R=np.eye(1))
-    assert car.temperature == pytest.approx(0.03**2 * 2.0**2)
-
-
-def test_an_inconsistent_triple_is_refused_with_both_matrices():
-    with pytest.raises(NotLinearlySolvable) as caught:
-        Problem(dynamics=SingleIntegrator(b=0.5), scene=strip_space(0.5).scene, R=np.diag([1.0, 2.0]))
-    message = str(caught.value)
-    assert "[[1, 0], [0, 0.5]]" in message  # G R^-1 G'
-    assert "[[0.25, 0], [0, 0.25]]" in message  # B B'
-    assert "\n" not in message
 
 
 def test_a_rate_given_as_a_function_needs_its_least_value(slit):

@@ -8,7 +8,7 @@ from batches import batch_of
 from closed_forms import at_strip, straight, strip, strip_space
 from scipy.stats import genpareto
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, path_integral
+from pirrht import Controller, HomologyTree, path_integral
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Allocation, Estimate
 from pirrht.estimation.sampling import TUNING, Sampling
@@ -147,10 +147,6 @@ def test_few_samples_stand_less_of_a_tail():
     assert heavy(0.65, 500)
     assert not heavy(0.65, 5000)
     assert heavy(0.71, 10**6)
-
-
-def corridor() -> tuple[Problem, FreeSpace]:
-    return strip(0.5, 0.5), strip_space(0.5)
 
 
 def assert_cautious(estimates: list[Estimate]) -> None:

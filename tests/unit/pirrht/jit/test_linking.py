@@ -9,7 +9,7 @@ from numba import njit
 from repository import environment
 
 from pirrht.jit import linking
-from pirrht.jit.jit import DISABLED, address_of, as_jitable, as_tuple, caller, inlined, jitable, kernel, part
+from pirrht.jit.jit import DISABLED, address_of, as_jitable, as_tuple, caller, jitable, kernel, part
 
 pytestmark = pytest.mark.skipif(DISABLED, reason="nothing is compiled")
 
@@ -45,28 +45,6 @@ def test_a_third_process_does_not_mistake_code_of_two_that_compiled_alike(tmp_pa
     script.write_text(TIMES)
     rows = [ran(script, *factors, NUMBA_CACHE_DIR=tmp_path / "cache").stdout.split() for factors in ("2", "3", "23")]
     assert rows == [["6"], ["9"], ["6", "9"]]
-
-
-@jitable
-def _squared(x):
-    return x * x
-
-
-@inlined
-def _sum(x, y):
-    return _squared(x) + y
-
-
-def test_a_function_is_called_alike_from_python_and_from_kernels():
-    @kernel
-    def whole(row):
-        out = np.empty(row.shape[0])
-        for i in range(row.shape[0]):
-            out[i] = _sum(row[i], 2)
-        return out
-
-    np.testing.assert_array_equal(whole(np.arange(3.0)), [2.0, 3.0, 6.0])
-    assert (_squared(3.0), _sum(3.0, 1.0)) == (9.0, 10.0)
 
 
 def test_a_kernel_is_compiled_once_for_every_short_whole_number_and_literal(monkeypatch):

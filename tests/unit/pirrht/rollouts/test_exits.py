@@ -128,10 +128,6 @@ def test_a_step_beside_the_goal_ends_in_it_with_the_probability_of_a_flat_rim():
     assert np.mean(outcome == GOAL) == pytest.approx(expected, abs=4 * np.sqrt(expected * (1 - expected) / DRAWS))
 
 
-def test_a_step_in_the_open_stays_inside():
-    assert np.all(bridges(np.array([1.0, 1.5]), np.array([1.2, 1.5]), 1e-4, 200)[0] == INSIDE)
-
-
 def test_the_place_of_the_first_crossing_lies_on_what_is_crossed():
     space = room()
     arena, state = space.world, stream(np.uint64(6), 0)
