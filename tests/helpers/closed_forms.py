@@ -6,13 +6,14 @@ standard error of that mean; "within 3" is wrong for one stream of random number
 
 from collections.abc import Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 from batches import batch_of
 from discs import scene_of
 from scipy.special import k0, k1
 
-from pirrht import Estimate, FreeSpace, PathIntegral, Problem, SingleIntegrator, StraightLine
+from pirrht import Estimate, FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, StraightLine, path_integral
 from pirrht.arrays import Array
 
 SEEDS = 24
@@ -29,6 +30,11 @@ def strip_space(L: float) -> FreeSpace:
 def strip(b: float, L: float) -> Problem:
     """Exit from (-L, L) at no final cost."""
     return Problem(dynamics=SingleIntegrator(b=b), scene=strip_space(L).scene, R=2.0 * np.eye(2), q=1.0, phi=0.0)
+
+
+def in_strip(**settings: Any) -> PathIntegral:
+    """Samples in |x| < 0.5 under noise of 0.5."""
+    return path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(**settings))
 
 
 def wave_number(problem: Problem, b: float) -> float:

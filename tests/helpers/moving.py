@@ -1,6 +1,6 @@
 """Scenes with bodies that move, written as numbers: the three of the package, and what small tests need."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +37,17 @@ def clearance_among(movers: Iterable[Mover], footprint: Footprint, place: Array,
 def hall(name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), goal: Row = (5.5, 2.5)) -> Scene:
     """A workspace of 6 x 5 m with a start at (1, 2.5) and a goal's disc of 0.3 m."""
     return scene_of(standing, start=START, goal=(*goal, 0.3), side=(6.0, 5.0), name=name, movers=tuple(movers))
+
+
+def walled(speed: float) -> tuple[Scene, Callable[[float, float], float]]:
+    """A wall of constant speed that a robot touches at x = 2.8, 0.4 s; and the rate k of psi before it, by b and lambda.
+
+    With psi = 1 on it, psi = exp(-k z) at z before it, k = sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2 for its speed c.
+    """
+    rows = [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)]
+    wall = moved("wall", rows, block("wall", 0.0, 0.0, (0.1, 1.5)))
+    scene = scene_of(start=(0.6, 1.5), goal=(4.3, 0.6, 0.3), side=(5.0, 3.0), radius=0.2, movers=(wall,))
+    return scene, lambda b, temperature: np.hypot(speed / b**2, np.sqrt(2.0 / temperature) / b) - speed / b**2
 
 
 def busy() -> Scene:

@@ -121,6 +121,7 @@ def test_a_run_with_a_saved_tree_is_the_run_that_grows_it(tmp_path: Path, capsys
     for record in (first, second):
         del record["step_ms"], record["deadline_misses"]
     assert first == second
+    assert (first["grow"], first["vertices"]) == (2, 150 + 4 * 2)
     assert cli.main(["estimate", "slit", "--at", "1", "2.5", "--tree", str(tree)]) == 0
     assert cli.main(["sweep", "slit", "--seeds", "0:2", "--max-time", "0.02", "--jobs", "1", "--tree", str(tree)]) == 0
 

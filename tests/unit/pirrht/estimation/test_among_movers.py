@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 from batches import led
-from discs import block, disc, scene_of
-from moving import SCENES, hall, moved
+from discs import block, disc
+from moving import SCENES, hall, moved, walled
 from thoroughly import thorough
 from trees import point
 
@@ -32,19 +32,12 @@ def held(integral: PathIntegral, x: Array, control: Array, count: int, time: flo
     return led(integral, x, times, tape, count=count, seed=3, time=time)
 
 
-def walled(speed: float) -> Scene:
-    rows = [(0.0, 2.5 - 0.4 * speed, 1.5, 0.0), (2.0, 2.5 + 1.6 * speed, 1.5, 0.0)]
-    wall = moved("wall", rows, block("wall", 0.0, 0.0, (0.1, 1.5)))
-    return scene_of(start=(0.6, 1.5), goal=(4.3, 0.6, 0.3), side=(5.0, 3.0), radius=0.2, movers=(wall,))
-
-
 @pytest.mark.parametrize("speed", [0.4, -0.4, 1.0])
 @pytest.mark.parametrize("control", [(0.0, 0.0), (-0.4, 0.1)])
 def test_before_a_wall_at_constant_speed_samples_pay_what_girsanov_says(speed, control):
-    """With psi = 1 on it, psi = exp(-z (sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2)) at z before a wall of speed c."""
-    integral, b = sampler(walled(speed), phi=0.0), 0.3
-    drift = speed / b**2
-    rate = math.sqrt(drift**2 + 2.0 / (integral.temperature * b * b)) - drift
+    scene, rate_of = walled(speed)
+    integral = sampler(scene, phi=0.0)
+    rate = rate_of(0.3, integral.temperature)
     for z in (0.05, 0.15, 0.3):
         found = integral.estimate(held(integral, np.array([2.8 + z, 1.5]), np.array(control), 8000, time=0.4, T=15))
         assert abs(-found.log_psi - rate * z) < 3.0 * found.value_error / integral.temperature + 0.005

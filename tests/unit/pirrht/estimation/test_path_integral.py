@@ -5,19 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from batches import batch_of, led, still
-from closed_forms import at_strip, strip, strip_space
+from closed_forms import at_strip, in_strip
 from discs import scene_of
-from euler import Euler
 
 from pirrht import FreeSpace, PathIntegral, Problem, Sampling, SingleIntegrator, path_integral
+from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoSurvivingSample, OptionError
 from pirrht.estimation.estimate import Estimate
+from pirrht.outcome import Outcome
+from pirrht.rollouts.tables import Chosen, Origin, Paths, ProposalTables, Setup, empty_paths
 from sim.scenario import Scenario
 
 
 @pytest.mark.parametrize("guide", ["feedback", "open-loop"])
 def test_a_reference_may_be_split_into_two_of_half_the_samples(guide):
-    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, samples=600, guide=guide))
+    integral = in_strip(dt=0.05, samples=600, guide=guide)
     whole = at_strip(integral, 0.2, (1, -1), 3, counts=[600, 600])
     split = at_strip(integral, 0.2, (1, 1, -1), 3, counts=[200, 400, 600])
     np.testing.assert_allclose(split.rollouts.log_weight, whole.rollouts.log_weight, atol=1e-9)
@@ -29,8 +31,7 @@ def test_without_the_likelihood_ratio_only_what_controls_cost_is_left_out():
     said = {}
     for weights in ("balance", "biased"):
         for sides in ((), (1,)):
-            sampling = Sampling(dt=0.05, samples=4000, guide="open-loop", weights=weights)
-            integral = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
+            integral = in_strip(dt=0.05, samples=4000, guide="open-loop", weights=weights)
             said[weights, sides] = at_strip(integral, 0.2, sides, 3).value
     assert said["biased", ()] == said["balance", ()]
     assert said["biased", (1,)] < 0.9 * said["balance", (1,)]
@@ -44,9 +45,7 @@ def test_a_rate_given_as_a_function_needs_its_least_value(slit):
 @pytest.mark.parametrize("dt", [0.1, 0.01])
 def test_the_first_increment_has_the_variance_of_its_step(dt):
     """Trap 1: it is sqrt(dt) Z_0, so the control carried is b Z_0 / sqrt(dt); 20000 samples, errors of 0.5 %."""
-    sampling = Sampling(dt=dt, samples=20000, guide="open-loop")
-    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), sampling)
-    paths = at_strip(integral, 0.0, (), 0).rollouts.paths
+    paths = at_strip(in_strip(dt=dt, samples=20000, guide="open-loop"), 0.0, (), 0).rollouts.paths
     inside = paths.span == dt  # samples that leave in this step carry no noise from there on
     assert np.mean(inside) > 0.9
     now = paths.now[inside] / dt
@@ -57,7 +56,7 @@ def test_the_first_increment_has_the_variance_of_its_step(dt):
 @pytest.mark.parametrize("exit_rule", ["bridge", "endpoint"])
 def test_the_tape_is_the_weighted_mean_of_what_samples_carried_before_their_exit(exit_rule):
     """Trap 7. With exit at step ends a path is the sum of what it carried, so its states are the oracle."""
-    integral = path_integral(strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, samples=200, exit=exit_rule))
+    integral = in_strip(dt=0.1, samples=200, exit=exit_rule)
     estimate = at_strip(integral, 0.2, (1,), 5)
     rollouts = estimate.rollouts
     tape, alive = integral.replay.tape(estimate.parts)
@@ -149,6 +148,63 @@ def test_pairs_leave_the_mean_of_psi_where_it_is_and_scatter_the_control_less(sl
     assert abs(pairs.mean() - alone.mean()) < 3.0 * np.sqrt((pairs.var(ddof=1) + alone.var(ddof=1)) / PLANS)
     paired, independent = np.std(control, axis=1).mean(axis=-1)
     assert paired < 0.5 * independent
+
+
+class Euler:
+    """Backend in NumPy: dx = u dt + B dw in an empty room, exits judged at the ends of steps (paper, III-A)."""
+
+    def sample(self, setup: Setup, tables: ProposalTables, origin: Origin) -> Paths:
+        """Simulate all S samples."""
+        own, _, y, taken, outcome = self._simulated(setup, tables, origin)
+        (S, T, m), dt = y.shape, np.diff(tables.times)
+        paths, early = empty_paths(S, len(tables.control), m), np.arange(T) < tables.window
+        paths.outcome[:], paths.steps[:], paths.work[:] = outcome, taken, setup.rate * tables.times[taken]
+        under_way = np.arange(T) < taken[:, None]
+        for g, a in enumerate(tables.drift):
+            step = np.einsum("stm,tm->st", y, a) - 0.5 * dt * (a**2).sum(axis=1)
+            paths.log_ratio[:, g] = (under_way * step).sum(axis=1)
+        paths.start_control[:] = tables.drift[own, 0] @ setup.inverse.T
+        counted = (under_way & early)[..., None]
+        paths.span[:] = (counted[..., 0] * dt).sum(axis=1)
+        noise = (counted * (y - tables.drift[own] * dt[:, None])).sum(axis=1)
+        paths.now[:] = noise @ setup.inverse.T + paths.span[:, None] * paths.start_control
+        return paths
+
+    def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
+        """Return states (c, T+1, n) and steps taken (c,)."""
+        _, states, _, taken, _ = self._simulated(setup, tables, origin)
+        return states[number], taken[number]
+
+    def controls(
+        self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
+    ) -> tuple[Array, Array]:
+        """Return weighted controls (groups, T, m) and the weight under way (groups, T)."""
+        _, _, y, taken, _ = self._simulated(setup, tables, origin)
+        T, m = y.shape[1:]
+        total, alive = np.zeros((groups, T, m)), np.zeros((groups, T))
+        under_way = (np.arange(T) < taken[chosen.number][:, None]) * chosen.weight[:, None]
+        np.add.at(alive, chosen.group, under_way)
+        controls = y[chosen.number] @ setup.inverse.T / np.diff(tables.times)[:, None]
+        np.add.at(total, chosen.group, under_way[..., None] * controls)
+        return total, alive
+
+    def _simulated(self, setup: Setup, tables: ProposalTables, origin: Origin):  # type: ignore[no-untyped-def]
+        """Return references (S,), states (S, T+1, m), increments y = a dt + dw (S, T, m), steps (S,), outcomes (S,)."""
+        S, dt, (_, T, m) = int(tables.first[-1]), np.diff(tables.times), tables.control.shape
+        own = np.searchsorted(tables.first, np.arange(S), side="right") - 1
+        noise = np.random.default_rng(int(origin.seed)).normal(size=(S, T, m)) * np.sqrt(dt)[:, None]
+        y = tables.drift[own] * dt[:, None] + noise
+        states = origin.x + np.concatenate([np.zeros((S, 1, m)), np.cumsum(y @ setup.diffusion.T, axis=1)], axis=1)
+        px, py = states[:, 1:, 0], states[:, 1:, 1]
+        room, (gx, gy) = setup.world.field, setup.world.goal
+        hit = (px <= room.left) | (px >= room.right) | (py <= room.low) | (py >= room.high)
+        arrived = ~hit & (np.hypot(px - gx, py - gy) <= setup.world.radius)
+        ended = hit | arrived
+        last = np.where(ended.any(axis=1), np.argmax(ended, axis=1), T - 1)
+        outcome = np.select(
+            [hit[np.arange(S), last], arrived[np.arange(S), last]], [Outcome.COLLISION, Outcome.GOAL], Outcome.TIMEOUT
+        )
+        return own, states, y, last + 1, outcome
 
 
 PLACE, SAMPLES = np.array([1.6, 1.0]), 20_000

@@ -5,13 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from batches import batch_of
-from closed_forms import at_strip, straight, strip, strip_space
+from closed_forms import at_strip, in_strip, straight
 from scipy.stats import genpareto
 
-from pirrht import Controller, HomologyTree, path_integral
+from pirrht import Controller, HomologyTree
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Allocation, Estimate
-from pirrht.estimation.sampling import TUNING, Sampling
+from pirrht.estimation.sampling import TUNING
 from pirrht.estimation.weights import deviation, heavy, tail_shape
 from pirrht.proposals.proposal import Proposal, Tape
 from sim.scenario import Scenario
@@ -101,8 +101,8 @@ def test_equal_counts_are_split_however_few_samples_there_are(count):
 
 def test_sampling_goes_on_doubling_until_the_control_is_known_or_the_budget_is_spent():
     def until(**options) -> list[int]:
-        settings = Sampling(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
-        integral, x = path_integral(strip(0.5, 0.5), strip_space(0.5), settings), np.array([0.2, 0.0])
+        integral = in_strip(dt=0.1, samples=50, guide="open-loop", threads=1, **options)
+        x = np.array([0.2, 0.0])
         times = integral.grid(2.0 * (0.5 - x[0]))
         tapes, corners = straight(x, [np.array([side, 0.0]) for side in (0.5, -0.5)], times)
         estimate = integral.sample(batch_of(integral, x, times, tapes, corners=corners), 3)
@@ -162,9 +162,7 @@ def assert_cautious(estimates: list[Estimate]) -> None:
 @pytest.mark.parametrize("counts", [[400, 400], [400, 150]], ids=["equal counts", "unequal counts"])
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_the_reported_error_covers_the_spread_of_300_repeats(weights, counts):
-    integral = path_integral(
-        strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.05, first=0.0125, guide="open-loop", weights=weights)
-    )
+    integral = in_strip(dt=0.05, first=0.0125, guide="open-loop", weights=weights)
     assert_cautious([at_strip(integral, 0.2, (1, -1), seed, counts=counts) for seed in range(300)])
 
 
@@ -177,9 +175,7 @@ def test_the_reported_error_covers_the_spread_of_300_plans_in_the_slit(slit: Sce
 @pytest.mark.slow
 @pytest.mark.parametrize("weights", ["balance", "average"])
 def test_unequal_counts_leave_the_mean_of_psi_over_1000_repeats(weights):
-    integral = path_integral(
-        strip(0.5, 0.5), strip_space(0.5), Sampling(dt=0.1, guide="open-loop", weights=weights, threads=1)
-    )
+    integral = in_strip(dt=0.1, guide="open-loop", weights=weights, threads=1)
 
     def psi(counts: list[int]) -> Array:
         return np.exp([at_strip(integral, 0.2, (1, -1), seed, counts=counts).log_psi for seed in range(1000)])

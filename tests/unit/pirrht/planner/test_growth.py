@@ -1,7 +1,6 @@
 """The tree is what a search of its finished graph gives, draws in passages first, and grows by counts."""
 
 import heapq
-import json
 from functools import cache
 
 import numpy as np
@@ -72,14 +71,6 @@ def test_equal_seeds_grow_and_drive_alike():
         assert first.vertices == second.vertices
         np.testing.assert_array_equal(first.advance.states, second.advance.states)
         assert [r.cost for r in first.plan.references] == [r.cost for r in second.plan.references]
-
-
-def test_the_command_line_grows_while_it_drives(tmp_path, capsys):
-    file = tmp_path / "run.json"
-    words = ["run", "slit", "--vertices", "60", "--samples", "20", "--max-time", "0.05", "--json", str(file)]
-    assert main([*words, "--grow", "3"]) == 1
-    result = json.loads(file.read_text())
-    assert (result["grow"], result["vertices"]) == (3, 60 + 4 * 3)
 
 
 def test_what_cannot_grow_is_refused(capsys):
