@@ -40,7 +40,7 @@ def hall(name: str, movers: Sequence[Mover], standing: Sequence[Obstacle] = (), 
 
 
 def walled(speed: float) -> tuple[Scene, Callable[[float, float], float]]:
-    """A wall of constant speed that a robot touches at x = 2.8, 0.4 s; and the rate k of psi before it, by b and lambda.
+    """A wall of constant speed that a robot touches at x = 2.8 at 0.4 s; rate k of psi before it by b and lambda.
 
     With psi = 1 on it, psi = exp(-k z) at z before it, k = sqrt(c^2/b^4 + 2 q/(lambda b^2)) - c/b^2 for its speed c.
     """

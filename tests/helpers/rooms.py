@@ -5,11 +5,9 @@ from functools import cache
 import numpy as np
 from discs import block, scene_of
 
-from pirrht import FreeSpace, Obstacle
+from pirrht import FreeSpace
 
-Extent = tuple[float, float, float, float]  # least x and y, greatest x and y [m]
-
-DOORWAY: tuple[Extent, ...] = (  # half a metre wide, into a room whose walls all join
+DOORWAY = (  # half a metre wide, into a room whose walls all join
     (3.1, 2.75, 3.7, 3.9),
     (3.1, 1.1, 3.7, 2.25),
     (3.2, 3.8, 5.6, 4.0),
@@ -18,15 +16,10 @@ DOORWAY: tuple[Extent, ...] = (  # half a metre wide, into a room whose walls al
 )
 
 
-def box(name: str, extent: Extent) -> Obstacle:
-    """A box of a metre's height on the ground."""
-    low, high = np.array(extent[:2]), np.array(extent[2:])
-    return block(name, *(0.5 * (low + high)), 0.5 * (high - low))
-
-
-def room(*extents: Extent, radius: float = 0.1) -> FreeSpace:
+def room(*extents: tuple[float, ...], radius: float = 0.1) -> FreeSpace:
     """Boxes in a workspace of 6 m x 5 m with free corners, for a robot of a radius [m]."""
-    boxes = [box(f"box{i}", extent) for i, extent in enumerate(extents)]
+    corners = enumerate(np.reshape(extents, (-1, 2, 2)))
+    boxes = [block(f"box{i}", *(0.5 * (low + high)), 0.5 * (high - low)) for i, (low, high) in corners]
     return FreeSpace.of(scene_of(boxes, start=(0.3, 0.3), goal=(5.8, 4.8), side=(6.0, 5.0), radius=radius))
 
 

@@ -115,8 +115,4 @@ def test_help_tells_every_field_and_no_other_and_the_shape_and_unit_of_every_arr
         if re.search(r"\bArray\b|NDArray", str(field.type)):
             assert re.search(r"\((\w|\+)+,( \w+)*\)|\(\w+, \w+\)", told[field.name]), field.name
             assert UNIT.search(told[field.name]) or field.name in plain, field.name
-
-
-def test_help_tells_the_units_of_costs():
-    for name in ("q", "phi", "temperature"):
-        assert re.search(r"\[cost(/s)?\]", attributes(pirrht.Problem)[name])
+        assert field.name not in ("q", "phi", "temperature") or re.search(r"\[cost(/s)?\]", told[field.name])

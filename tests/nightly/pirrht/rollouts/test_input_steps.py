@@ -9,7 +9,7 @@ from batches import led
 from by_inputs import PushedMass, driven
 from guides import best
 from thoroughly import thorough
-from unit.pirrht.rollouts.test_car_steps import STEP, case
+from unit.pirrht.rollouts.test_blocks import STEP, case
 
 from pirrht import FreeSpace, PathIntegral, Problem, Sampling, path_integral
 from pirrht.arrays import Array

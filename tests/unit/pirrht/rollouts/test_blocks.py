@@ -1,13 +1,20 @@
-"""The kernel that simulates points many abreast, against the one that simulates any dynamics path by path."""
+"""Sampled paths: points many abreast are those of any dynamics one by one, and a car sways within fitted steps.
+
+A path of the plain chain is steered by one number per step. What it cannot do makes the best path dearer by about the
+integral of (du/dt dt)^2 / 24, several lambda at steps of 0.1 s.
+"""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
-from batches import batch_of
+from batches import batch_of, led, still
+from discs import disc, scene_of
 from thoroughly import first
+from trees import grown
 
-from pirrht import HomologyTree, PathIntegral, path_integral
+from pirrht import Dubins, FreeSpace, HomologyTree, PathIntegral, Problem, Sampling, Unicycle, path_integral
 from pirrht.arrays import Array
 from pirrht.estimation.estimate import Rollouts
 from pirrht.problem import unit_rate
@@ -70,3 +77,32 @@ def test_a_sample_does_not_depend_on_how_many_others_there_are(slit, slit_tree):
     few, many = drawn(source, slit_tree, [5, 1, 1]).paths, drawn(source, slit_tree, [300, 1, 1]).paths
     for name in Paths._fields:
         np.testing.assert_array_equal(getattr(few, name)[:5], getattr(many, name)[:5], err_msg=name)
+
+
+STEP = 0.1
+
+
+@cache
+def case(b: float) -> tuple[Problem, FreeSpace, HomologyTree]:
+    """A car in front of a post, and the goal behind it."""
+    ends = {"start": (0.0, 0.0), "goal": (4.0, -0.6, 0.3), "lower": (-1.0, -3.0), "side": (6.0, 3.0)}
+    scene = scene_of([disc("post", 2.2, -0.2, 0.4)], **ends, radius=0.15)
+    problem, space = Problem(dynamics=Unicycle(b=b), scene=scene, R=np.eye(1), phi=1000.0), FreeSpace.of(scene)
+    return problem, space, grown(space, Dubins.of(problem), 300)
+
+
+def test_within_fitted_steps_a_car_sways_as_the_integral_of_its_heading_does():
+    """Heading and offset after one and two steps: moments of (w, integral of w); 40 000 paths, seed 1, 4 deviations."""
+    b, count = 0.3, 40_000
+    problem, space, _ = case(b)
+    integral, times = path_integral(problem, space, Sampling(dt=STEP, draws="independent")), STEP * np.arange(3)
+    rollouts = led(integral, np.zeros(3), times, still(times, 1), count=count, seed=1)
+    states = integral.replay.trace(rollouts, np.arange(count))[0]
+    for k in (1, 2):
+        t = k * STEP
+        x, y, heading = states[:, k].T
+        ahead = 2.0 / b**2 * (1.0 - np.exp(-0.5 * b**2 * t))  # E of the integral of cos
+        assert abs(x.mean() - ahead) < 4.0 * x.std() / np.sqrt(count) + 1e-6
+        products = heading * heading, heading * y, y * y
+        for product, exact in zip(products, b**2 * np.array([t, t**2 / 2.0, t**3 / 3.0]), strict=True):
+            assert product.mean() == pytest.approx(exact, abs=4.0 * product.std() / np.sqrt(count) + 0.003 * exact)

@@ -79,16 +79,6 @@ def test_paths_with_equal_ends_differ_by_whole_turns_whenever_they_arrive(seed):
     assert np.array_equal(np.subtract(ways.winding(early), ways.winding(late)), np.rint(difference))
 
 
-def test_before_and_behind_a_crossing_body_are_two_classes():
-    (crosser,) = SCENES["crossing"]().movers
-    ways = homology(crosser)
-    before = np.array([[1.0, 2.5, 0.0], [3.25, 3.1, 2.2], [*GOAL, 4.6]])
-    behind = np.array([[1.0, 2.5, 0.0], [3.25, 2.0, 2.6], [*GOAL, 5.0]])
-    waits = np.array([[1.0, 2.5, 0.0], [1.2, 2.5, 3.0], [*GOAL, 7.5]])
-    assert ways.winding(before) == (0,)
-    assert ways.winding(behind) == ways.winding(waits) == (1,)
-
-
 def test_solids_of_a_body_that_touch_are_one_obstacle_and_others_are_two():
     one = moved("one", [(0.0, 1.0, 1.0, 0.0)], disc("disc", 0.0, 0.0, 0.2), block("box", 0.3, 0.0, (0.2, 0.1)))
     two = moved("two", [(0.0, 1.0, 1.0, 0.0)], disc("disc", 0.0, 0.0, 0.2), block("box", 0.9, 0.0, (0.2, 0.1)))
@@ -154,10 +144,3 @@ def test_the_signature_of_a_base_is_that_of_no_whole_turn_and_classes_add_to_it(
     assert base[1:] == pytest.approx(1.0 + homology.turns(legs)[1:])
     assert base[:1] == pytest.approx(space.homology.static.signature(start, (0,)))
     assert homology.signature(start, (1, 0, -2, 0)) == pytest.approx(base + np.array([1, 0, -2, 0]))
-
-
-def test_where_nothing_moves_classes_are_those_of_the_standing_world():
-    space = FreeSpace.of(replace(SCENES["oblique"](), movers=()))
-    homology, knots = STEERING.homology(space), random_path(np.random.default_rng(0))
-    assert homology.winding(knots) == space.homology.winding(knots)
-    assert homology.key((2,)) == space.homology.key((2,))
