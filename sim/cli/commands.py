@@ -85,9 +85,8 @@ def sweep(arguments: argparse.Namespace) -> int:
     from sim.report import summary, wording
     from sim.sweeps import sweep as engine
     from sim.sweeps.dataset import Dataset
-    from sim.sweeps.grid import parse
 
-    grid, folder = parse(vars(arguments)), arguments.output
+    grid, folder = engine.parse(vars(arguments)), arguments.output
     if arguments.scheduler is not None:
         from sim.sweeps import cluster
 

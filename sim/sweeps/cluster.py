@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from typing import Any
@@ -16,7 +15,6 @@ from sim.sweeps.engine import CHUNK_TASKS, Crew, Stop, chunk
 
 PATIENCE = 8.0  # for the scheduler to do what a client asks [s]
 REACHABLE = 4.0  # for it to say who it is [s]
-CENSUS = 1.0  # how often it is asked for its workers [s]
 
 
 class Cluster(Crew):
@@ -41,7 +39,6 @@ class Cluster(Crew):
         except (OSError, ValueError, TypeError) as error:
             raise _silent(address, error) from None
         self._executor = self._client.get_executor(pure=False)
-        self._counted, self._workers = -CENSUS, 0
 
     def __enter__(self) -> Cluster:
         try:
@@ -63,14 +60,11 @@ class Cluster(Crew):
     @property
     def workers(self) -> int:  # type: ignore[override]
         """Number of workers at present; one while there are none, so that something waits for the first."""
-        if time.monotonic() - self._counted >= CENSUS:
-            try:
-                self._workers = len(self._client.nthreads())
-            except Exception as error:
-                self.check(error)
-                raise
-            self._counted = time.monotonic()
-        return max(1, self._workers)
+        try:
+            return len(self._client.nthreads()) or 1
+        except Exception as error:
+            self.check(error)
+            raise
 
     def submit(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Future[list[Any]]:
         """Begin a chunk on whichever worker the scheduler chooses."""

@@ -9,7 +9,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from itertools import product
 from pathlib import Path
@@ -100,11 +100,15 @@ class Dataset:
             OptionError: another sweep's folder, or one that cannot be written.
         """
         known = self.check(settings, scenes)
+        libraries = dict.fromkeys(LIBRARIES, "unknown")
+        for name in LIBRARIES:
+            with suppress(PackageNotFoundError):
+                libraries[name] = version(name)
         everything = [*known.get("asked", []), *map(plain, asked)]
         content = {
             "format": parts.DATASET_FORMAT,
             "version": pirrht.__version__,
-            "libraries": {name: _version(name) for name in LIBRARIES},
+            "libraries": libraries,
             "settings": plain(settings),
             "scenes": {**known.get("scenes", {}), **scenes},
             "asked": [wish for i, wish in enumerate(everything) if wish not in everything[:i]],
@@ -161,18 +165,19 @@ class Dataset:
             except OSError as error:
                 raise refused("--output", self.folder, error) from None
 
-    def add(self, record: Mapping[str, Any]) -> None:
-        """Take a finished run in; it is written by `flush`, or soon if `tend` is called now and then."""
-        self._kept.append(row_of(record))
-        self.tend()
+    def add(self, record: Mapping[str, Any] | None = None) -> bool:
+        """Take a finished run in, if there is one, and write what has waited long enough.
 
-    def tend(self) -> None:
-        """Write what has waited long enough; what cannot be written is kept for the next time."""
-        if (len(self._kept) >= CHUNK_RUNS and not self.failing) or self._now() - self._tried >= CHUNK_SECONDS:
-            try:
+        Returns:
+            whether that has begun to go wrong; what cannot be written is kept for the next time.
+        """
+        if record is not None:
+            self._kept.append(row_of(record))
+        before = self.failing
+        if (len(self._kept) >= CHUNK_RUNS and not before) or self._now() - self._tried >= CHUNK_SECONDS:
+            with suppress(OptionError):
                 self.flush()
-            except OptionError:
-                self.failing = True
+        return self.failing and not before
 
     def flush(self) -> None:
         """Write all finished runs that are in no file yet; OptionError if they cannot be, and are kept."""
@@ -182,6 +187,7 @@ class Dataset:
         try:
             parts.add(self.runs, self._kept)
         except OSError as error:
+            self.failing = True
             raise OptionError(
                 f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
                 "written: fix that and give the same command again"
@@ -203,13 +209,6 @@ def _option(name: str, value: Any) -> str:
     if value is None:
         return f"without {option}"
     return f"with {option} {' '.join(map(str, value)) if isinstance(value, list) else value}"
-
-
-def _version(name: str) -> str:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def wished(asked: Iterable[Mapping[str, Any]]) -> int:

@@ -8,7 +8,7 @@ import signal
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
@@ -55,10 +55,9 @@ def interruptible() -> Iterator[Stop]:
 class Agenda:
     """Queue of tasks, of which those with one `point` share what a process keeps at hand."""
 
-    def __init__(self, tasks: Iterable[Any]) -> None:
+    def __init__(self, tasks: Sequence[Any]) -> None:
         self._waiting: OrderedDict[Any, deque[Any]] = OrderedDict()
-        for task in tasks:
-            self._waiting.setdefault(task.point, deque()).append(task)
+        self.add(tasks)
 
     def __bool__(self) -> bool:
         return bool(self._waiting)
@@ -115,9 +114,8 @@ class Crew:
         What was under way when a process died is suspected of it, and tried again with nothing else under way.
 
         Args:
-            work: a function of a module, of one task.
             agenda: what is done to a result, before the next is asked for, may add to it.
-            lost: the result of a task that ended so many processes that nobody will try again, from it and why.
+            lost: the result of a task that ended too many processes, from it and why.
 
         Raises:
             PirrhtError: there are no workers, or none can begin.
@@ -126,11 +124,12 @@ class Crew:
         suspects: deque[Any] = deque()  # the first is tried alone, and leaves the queue when that is over
         deaths = 0  # of the first suspect
         while self.stop.asked < 2 and (chunks or ((agenda or suspects) and not self.stop.asked)):
-            room = 1 if suspects else self.workers * self.ahead
+            workers = self.workers
+            room = 1 if suspects else workers * self.ahead
             while len(chunks) < room and (suspects or agenda) and not self.stop.asked:
                 # With one chunk per worker, the idle one has just left its point, so nobody else is there: it goes on.
                 others = {tasks[0].point for tasks in chunks.values()} if self.ahead == 1 else ()
-                tasks = [suspects[0]] if suspects else agenda.take(self.workers, self.most, others)
+                tasks = [suspects[0]] if suspects else agenda.take(workers, self.most, others)
                 chunks[self.submit(work, tasks)] = tasks
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:

@@ -84,22 +84,18 @@ def rows(files: Iterable[Path]) -> list[dict[str, Any]]:
 
     found: list[dict[str, Any]] = []
     for file in files:
-        why = why_unreadable(file)
-        if why is not None:
-            raise _unreadable(file, f"it {why}")
         try:
+            if (why := why_unreadable(file)) is not None:
+                raise ValueError(f"it {why}")
             table = pq.read_table(file, schema=schema())
-        except (OSError, pa.ArrowException) as error:
-            raise _unreadable(file, " ".join(str(error).split())) from None
-        for name in ("scene", "method", "noise", "seed"):
-            if table[name].null_count:
-                raise _unreadable(file, f"it has rows without {name}")
+            for name in ("scene", "method", "noise", "seed"):
+                if table[name].null_count:
+                    raise ValueError(f"it has rows without {name}")
+        except (OSError, ValueError, pa.ArrowException) as error:
+            reason = " ".join(str(error).split())
+            raise OptionError(f"{file} cannot be read ({reason}); remove it, and its runs are made again") from None
         found += table.to_pylist()
     return found
-
-
-def _unreadable(file: Path, reason: str) -> OptionError:
-    return OptionError(f"{file} cannot be read ({reason}); remove it, and its runs are made again")
 
 
 def add(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:

@@ -17,14 +17,12 @@ from sim.sweeps.runs import Job
 from sim.text import counted
 
 PLANT = ("max_time", "plant", "phi", "speed", "rho")  # settings by which drives of any controller must agree
+Record = Mapping[str, Any]
 
 
 @contextmanager
-def kept(
-    folder: Path, job: Job, identities: Sequence[Mapping[str, Any]], again: bool
-) -> Iterator[Callable[[Mapping[str, Any]], None]]:
-    """Yield what adds records to a sweep's folder as runs of the job end; they are written at the latest when it is
-    left.
+def kept(folder: Path, job: Job, identities: Sequence[Record], again: bool) -> Iterator[Callable[[Record], bool]]:
+    """Yield what adds records to a sweep's folder as runs of the job end; all are written when it is left.
 
     Args:
         folder: made if need be; of an existing sweep task and plant must be the same.
@@ -47,10 +45,11 @@ def kept(
                 f"{folder} holds {counted(len(twice), 'of these runs', 'of these runs')} already ({first}); give them "
                 "another name, or again=True to replace them"
             )
-        scene, digest, method, noise = (identities[0][name] for name in ("scene", "scene_digest", "method", "noise"))
-        seeds = [int(one["seed"]) for one in identities]
-        dataset.begin(settings, {scene: digest}, *_wishes(method, scene, noise, seeds))
-
+        seeds = np.unique([int(one["seed"]) for one in identities])
+        stretches = np.split(seeds, np.flatnonzero(np.diff(seeds) > 1) + 1)
+        wish = {"methods": [identities[0]["method"]], "noise": {job.name: [job.noise]}}
+        wishes = ({**wish, "seeds": [int(known[0]), int(known[-1]) + 1]} for known in stretches)
+        dataset.begin(settings, {job.name: job.digest}, *wishes)
         try:
             yield dataset.add
         finally:
@@ -83,10 +82,3 @@ def _meaning(job: Job) -> dict[str, Any]:
     start, goal = (" ".join(map(str, values)) for values in (scenario.start, (*scene.goal.center, scene.goal.radius)))
     task = {"robot": scenario.loaded.robot, "radius": scene.robot_radius, "start": start, "goal": goal}
     return {name: getattr(scenario.settings, name) for name in PLANT} | task
-
-
-def _wishes(method: str, scene: str, noise: float, seeds: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """Drives of one method as entries of "asked", one per stretch of seeds."""
-    known = np.unique(seeds)
-    for stretch in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
-        yield {"methods": [method], "noise": {scene: [noise]}, "seeds": [int(stretch[0]), int(stretch[-1]) + 1]}

@@ -1,8 +1,7 @@
 """Every combination of scene, method, noise and seed as one run, on all cores or a cluster.
 
-Trees and runs go side by side: the runs through a tree come first as soon as it is there, and processes work on
-different combinations of scene, noise and method while there are enough. So there are about as many trees at a time as
-workers; each is dropped with the last of its runs.
+The runs through a tree come first as soon as it is there, and processes work on different combinations of scene, noise
+and method while there are enough: there are about as many trees at a time as workers.
 """
 
 from __future__ import annotations
@@ -14,30 +13,129 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from pirrht.control.settings import METHODS
+from pirrht.errors import OptionError, printable
 from pirrht.exact.desirability import Desirability
+from sim import options
 from sim.mjcf import scene_names
+from sim.settings import BY_SETTING, IDENTIFYING, SEED, refuse_unused
 from sim.sweeps import engine, runs
 from sim.sweeps.dataset import TREES, Dataset
 from sim.sweeps.parts import key_of
-from sim.sweeps.runs import Job, Task
+from sim.sweeps.runs import Frozen, Job, Task, frozen
 from sim.text import counted
 
+MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
+
 Record = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Grid:
+    """Runs that a command line asks for."""
+
+    scenes: tuple[str, ...]
+    methods: tuple[str, ...]
+    noises: tuple[float | None, ...]  # None: what the scene asks for
+    seeds: range
+    task: Frozen
+    given: Frozen
+
+    def __post_init__(self) -> None:
+        for option, values in (("SCENE", self.scenes), ("--methods", self.methods), ("--noise", self.noises)):
+            twice = [value for i, value in enumerate(values) if value in values[:i]]
+            if twice:
+                raise OptionError(f"{option} names {twice[0]} twice; every combination is one run: leave one out")
+        if self.size > MOST_RUNS:
+            raise OptionError(
+                f"{self.size} runs are asked for, and a sweep has {MOST_RUNS} at most; ask for fewer --seeds at a "
+                "time: the same -o DIR takes the others later"
+            )
+
+    @property
+    def size(self) -> int:
+        """Number of runs; `len(seeds)` alone knows no more than a machine word."""
+        return len(self.scenes) * len(self.methods) * len(self.noises) * (self.seeds.stop - self.seeds.start)
+
+    def jobs(self) -> list[Job]:
+        """All combinations, by scene, noise, method and seed; labels are built-in names, or of files where they differ.
+
+        Where a risk decides on the margin, the noise is a setting that all runs of it share.
+        """
+        stems = [printable(scene if scene in scene_names() else Path(scene).stem) for scene in self.scenes]
+        risky = dict(self.given).get("risk") is not None
+        return [
+            Job(scene=scene, method=method, noise=noise, seed=seed, task=self.task, given=given, label=label)
+            for scene, stem in zip(self.scenes, stems, strict=True)
+            for label in [stem if stems.count(stem) == 1 else printable(scene)]
+            for noise in self.noises
+            for given in [(*self.given, ("noise", noise)) if risky and noise is not None else self.given]
+            for method in self.methods
+            for seed in self.seeds
+        ]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """Settings that all runs share and results depend on, by option."""
+        return {name: value for name, value in (*self.task, *self.given) if name in IDENTIFYING}
+
+
+def parse(words: Mapping[str, Any]) -> Grid:
+    """Return the grid of a parsed command line.
+
+    Args:
+        words: scenes; methods and noise levels with commas between them, None for the noise of each scene; seeds as
+            `A:B` for A to B-1, or one seed; scene options and settings that all runs share, None where not given.
+
+    Raises:
+        OptionError: an unknown method, seeds or noise that are no numbers, a value twice, too many runs.
+    """
+    given = options.settings("sweep", words)
+    names = tuple(name.strip() for name in words["methods"].split(","))
+    for name in names:
+        if name not in METHODS:
+            raise OptionError(f"--methods names {name!r}; known are {', '.join(METHODS)}")
+    refuse_unused(given, names)
+    noises: list[float | None] = []
+    for part in [] if words["noise"] is None else words["noise"].split(","):
+        try:
+            noises.append(BY_SETTING["noise"].check(float(part)))
+        except ValueError:
+            raise OptionError(f"--noise: {part!r} is no number; write for instance 0.1,0.3") from None
+    return Grid(
+        scenes=tuple(words["scenes"]),
+        methods=names,
+        noises=tuple(noises) or (None,),
+        seeds=seeds_of(words["seeds"]),
+        task=frozen(options.scene_options(words)),
+        given=frozen(given),
+    )
+
+
+def seeds_of(text: str) -> range:
+    """Seeds as in 0:100, or one; OptionError if it is no range, empty, or beyond what a dataset can hold."""
+    first, _, last = text.partition(":")
+    try:
+        start, stop = int(first), int(last) if last else int(first) + 1
+    except ValueError:
+        raise OptionError(f"--seeds: {text[:60]!r} is no range; write for instance 0:100") from None
+    if start < 0 or stop <= start:
+        raise OptionError(f"--seeds: {text[:60]!r} holds no seed; write for instance 0:100")
+    if stop - 1 > SEED:
+        raise OptionError(f"--seeds: {text[:60]!r} goes beyond {SEED}, the largest seed; write smaller ones")
+    return range(start, stop)
 
 
 class Progress(tqdm):  # type: ignore[misc]
     """A line on standard error, as a context; nothing where that is no terminal.
 
-    Args:
-        asked: number of runs.
-        done: records of runs that are there already.
-        places: number of trees to grow.
+    It is for `asked` runs, those with records that are `done` included, and `places`, of which each needs a tree.
     """
 
     def __init__(self, asked: int, done: Sequence[Mapping[str, Any]], places: int) -> None:
@@ -122,13 +220,9 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
 
 
 def sweep(
-    jobs: Sequence[Job],
-    *,
-    jobs_at_once: int | None = None,
-    scheduler: str | None = None,
-    dataset: Dataset | None = None,
-    again: bool = False,
-) -> list[dict[str, Any]]:
+    jobs: Sequence[Job], *, jobs_at_once: int | None = None, scheduler: str | None = None,
+    dataset: Dataset | None = None, again: bool = False,
+) -> list[Record]:  # fmt: skip
     """Run them all; one record each, in the order asked for.
 
     Args:
@@ -150,7 +244,7 @@ def sweep(
         print(f"{len(done)} of {counted(len(asked), 'run')} are there already", file=sys.stderr)
     workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
     places = len({job.place for job in waiting if job.needs_tree})
-    warned = failing = False
+    warned = False
     with ExitStack() as stack:
         stop = stack.enter_context(engine.interruptible())
         near = None if dataset is None else dataset.folder
@@ -168,21 +262,18 @@ def sweep(
         for record, grown in driven(waiting, crew, None if scheduler else folder):
             if record is not None:
                 done[key_of(record)] = record
-            if dataset is not None:
-                dataset.tend() if record is None else dataset.add(record)
-                if dataset.failing and not failing:
-                    progress.write(
-                        f"{dataset.folder} cannot be written; finished runs are kept for another try", sys.stderr
-                    )
-                failing = dataset.failing
+            if dataset is not None and dataset.add(record):
+                progress.write(
+                    f"{dataset.folder} cannot be written; finished runs are kept for another try", sys.stderr
+                )
             progress.add(record, grown)
             if stop.asked == 1 and not warned:
                 progress.write("stopping: the runs under way are waited for; Ctrl-C again ends them", sys.stderr)
                 warned = True
     if stop.asked:
         if dataset is not None:
-            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}"
-            print(f"{kept}; the same command goes on", file=sys.stderr)
+            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}; the same command goes on"
+            print(kept, file=sys.stderr)
         signal.raise_signal(stop.number)  # whoever heeds signals says how this ends
         raise KeyboardInterrupt
     return [done[key_of(job.identity)] for job in jobs]

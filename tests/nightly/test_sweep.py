@@ -16,7 +16,7 @@ from repository import environment
 
 from sim.cli import main
 from sim.cli.parser import parser
-from sim.sweeps import grid, sweep
+from sim.sweeps import sweep
 from sim.sweeps.dataset import Dataset
 
 STOPPED = """
@@ -146,7 +146,7 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
             assert told.out == ""
     assert not Path("sweep").exists()
     arguments = parser().parse_args(["sweep", *robot, "--methods", "passive"])
-    assert len(sweep.checked(grid.parse(vars(arguments)).jobs())) == 10
+    assert len(sweep.checked(sweep.parse(vars(arguments)).jobs())) == 10
 
 
 def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path, capsys):

@@ -14,8 +14,8 @@ from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
 from sim.scenario.risk import predicted
 from sim.scenario.scenario import WIDER
-from sim.sweeps.grid import Grid
 from sim.sweeps.runs import settled
+from sim.sweeps.sweep import Grid
 
 # -- a margin ----------------------------------------------------------------------------------------------------
 

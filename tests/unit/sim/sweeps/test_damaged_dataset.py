@@ -110,12 +110,12 @@ def test_a_full_disk_loses_no_finished_run_if_it_is_mended_and_says_how_many_wai
             disk.setattr(os, "fsync", full)
             dataset.add(record(seed))
             clock.time += module.CHUNK_SECONDS
-            dataset.tend()
+            dataset.add()
             assert dataset.failing
             assert len(list(dataset.runs.iterdir())) == seed
             with pytest.raises(OptionError, match="No space left on device; 1 finished runs could not be written"):
                 dataset.flush()
         clock.time += module.CHUNK_SECONDS
-        dataset.tend()
+        dataset.add()
         assert not dataset.failing
         assert [r["seed"] for r in dataset.records()] == list(range(seed + 1))

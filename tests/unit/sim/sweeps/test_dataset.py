@@ -29,15 +29,15 @@ def test_a_row_is_read_back_with_unit_and_description_of_every_column(dataset):
 
 def test_rows_are_written_when_their_time_has_come_and_in_files_of_their_own(dataset, clock):
     dataset.add(record(0))
-    dataset.tend()
+    dataset.add()
     assert dataset.files() == []
     clock.time += module.CHUNK_SECONDS
     dataset.add(record(1))
-    dataset.tend()
+    dataset.add()
     assert [r["seed"] for r in dataset.records()] == [0, 1]
     for seed in range(2, 2 + module.CHUNK_RUNS):
         dataset.add(record(seed))
-    dataset.tend()
+    dataset.add()
     assert len(dataset.files()) == 2
     assert len(dataset.records()) == module.CHUNK_RUNS + 2
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.settings import SEED
-from sim.sweeps.grid import MOST_RUNS, Grid, parse, seeds_of
+from sim.sweeps.sweep import MOST_RUNS, Grid, parse, seeds_of
 
 levels = st.lists(st.floats(1e-6, 1e3), min_size=1, max_size=6, unique=True)
 
