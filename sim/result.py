@@ -29,12 +29,12 @@ def classes_json(references: Sequence[Reference], homology: Homology) -> list[di
 
 def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[str, Any]:
     """Count open passages, and list those on no reference, narrowest first, lengths [m]."""
-    passages, collision = tree.passages, tree.space.collision
-    crossed = [passages.crossed(reference.trajectory.points) for reference in references]
-    unused = ~np.any([np.zeros(passages.count, dtype=bool), *crossed], axis=0)
+    passages, collision, unused = tree.passages, tree.space.collision, set(range(tree.passages.count))
+    for reference in references:
+        unused -= {*np.flatnonzero(passages.crossed(reference.trajectory.points)).tolist()}
     found = [
         {"at": passages.place[k].tolist(), "width": float(passages.width[k]), "between": passages.between(k, collision)}
-        for k in np.flatnonzero(unused).tolist()
+        for k in sorted(unused)
     ]
     return {"open": passages.count, "unused": found}
 
@@ -101,23 +101,20 @@ def estimate_json(
     truth: Truth | None = None, collisions: Sequence[CollisionProbability | None] = (),
 ) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `estimate`; null where every sample died. With a truth also that and the errors."""
-
-    def each(**figures: Callable[[Estimate], Any]) -> dict[str, list[Any]]:
-        return {name: [None if e is None else of(e) for e in estimates] for name, of in figures.items()}
-
     exact: dict[str, Any] = {}
+    figures: dict[str, Callable[[Estimate], Any]] = {}
     if truth is not None:
         exact["truth"] = {"value": truth.value, "control": truth.control.tolist()}
-        exact |= each(value_error=lambda e: truth.errors(e)[0], control_error=lambda e: truth.errors(e)[1])
+        figures |= {"value_error": lambda e: truth.errors(e)[0], "control_error": lambda e: truth.errors(e)[1]}
     names = ("value", "ess", "doubtful", "class_weights", "class_ess", "proposal_weights")
-    found = each(
-        **{name: attrgetter(name) for name in names},
-        control=lambda e: e.control.tolist(),
-        value_stderr=attrgetter("value_error"),
-        control_stderr=lambda e: e.control_error.tolist(),
-        tail=lambda e: None if np.isnan(e.tail) else e.tail,
-        samples=lambda e: sum(part.size for part in e.parts),
-    )
+    figures |= {name: attrgetter(name) for name in names} | {
+        "control": lambda e: e.control.tolist(),
+        "value_stderr": attrgetter("value_error"),
+        "control_stderr": lambda e: e.control_error.tolist(),
+        "tail": lambda e: None if np.isnan(e.tail) else e.tail,
+        "samples": lambda e: sum(part.size for part in e.parts),
+    }
+    found = {name: [None if e is None else of(e) for e in estimates] for name, of in figures.items()}
     risks = {"collision_probability": [None if one is None else one._asdict() for one in collisions]}
     return {**exact, **found, **risks, **_windings_json(scenario, references)}
 

@@ -67,7 +67,7 @@ def demo_sentences(little: dict[str, Any], much: dict[str, Any]) -> list[str]:
     ]
 
 
-def compile_ahead(arguments: argparse.Namespace) -> int:
+def warm(arguments: argparse.Namespace) -> int:
     """Compile kernels that later commands need of robots."""
     scene, where = ("crossing", "among moving obstacles") if arguments.moving else ("slit", "in static scenes")
     for name in arguments.robots or robot_names():
@@ -153,11 +153,9 @@ def import_world(arguments: argparse.Namespace) -> int:
     from sim.importing import scene_file
     from sim.importing.sdf_files import folders_of
 
-    names = ("start", "goal", "workspace", "unknown", "motion", "number", "decompose")
-    imported = scene_file.import_world(
-        arguments.world, arguments.output, **{name: getattr(arguments, name) for name in names},
-        models=[*(arguments.models or ()), *folders_of(os.environ)], without=arguments.without or (),
-    )  # fmt: skip
+    words = {name: value for name, value in vars(arguments).items() if name not in ("command", "world", "output")}
+    words |= {"models": [*(arguments.models or ()), *folders_of(os.environ)], "without": arguments.without or ()}
+    imported = scene_file.import_world(arguments.world, arguments.output, **words)
     moving = f", and {counted(imported.movers, 'moving obstacle')}" if imported.movers else ""
     print(f"{path_text(imported.path)}: {imported.geoms} geoms, {imported.obstacles} of them obstacles{moving}")
     for note in imported.notes:
@@ -179,16 +177,8 @@ def export(arguments: argparse.Namespace) -> int:
     return 0
 
 
+PLANS = (plan_command.plan, plan_command.estimate, run_command.run, run_command.play)
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
-    "demo": demo,
-    "scenes": scenes,
-    "plan": plan_command.plan,
-    "run": run_command.run,
-    "play": run_command.play,
-    "warm": compile_ahead,
-    "estimate": plan_command.estimate,
-    "sweep": sweep,
-    "report": report,
+    **{command.__name__: command for command in (*PLANS, demo, scenes, warm, sweep, report, export)},
     "import": import_world,
-    "export": export,
 }

@@ -90,9 +90,6 @@ def _any_name_prints() -> None:
 @contextmanager
 def unwinding() -> Iterator[None]:
     """SIGTERM and SIGHUP unwind as Ctrl-C does; whoever ignores or heeds them already goes on doing so."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
 
     def stop(number: int, _: FrameType | None) -> None:
         patches = sys.modules.get("pirrht.jit.patches")
@@ -101,7 +98,8 @@ def unwinding() -> Iterator[None]:
             raise KeyboardInterrupt if number == signal.SIGINT else Stopped(BY_SIGNAL + number)
 
     before = {number: signal.getsignal(number) for name in WORDS if (number := getattr(signal, name, None))}
-    mine = {n: old for n, old in before.items() if old in (signal.SIG_DFL, signal.default_int_handler)}
+    main, plain = threading.current_thread() is threading.main_thread(), (signal.SIG_DFL, signal.default_int_handler)
+    mine = {number: old for number, old in before.items() if main and old in plain}  # other threads set none
     for number in mine:
         signal.signal(number, stop)
     try:
