@@ -176,6 +176,45 @@ def test_estimate_reports_what_its_standard_errors_do_not_know(capsys):
         assert line in lines
 
 
+@pytest.mark.parametrize(("scene", "robot"), [("clutter", "unicycle"), ("crossing", "puck")])
+def test_plan_run_and_estimate_report_the_same_classes(figures, scene, robot, tmp_path):
+    """Nightly tests have the other robots."""
+    record, words = tmp_path / "run.rrd", [scene, "--vertices", "200"]
+    _, plan = figures("plan", *words)
+    words += ["--samples", "20"]
+    _, run = figures("run", *words, "--max-time", "0.2", "--record", str(record))
+    assert plan["robot"] == run["robot"] == robot
+    assert (run["outcome"], run["fallbacks"]) == ("timeout", 0)
+    assert [one["id"] for one in plan["classes"]] == [one["id"] for one in run["classes"]]
+    assert figures("estimate", *words, "--at", "1", "2.5")[1]["value"][0] > 0.0
+    assert record.stat().st_size > 1000
+
+
+def test_the_law_of_the_grid_drives_a_run_with_its_exact_value(figures, tmp_path):
+    record = tmp_path / "run.rrd"
+    status, run = figures("run", "slit", "--method", "optimal", "--noise", "0.3", "--record", str(record))
+    assert record.stat().st_size > 0
+    assert status == (0 if run["outcome"] == "goal" else 1)
+    assert run["value_estimate"] == pytest.approx(9.535, abs=0.002)
+    assert (run["method"], run["fallbacks"], run["class_switches"]) == ("optimal", 0, 0)
+
+
+def test_truth_adds_the_exact_value_control_and_errors(figures, capsys):
+    words = "estimate slit --noise 0.3 --at 2.2 2.6 --repeat 2 --vertices 300 --truth"
+    _, found = figures(*words.split())
+    assert found["truth"]["value"] == pytest.approx(7.479, abs=0.002)
+    assert found["truth"]["control"] == pytest.approx([0.7695, 0.1987], abs=0.002)
+    assert found["value_error"] == pytest.approx(np.subtract(found["value"], found["truth"]["value"]))
+    off = np.linalg.norm(np.subtract(found["control"], found["truth"]["control"]), axis=1)
+    assert found["control_error"] == pytest.approx(off)
+    assert "truth" in capsys.readouterr().out
+
+
+def test_warm_compiles_kernels_of_a_robot(capsys):
+    assert main(["warm", "puck"]) == 0
+    assert "puck: kernels for runs in static scenes are compiled" in capsys.readouterr().out
+
+
 def test_without_a_package_of_the_simulation_a_command_names_the_one_that_installs_it(monkeypatch, capsys):
     real = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))

@@ -8,9 +8,10 @@ import pytest
 
 from pirrht.errors import NoReference, OptionError
 from sim import tree_file
+from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
-from sim.scenario import Scenario, prepare
+from sim.scenario import prepare
 from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
 from sim.scenario.risk import predicted
 from sim.scenario.scenario import WIDER
@@ -68,28 +69,18 @@ NARROW = 1e-3  # less than any path past a wall winds
 LOW = 0.5  # less than the shortest path past a hook winds
 
 
-def narrow() -> Scenario:
+def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal_unless_one_was_given(tmp_path):
     """`slit` for a robot of which no class is within its own limit."""
     scenario = prepare("slit", given={"vertices": 300})
-    system = replace(scenario.system, defaults={**scenario.system.defaults, "limit": NARROW})
-    return replace(scenario, system=system, settings=replace(scenario.settings, limit=NARROW))
-
-
-def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goal(tmp_path):
-    scenario = narrow()
+    scenario = replace(scenario, settings=replace(scenario.settings, limit=NARROW))
     tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
     assert tree.limit == WIDER[0]
     assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
     tree_file.save(tree, tmp_path / "tree")
     assert tree_file.load(tmp_path / "tree", scenario.space, scenario.steering()).limit == WIDER[0]
-
-
-def test_a_limit_that_was_asked_for_stays():
-    scenario = narrow().with_settings(limit=2.0 * NARROW)
-    tree = scenario.grown_tree()
-    assert tree.limit == 2.0 * NARROW
+    asked = scenario.with_settings(limit=2.0 * NARROW)
     with pytest.raises(NoReference, match=r"<= 0\.002"):
-        scenario.references(tree)
+        asked.references(asked.grown_tree())
 
 
 def test_a_limit_that_leaves_out_the_short_path_out_of_a_pocket_is_widened(tmp_path):
@@ -128,6 +119,13 @@ def test_lengths_never_rise_and_approach_the_exact_ones_and_watching_does_not_ch
     unwatched.grow(600)
     assert np.array_equal(unwatched.states[:600], tree.states[:600])
     assert (convergence["vertices"][-1], convergence["iterations"][-1]) == (600, tree.draws)
+
+
+def test_a_tree_stops_growing_when_it_fills_the_memory(slit, monkeypatch):
+    monkeypatch.setattr(episode, "MOST_VERTICES", 100)
+    scenario = slit.with_settings(vertices=50, samples=20, grow=40, max_time=0.03)
+    frames = list(scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())))
+    assert [frame.vertices for frame in frames] == [50, 90, 100]
 
 
 # -- a risk -------------------------------------------------------------------------------------------------------
