@@ -22,7 +22,7 @@ from scipy.interpolate import CubicHermiteSpline
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.importing.solids import Solid, World, distinct, text, transform
-from sim.mjcf.library import FARTHEST, FINEST, content_of, listed
+from sim.mjcf.library import FARTHEST, FINEST, content_of, listed, refused
 
 SUFFIXES = (".json",)
 FORM = '{"0": {"obstacles": [{"name": "a", "radius": 0.5, "keys": [[0, x, y], [t, x, y]]}]}}'
@@ -40,7 +40,11 @@ SPARE = 2e-4  # of the deviation is kept for what happens between those moments 
 
 def read(source: Path, number: str | None = None) -> World:
     """Read the cylinders of one world of a file, of its only one if none is named, and the arena."""
-    worlds = _worlds(source)
+    must = f"give a file like {FORM}; if it is a world or a map, leave out --motion"
+    with refused(f"{source}: this is no JSON (", f"); {must}", ValueError, RecursionError):  # or no UTF-8
+        worlds = json.loads(content_of(source, "the JSON file of a set of motions"))
+    if not isinstance(worlds, dict) or not worlds:
+        raise SceneError(f"{source}: it holds no worlds by number; write {FORM}")
     number = next(iter(worlds)) if number is None and len(worlds) == 1 else number
     if number is None or number not in worlds:
         why = "holds several worlds" if number is None else f"has no world {number}"
@@ -68,18 +72,6 @@ def read(source: Path, number: str | None = None) -> World:
         solids=walls, ground=np.array(ARENA), options=OPTIONS, start=START, goal=GOAL, custom=tuple(motions),
         bodies=tuple(bodies),
     )  # fmt: skip
-
-
-def _worlds(source: Path) -> dict[str, Any]:
-    try:
-        worlds = json.loads(content_of(source, "the JSON file of a set of motions"))
-    except (ValueError, RecursionError) as error:  # ValueError: no JSON, or no UTF-8
-        reason = " ".join(str(error).split())
-        must = f"give a file like {FORM}; if it is a world or a map, leave out --motion"
-        raise SceneError(f"{source}: this is no JSON ({reason}); {must}") from None
-    if not isinstance(worlds, dict) or not worlds:
-        raise SceneError(f"{source}: it holds no worlds by number; write {FORM}")
-    return worlds
 
 
 def _cylinder(where: str, obstacle: Any) -> tuple[str, float, Array]:

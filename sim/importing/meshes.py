@@ -25,7 +25,7 @@ from pirrht.arrays import Array, IntArray
 from pirrht.errors import OptionError, SceneError
 from sim.importing.sdf_files import parse
 from sim.importing.solids import FLAT, World, part_solid
-from sim.mjcf.library import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of
+from sim.mjcf.library import FARTHEST, MOST_ELEMENTS, MOST_TRIANGLES, content_of, refused
 
 SUFFIXES = (".dae", ".obj", ".stl")
 CONCAVE = 0.03  # how deep the surface of a convex part may lie inside its hull [m]
@@ -54,10 +54,8 @@ def _by_coacd(source: Path) -> list[Array]:
         ) from None
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
     coacd.set_log_level("error")
-    try:
+    with refused(f"{source}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++
         found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
-    except Exception as error:  # of a library in C++
-        raise SceneError(f"{source}: CoACD finds no convex parts ({' '.join(str(error).split())})") from None
     return [np.asarray(corners, dtype=float) for corners, _ in found]
 
 
@@ -91,12 +89,8 @@ def _read(path: Path) -> Array:
     if suffix not in SUFFIXES:
         raise SceneError(f"{path}: meshes are read from {', '.join(SUFFIXES)}; convert it")
     data = content_of(path, "a mesh")
-    try:
-        mesh = trimesh.load_mesh(BytesIO(data), file_type=suffix[1:], process=False)
-        return np.array(mesh.triangles, dtype=float)
-    except Exception as error:  # whatever readers of meshes raise for what is none
-        reason = " ".join(str(error).split())[:100]
-        raise SceneError(f"{path}: this is no mesh of triangles ({reason}); export it again") from None
+    with refused(f"{path}: this is no mesh of triangles (", "); export it again", Exception, most=100):
+        return np.array(trimesh.load_mesh(BytesIO(data), file_type=suffix[1:], process=False).triangles, dtype=float)
 
 
 def _convex(piece: Array) -> Iterator[tuple[Array, float]]:
@@ -185,23 +179,20 @@ def _indexed(triangles: Array) -> IntArray:
 
 def read_collada(path: Path) -> Array:
     """Read the corners of all triangles, (t, 3, 3) [m]."""
-    try:
+    begin, wrong = f"{path}: this is no COLLADA file of triangles (", (ValueError, LookupError, OverflowError)
+    with refused(begin, "); export it again", *wrong, AttributeError, most=100):
         root = parse(path, "a COLLADA file")
         for element in root.iter():
             element.tag = element.tag.rpartition("}")[2]
         unit = float(getattr(root.find("asset/unit"), "attrib", {}).get("meter", 1.0))
         return unit * np.concatenate([np.empty((0, 3, 3)), *_placed(root)])
-    except (ValueError, LookupError, OverflowError, AttributeError) as error:
-        reason = " ".join(str(error).split())[:100]
-        raise SceneError(f"{path}: this is no COLLADA file of triangles ({reason}); export it again") from None
 
 
 def _placed(root: ET.Element) -> Iterator[Array]:
     """Yield the triangles of each instance of a geometry, (t, 3, 3) [units of the file]."""
     ids = {f"#{element.get('id')}": element for element in root.iter() if element.get("id")}
-    points = cache(lambda block: _numbers(block.findtext("float_array")).reshape(-1, _stride(block))[:, :3])
+    points, elements, triangles = cache(_points), 0, 0
     shape = cache(lambda geometry: np.concatenate([np.empty((0, 3, 3)), *_polygons(geometry, ids, points)]))
-    elements = triangles = 0
     scene = root.findall("scene/instance_visual_scene")[:1] or root.findall("library_geometries/geometry")[::-1]
     todo = [(element, np.eye(4)) for element in scene]
     while todo:
@@ -237,9 +228,9 @@ def _polygons(geometry: ET.Element, ids: dict[Any, Any], points: Callable[[ET.El
             raise ValueError(f"<{part.tag}> is not read; write <triangles>, <polylist> or <polygons>")
 
 
-def _stride(block: ET.Element) -> int:
-    accessor = block.find("technique_common/accessor")
-    return 3 if accessor is None else int(accessor.get("stride", 3))
+def _points(block: ET.Element) -> Array:
+    stride = int(getattr(block.find("technique_common/accessor"), "attrib", {}).get("stride", 3))
+    return _numbers(block.findtext("float_array")).reshape(-1, stride)[:, :3]
 
 
 def _matrix(part: ET.Element) -> Array:

@@ -10,7 +10,6 @@ scale map, which count as unknown here. In the mode raw the pixel is the chance 
 
 import os
 import reprlib
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
@@ -24,7 +23,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
 from sim.files import why_unreadable
 from sim.importing.solids import Solid, World, transform
-from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of
+from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of, refused
 
 UNKNOWN = ("occupied", "free")
 MODES = ("trinary", "scale", "raw")
@@ -106,12 +105,11 @@ def _values(path: Path) -> dict[str, Any]:
         import yaml
     except ImportError:
         raise OptionError(_EXTRA) from None
-    try:
-        content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
-    except RecursionError:
-        raise SceneError(f"{path}: not YAML: it is nested too deeply; fix it there") from None
-    except (yaml.YAMLError, ValueError) as error:  # of dates and of bytes that are no UTF-8
-        raise SceneError(f"{path}: not YAML: {' '.join(str(error).split())}; fix it there") from None
+    with refused(f"{path}: not YAML: ", "; fix it there", yaml.YAMLError, ValueError):  # of dates and bytes
+        try:
+            content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
+        except RecursionError:
+            raise ValueError("it is nested too deeply") from None
     if not isinstance(content, dict):
         raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
     values = {}
@@ -176,21 +174,19 @@ def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]
         from PIL import Image
     except ImportError:
         raise OptionError(_EXTRA) from None
-    try:
+    large, wrong = f"{path}: image {file} is too large (", f"{path}: image {file} cannot be read ("
+    most = f"a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
+    with (
+        refused(large, f"); {most}", Image.DecompressionBombError),
+        refused(wrong, ")", OSError, ValueError, SyntaxError),
+    ):
         if (why := why_unreadable(file)) is not None:
             raise OSError(f"it {why}")
-        with warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning):
-            picture = Image.open(file)
-        with picture as image:
+        with Image.open(file) as image:
             if image.width * image.height > MOST_PIXELS:
                 raise Image.DecompressionBombError(f"{image.width} x {image.height} pixels")
             if image.mode.startswith("I"):  # 16 bits
                 whole = np.asarray(image).astype(np.uint16)
                 return whole, 65535, np.zeros(whole.shape, np.bool_)
             pixels = np.asarray(image.convert("RGBA"))
-    except Image.DecompressionBombError as error:
-        most = f"a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
-        raise SceneError(f"{path}: image {file} is too large ({error}); {most}") from None
-    except (OSError, ValueError, SyntaxError) as error:
-        raise SceneError(f"{path}: image {file} cannot be read ({' '.join(str(error).split())})") from None
     return pixels[..., :3].sum(axis=2, dtype=np.uint16), 3 * 255, pixels[..., 3] < 255

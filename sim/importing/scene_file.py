@@ -54,22 +54,20 @@ def import_world(
     """Write the obstacles of an SDF world as a scene for the unicycle, or the walls of a ROS map for the rover.
 
     Args:
-        source: an SDF file with one world or with models, the YAML file of a map, a mesh, or a file of motions
-            (`sim.importing.dynabarn`).
+        source: an SDF file with one world or with models, the YAML file of a map, a mesh, or a file of motions.
         target: the MJCF file to write; replaced in one go if it exists.
         start: x, y [m] and optionally the heading [rad].
         goal: x, y, radius [m].
         workspace: x0, x1, y0, y1, the box that holds the robot's centre [m].
         unknown: whether cells of a map that are unknown are "occupied" (default) or "free".
-        motion: it is a file of motions, whatever its name ends in.
-        number: which of its worlds.
+        motion, number: it is a file of motions, whatever its name ends in, and which of its worlds.
         decompose: it is a mesh, of which convex parts are made.
         models: folders where models and meshes of an SDF world are searched for, before those around the file.
         without: names of models of an SDF world to leave out, like the robot.
 
     Raises:
-        SceneError: the world has something that cannot be taken over, start, goal or workspace are missing or
-            do not fit, or the target cannot be written. The target is then as it was.
+        SceneError: something cannot be taken over, start, goal or workspace are missing or do not fit, or the target
+            cannot be written. It is then as it was.
     """
     source, target = Path(source), Path(target)
     kind = next((kind for kind, suffixes in _SUFFIXES.items() if source.suffix.lower() in suffixes), "world")

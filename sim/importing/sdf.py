@@ -77,7 +77,7 @@ class Frames:
         self.root, self._path = root, path
         self._parents = {part: parent for parent in root.iter() for part in parent}
         self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
-        self._named: dict[ET.Element, dict[str, ET.Element]] = {}
+        self.named = cache(self._named)
         state = root.find("state")
         for change in ("insertions", "deletions"):
             if state is not None and len(state.findall(f"{change}/*")):
@@ -98,16 +98,15 @@ class Frames:
         """Whether a model, or one that it is in, is said to stay."""
         return model is not self.root and (is_true(model.findtext("static")) or self.static(self._parents[model]))
 
-    def named(self, scope: ET.Element) -> dict[str, ET.Element]:
+    def _named(self, scope: ET.Element) -> dict[str, ET.Element]:
         """Return the models, links and frames declared in a world or model, whose names must differ."""
-        if scope not in self._named:
-            found = self._named[scope] = {}
-            for part in (part for part in scope if part.tag in ("model", "link", "frame")):
-                name = part.get("name")
-                if not name or name in found:
-                    self.refuse(part, 'it needs a name of its own; write name="..."')
-                found[name] = part
-        return self._named[scope]
+        found: dict[str, ET.Element] = {}
+        for part in (part for part in scope if part.tag in ("model", "link", "frame")):
+            name = part.get("name")
+            if not name or name in found:
+                self.refuse(part, 'it needs a name of its own; write name="..."')
+            found[name] = part
+        return found
 
     def pose(self, element: ET.Element) -> Array:
         """Return where an element is in the world, (4, 4)."""
@@ -161,7 +160,6 @@ class Frames:
         return state
 
     def _matrix(self, pose: ET.Element, element: ET.Element) -> Array:
-        """Read the pose element of another element, (4, 4)."""
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         text = (pose.text or "").strip() or ("0 0 0 0 0 0 1" if quaternion else "0 0 0 0 0 0")
         values = numbers(text, 7 if quaternion else 6)
@@ -178,7 +176,6 @@ class _Reader(Frames):
         self._noted: dict[str, dict[str, float]] = defaultdict(dict)  # names by note
 
     def world(self) -> World:
-        """Take over all models."""
         solids: list[Solid] = []
         grounds: list[Array] = []
         for model in self._models(self.root):

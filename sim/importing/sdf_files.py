@@ -18,7 +18,8 @@ from defusedxml.common import DTDForbidden
 from defusedxml.ElementTree import fromstring
 
 from pirrht.errors import SceneError
-from sim.mjcf.library import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of
+from sim.importing.solids import distinct
+from sim.mjcf.library import MOST_ELEMENTS, MOST_LEVELS, MOST_NESTED, content_of, refused
 
 VARIABLES = ("GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 _FUEL = re.compile(r".*?/models/([^/]+)(?:/(?:[0-9]+|tip))?(?:/files)?(/.*)?", re.DOTALL)  # version, folders
@@ -34,13 +35,12 @@ def folders_of(environment: Mapping[str, str]) -> list[Path]:
 
 def parse(path: Path, what: str) -> ET.Element:
     """Read the root element of an XML file of bearable size, without document types."""
-    data = content_of(path, what)
-    try:
-        root: ET.Element = fromstring(data, forbid_dtd=True)
-    except DTDForbidden as error:
-        raise SceneError(f"{path}: <!DOCTYPE {error.name}> could declare entities; remove that declaration") from None
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise SceneError(f"{path}: not XML: {error}; correct it there") from None
+    with refused(f"{path}: not XML: ", "; correct it there", ET.ParseError, ValueError, LookupError):
+        try:
+            root: ET.Element = fromstring(content_of(path, what), forbid_dtd=True)
+        except DTDForbidden as error:
+            must = "could declare entities; remove that declaration"
+            raise SceneError(f"{path}: <!DOCTYPE {error.name}> {must}") from None
     level = [root]
     for _ in range(MOST_LEVELS):  # a copy of many thousands exhausts the stack
         level = [part for element in level for part in element]
@@ -83,15 +83,12 @@ class _Includes:
             found = next((path for path in self._find(text, file) if path.is_file()), None)
             uri.text = str(found or self._missing(text, file))
         for parent in list(element.iter()):
-            includes = {index: part for index, part in enumerate(parent) if part.tag == "include"}
-            taken = {part.get("name") for part in parent if part.tag != "include"}
-            for index, include in includes.items():
-                parent[index] = part = self._included(include, file)
-                name, count = part.get("name", ""), 0
-                while part.get("name") in taken:  # names that are taken get a number, as Gazebo gives them
-                    part.set("name", f"{name}_{count}")
-                    count += 1
-                taken.add(part.get("name"))
+            models = {index: self._included(part, file) for index, part in enumerate(parent) if part.tag == "include"}
+            taken = [part.get("name", "") for part in parent if part.tag != "include"]
+            names = distinct((model.get("name", "") for model in models.values()), taken, "_", 0)  # as Gazebo does
+            for (index, model), name in zip(models.items(), names, strict=True):
+                model.set("name", name)
+                parent[index] = model
 
     def _included(self, include: ET.Element, file: Path) -> ET.Element:
         """Return a copy of the model that an include names, with the properties that the include gives it."""

@@ -1,8 +1,8 @@
 """What importers read: solids in the world, the ground, and notes and options for a scene made of them."""
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import product
+from itertools import chain, count, product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -80,14 +80,11 @@ def transform(values: Array, *, degrees: bool = False) -> Array:
     return matrix
 
 
-def distinct(names: Iterable[str], taken: Collection[str]) -> Iterator[str]:
+def distinct(names: Iterable[str], taken: Iterable[str], mark: str = " ", first: int = 2) -> Iterator[str]:
     """Yield names, each with a number where it is taken."""
     seen = set(taken)
     for name in names:
-        count, own = 1, name
-        while own in seen:
-            count += 1
-            own = f"{name} {count}"
+        own = next(own for own in chain([name], (f"{name}{mark}{k}" for k in count(first))) if own not in seen)
         seen.add(own)
         yield own
 

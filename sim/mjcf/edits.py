@@ -91,7 +91,6 @@ def loosen(spec: mujoco.MjSpec) -> None:
 
 
 def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
-    """Give a geom of the worldbody a mocap body where it is."""
     body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
     own = body.add_geom(**{attribute: getattr(geom, attribute) for attribute in _KEPT})
     for turn in _TURNS:

@@ -42,7 +42,7 @@ _NAMED = re.compile(
     rb"""\b(file\w*|count|dim|nrow|ncol|width|height|meshdir|texturedir|assetdir)\s*=\s*(?:"([^"]*)"|'([^']*)')"""
 )
 _PART = re.compile(rb"<!--.*?(?:-->|\Z)|<(body|geom|site)\b", re.DOTALL)  # and comments, which hold none
-_READ = "read"
+_READ, _FOREIGN = "read", (ValueError, RuntimeError, mujoco.FatalError)  # what MuJoCo raises
 T = TypeVar("T")
 mujoco.set_mju_user_warning(lambda text: None)  # without, it leaves a MUJOCO_LOG.TXT in the current folder
 
@@ -110,7 +110,7 @@ def _tried(path: Path, *_: int) -> None:
 
 def _read(path: Path) -> mujoco.MjSpec:
     """The spec of a file, without what it says of the sizes of memory: MuJoCo knows them itself."""
-    with _refused(f"{path}: not MJCF: ", "; correct the XML there"):
+    with refused(f"{path}: not MJCF: ", "; correct the XML there", *_FOREIGN):
         spec = mujoco.MjSpec.from_file(str(path))
     spec.nkey = spec.nuserdata = 0
     for name in dir(spec):
@@ -132,18 +132,18 @@ def delete(spec: mujoco.MjSpec, *groups: Iterable[object]) -> None:
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The compiled model; SceneError names the file that is to blame."""
-    with _refused(f"{path}: MuJoCo cannot compile it: ", "; correct that element"):
+    with refused(f"{path}: MuJoCo cannot compile it: ", "; correct that element", *_FOREIGN):
         return spec.compile()
 
 
 @contextmanager
-def _refused(begin: str, end: str) -> Iterator[None]:
-    """Make an error of MuJoCo a SceneError in one line; its warnings are of deprecated attributes, a line each."""
+def refused(begin: str, end: str, *errors: type[Exception], most: int | None = None) -> Iterator[None]:
+    """Make errors of these kinds, `most` characters of them, a SceneError in one line between two texts."""
     try:
-        with warnings.catch_warnings(action="ignore", category=UserWarning):
+        with warnings.catch_warnings(action="ignore"):  # as MuJoCo's of deprecated attributes
             yield
-    except (ValueError, RuntimeError, mujoco.FatalError) as error:
-        raise SceneError(begin + " ".join(str(error).split()) + end) from None
+    except errors as error:
+        raise SceneError(begin + " ".join(str(error).split())[:most] + end) from None
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:

@@ -24,7 +24,7 @@ from pirrht.geometry.scene import ROUNDING, Goal, Scene
 from sim.mjcf import obstacles
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.edits import freeze, leave_out, loosen
-from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, robot_names
+from sim.mjcf.library import Faults, compile_spec, delete, find, listed, parse, prefixed, refused, robot_names
 from sim.mjcf.obstacles import MOTION, Mask, geom_label, site_of
 from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
@@ -186,10 +186,8 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
         label, values = f'custom numeric "{name}"', list(numerics[name].data)
         if len(values) != 1 or isnan(values[0]):
             raise SceneError(f"{label} is {values}; write one finite number")
-        try:
+        with refused("", "", OptionError):
             NUMERICS[options[name]].check(float(values[0]), label)
-        except OptionError as error:
-            raise SceneError(str(error)) from None
         defaults[options[name]] = float(values[0])
     return about, robot or DEFAULT, defaults
 
@@ -224,7 +222,6 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
 
 
 def _check_start(model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str]) -> None:
-    """Refuse a robot that touches an obstacle where it starts."""
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]

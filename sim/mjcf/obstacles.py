@@ -17,7 +17,7 @@ from pirrht.errors import SceneError
 from pirrht.geometry.obstacle import Motion, Mover, about_vertical
 from pirrht.geometry.scene import Kind, Obstacle, Scene
 from sim.mjcf.coordinates import GROUND, heading_of
-from sim.mjcf.library import FARTHEST, Faults, listed, prefixed, refuse_far
+from sim.mjcf.library import FARTHEST, Faults, listed, prefixed, refuse_far, refused
 
 Mask = NDArray[np.bool_]
 Faces = NDArray[np.int64]
@@ -107,7 +107,6 @@ def _refuse_turns(model: mujoco.MjModel) -> None:
 
 
 def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
-    """Refuse what deforms, and bodies with joints."""
     if model.nflex:
         name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, 0)
         raise SceneError(f'flex "{name}" deforms; obstacles must be static: remove it')
@@ -239,10 +238,8 @@ def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion
     if data.size % 4 or not (data.any() or data.size == 4):
         zeros = "" if data.any() else " that are all 0"
         raise SceneError(f"{label} is of {data.size} numbers{zeros}; write {ROWS}")
-    try:
+    with refused(f"{label}: ", f"; write {ROWS}, in order", SceneError):
         motion = Motion(rows=data.reshape(-1, 4), repeat=repeat)
-    except SceneError as error:
-        raise SceneError(f"{label}: {error}; write {ROWS}, in order") from None
     refuse_far(label, motion.rows)
     return motion
 
