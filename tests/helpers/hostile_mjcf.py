@@ -14,11 +14,6 @@ BOX = 'type="box" size="0.1 2 1" pos="5 5 0"'
 POINTS = "0 0 0 1 0 0 0 1 0 0 0 1"
 
 
-def sparse(path: Path) -> None:
-    with path.open("wb") as stream:
-        stream.truncate(2**40)
-
-
 def png(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR" + struct.pack(">II", width, height) + b"\x08\x02\0\0\0\0\0\0\0"
 
@@ -30,11 +25,6 @@ def stl(value: float) -> bytes:
     return b"\0" * 80 + struct.pack("<I", len(faces)) + body
 
 
-def link_to_pipe(path: Path) -> None:
-    os.mkfifo(pipe := path.with_name(f"{path.name}.pipe"))
-    path.symlink_to(pipe)
-
-
 def some_file(folder: Path, rng: Random, suffix: str) -> str:
     """The name of a new file, pipe, link or folder with bad properties, or of none."""
     contents: tuple[bytes, ...] = (
@@ -44,8 +34,10 @@ def some_file(folder: Path, rng: Random, suffix: str) -> str:
         b'<mujoco><worldbody><geom size="nan"/></worldbody></mujoco>',
     )
     makers: tuple[Callable[[Path], object], ...] = (
-        *(os.mkfifo, Path.mkdir, sparse, lambda path: None, link_to_pipe, lambda path: path.symlink_to(path)),
+        *(os.mkfifo, Path.mkdir, lambda path: None, lambda path: path.symlink_to(path)),
         *(lambda path: path.symlink_to("/dev/zero"), lambda path: path.symlink_to("/dev/stdin")),
+        lambda path: (path.touch(), os.truncate(path, 2**40)),
+        lambda path: (os.mkfifo(f"{path}.pipe"), path.symlink_to(f"{path}.pipe")),
         lambda path: path.write_text(f'<mujoco><include file="{path.name}"/></mujoco>'),
     )
     path = folder / f"part{len(os.listdir(folder))}{suffix}"

@@ -1,11 +1,11 @@
 """The long tests of integration/test_endings.py."""
 
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
-import odd_files
 import pytest
 from repository import environment
 from thoroughly import first
@@ -87,7 +87,8 @@ def test_an_output_that_takes_no_more_costs_one_line_at_most(tmp_path: Path, unb
 def test_what_has_no_end_or_no_name_is_refused_at_once(tmp_path: Path, monkeypatch, capsys, typed: str, kind: str):
     monkeypatch.chdir(tmp_path)
     file = tmp_path / {"long name": "x" * 300 + ".xml", "no text": "\udcff.xml"}.get(kind, "file.xml")
-    odd_files.put(kind, file)
+    odd = {"pipe": os.mkfifo, "folder": Path.mkdir, "device": lambda file: file.symlink_to("/dev/zero")}
+    odd.get(kind, str)(file)
     if kind in ("no text", "secret"):
         file.write_text("<mujoco/>")
     if kind == "secret":

@@ -48,14 +48,6 @@ def test_coacd_itself_parts_a_mesh(ring, tmp_path):
     assert load(imported.path).notes == ()
 
 
-def test_a_mesh_without_the_switch_and_the_switch_without_a_mesh_are_refused(angle, tmp_path):
-    with pytest.raises(OptionError, match="add --decompose"):
-        import_world(angle, tmp_path / "scene.xml", **TASK)
-    (tmp_path / "hall.sdf").write_text("<sdf/>")
-    with pytest.raises(OptionError, match="is for meshes"):
-        import_world(tmp_path / "hall.sdf", tmp_path / "scene.xml", decompose=True, **TASK)
-
-
 def test_without_coacd_the_extra_is_named(ring, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "coacd", None)
     with pytest.raises(OptionError, match=r"pip install 'pirrht\[decompose\]'"):

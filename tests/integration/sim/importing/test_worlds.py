@@ -8,47 +8,36 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from sdf_samples import BALL, PLANE, TASK, ball, collision, link, model, places, refused, sdf
+from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, model, places, refused, sdf
 
 from pirrht.errors import SceneError
 from sim.cli import main
-from sim.importing.scene_file import Imported, import_world
+from sim.importing.scene_file import import_world
 from sim.mjcf import load
 
 
 @pytest.fixture
 def run(tmp_path: Path):
-    def run(world: str, **more) -> Imported:
-        source = tmp_path / "worlds" / "maze.world"
-        source.parent.mkdir(exist_ok=True)
-        source.write_text(sdf(world))
-        return import_world(source, tmp_path / "maze.xml", **(TASK | more))
-
-    return run
+    (tmp_path / "worlds").mkdir()
+    return lambda world, **task: imported(tmp_path / "worlds", sdf(world), **task)
 
 
 def test_shapes_have_their_sizes_and_the_scene_its_defaults(run):
     shapes = {
-        "box": "<box><size>1 2 3</size></box>",
-        "drum": "<cylinder><radius>0.3</radius><length>1</length></cylinder>",
-        "ball": "<sphere><radius>0.4</radius></sphere>",
-        "log": "<capsule><radius>0.2</radius><length>1</length></capsule>",
-        "egg": "<ellipsoid><radii>0.3 0.4 0.5</radii></ellipsoid>",
+        "box": ("<box><size>1 2 3</size></box>", ("box", 0.5, 1, 1.5)),
+        "drum": ("<cylinder><radius>0.3</radius><length>1</length></cylinder>", ("cylinder", 0.3, 0.5, 0)),
+        "ball": ("<sphere><radius>0.4</radius></sphere>", ("sphere", 0.4, 0, 0)),
+        "log": ("<capsule><radius>0.2</radius><length>1</length></capsule>", ("capsule", 0.2, 0.5, 0)),
+        "egg": ("<ellipsoid><radii>0.3 0.4 0.5</radii></ellipsoid>", ("ellipsoid", 0.3, 0.4, 0.5)),
     }
     world = "".join(
         model(f"<pose>{k + 2} 3 0 0 0 0</pose>" + link(collision(f"<geometry>{g}</geometry>")), name=name)
-        for k, (name, g) in enumerate(shapes.items())
+        for k, (name, (g, _)) in enumerate(shapes.items())
     )
     found = run(world, start=(0, 0, 1.5))
     loaded = load(found.path)
     solids = {o.name: (o.kind.value, *o.size.tolist()) for o in loaded.scene.obstacles}
-    assert solids == {
-        "box": ("box", 0.5, 1, 1.5),
-        "drum": ("cylinder", 0.3, 0.5, 0),
-        "ball": ("sphere", 0.4, 0, 0),
-        "log": ("capsule", 0.2, 0.5, 0),
-        "egg": ("ellipsoid", 0.3, 0.4, 0.5),
-    }
+    assert solids == {name: solid for name, (_, solid) in shapes.items()}
     assert (found.geoms, found.obstacles, loaded.robot) == (5, 5, "unicycle")
     assert {**loaded.scene.defaults, "margin": 0.0} == load("clutter").scene.defaults
     np.testing.assert_allclose(loaded.scene.start, [0, 0, 1.5])
@@ -99,18 +88,14 @@ def test_shapes_of_one_model_get_names_of_their_own(run):
     assert list(found) == ["floor 2", 'a "<b>::l::c', 'a "<b>::l::d']
 
 
-def test_ground_lights_and_what_does_not_collide_are_left_out(run):
-    ground = model(link(collision(PLANE.format(size="10 8"))), name="ground")
+def test_a_modest_ground_is_the_workspace_and_lights_and_what_does_not_collide_are_left_out(run):
+    ground = model("<pose>4 1 0 0 0 0</pose>" + link(collision(PLANE.format(size="12 8"))), name="ground")
     ghost = model(link('<visual name="v">' + BALL + "</visual>"), name="ghost", static="")
     light = '<light name="sun" type="directional"><pose>0 0 10 0 0 0</pose></light>'
-    found = run(ground + ghost + light + ball("<pose>4 2 0 0 0 0</pose>"))
+    found = run(ground + ghost + light + ball("<pose>4 2 0 0 0 0</pose>"), workspace=None)
     assert (found.geoms, found.obstacles) == (1, 1)
     assert list(places(found)) == ["m"]
-
-
-def test_a_ground_plane_with_a_modest_size_is_the_workspace(run):
-    ground = model("<pose>4 1 0 0 0 0</pose>" + link(collision(PLANE.format(size="12 8"))), name="ground")
-    scene = load(run(ground, workspace=None).path).scene
+    scene = load(found.path).scene
     np.testing.assert_allclose([*scene.lower, *scene.upper], [-2, -3, 10, 5])
 
 

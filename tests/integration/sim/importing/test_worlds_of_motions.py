@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sdf_samples import refused
 
-from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind
 from sim.cli import main
 from sim.importing import dynabarn
@@ -160,12 +159,6 @@ def test_what_is_no_world_of_motions_is_refused_and_the_old_scene_stays(run, tmp
     refused(lambda: run(worlds, number), str(tmp_path / "worlds.json"), *words)
     assert target.read_text() == "as it was"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["maze.xml", "worlds.json"]
-
-
-def test_options_of_other_imports_are_refused(run):
-    for name, task, word in (("a.json", {"unknown": "free"}, "--unknown"), ("a.world", {}, "--world")):
-        with pytest.raises(OptionError, match=word):
-            run(name=name, **task)
 
 
 def test_the_command_line_imports_a_world(tmp_path, capsys):

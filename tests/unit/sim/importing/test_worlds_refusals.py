@@ -97,6 +97,23 @@ def test_a_bad_task_is_refused_with_the_option_to_add(task, word, tmp_path):
     assert not list(tmp_path.glob("*.xml"))
 
 
+@pytest.mark.parametrize(
+    ("name", "options", "words"),
+    [
+        ("a.world", {"unknown": "free"}, "--unknown is for maps"),
+        ("a.json", {"unknown": "free"}, "--unknown is for maps"),
+        ("a.world", {"number": "7"}, "--world is for files of motions"),
+        ("a.yaml", {"without": ["robot"]}, "only models of a Gazebo world"),
+        ("a.sdf", {"decompose": True}, "--decompose is for meshes"),
+        ("a.obj", {}, "add --decompose"),
+        ("a.pgm", {}, "a.pgm: a picture tells neither scale nor place; give the map's .yaml"),
+    ],
+)
+def test_options_of_other_kinds_of_files_are_refused(tmp_path, name, options, words):
+    (tmp_path / name).write_text("<sdf/>")
+    refused(lambda: import_world(tmp_path / name, tmp_path / "new.xml", **TASK, **options), words)
+
+
 def test_a_bad_target_or_source_is_refused(tmp_path):
     source, folder = tmp_path / "world.xml", tmp_path / "folder.xml"
     source.write_text(sdf(ball("<pose>4 2 0 0 0 0</pose>")))

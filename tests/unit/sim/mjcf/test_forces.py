@@ -36,11 +36,7 @@ def test_actuators_suit_the_system(tmp_path):
     ("machine", "system", "words"),
     [
         ("puck", "double_integrator", 'actuator "robot/x" is no motor'),
-        (
-            "diffdrive",
-            "second_order_car",
-            "no speed, which is a state of car; states that it can have are x, y, heading",
-        ),
+        ("diffdrive", "second_order_car", "no speed, which is a state of car; states that it can have are x, y, head"),
     ],
 )
 def test_what_a_robot_cannot_do_is_refused_unless_the_plant_is_the_equation(machine, system, words):

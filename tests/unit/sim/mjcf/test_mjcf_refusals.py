@@ -110,11 +110,9 @@ def test_a_bad_robot_is_refused_with_its_file_and_element(write, changes, elemen
         (Path("."), {}, "folder"),
         ("slit", {"robot": "tank"}, "puck"),
         ("slit", {"start": (1.0,)}, "start"),
-        ("slit", {"start": (7.0, 1.0)}, "start"),
         ("slit", {"start": (3.4, 2.8)}, "upper wall"),
         ("slit", {"goal": (5.0, 2.0)}, "radius"),
         ("slit", {"goal": (5.0, 2.0, 0.0)}, "goal radius"),
-        ("slit", {"goal": (5.0, 20.0, 0.3)}, "goal"),
     ],
 )
 def test_a_bad_request_is_refused_in_one_line(scene, options, word):
