@@ -7,13 +7,10 @@ from discs import block, scene_of
 
 from pirrht import FreeSpace
 
-DOORWAY = (  # half a metre wide, into a room whose walls all join
-    (3.1, 2.75, 3.7, 3.9),
-    (3.1, 1.1, 3.7, 2.25),
-    (3.2, 3.8, 5.6, 4.0),
-    (3.2, 1.0, 5.6, 1.2),
-    (5.5, 1.0, 5.7, 4.0),
-)
+# Half a metre wide, into a room whose walls all join
+DOORWAY = (
+    (3.1, 2.75, 3.7, 3.9), (3.1, 1.1, 3.7, 2.25), (3.2, 3.8, 5.6, 4.0), (3.2, 1.0, 5.6, 1.2), (5.5, 1.0, 5.7, 4.0),
+)  # fmt: skip
 
 
 def room(*extents: tuple[float, ...], radius: float = 0.1) -> FreeSpace:
