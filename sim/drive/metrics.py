@@ -37,40 +37,32 @@ STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 
 
 class Length:
-    """The length of a path that goes on, from its start at x (n,)."""
+    """The length of a path that goes on, from its start at x (n,).
+
+    Attributes:
+        noisy: with all its noise [m].
+        total: without it [m]; at least the distance of its ends, at most the noisy length.
+    """
 
     def __init__(self, x: Array) -> None:
-        self._first = self._last = self._begun = (float(x[0]), float(x[1]))  # of the path, so far, of the chord
+        self._first = self._begun = [float(x[0]), float(x[1])]  # of the path, and of the chord
         self._problem: Problem | None = None  # whose noise the last states had
-        self._steps, self._step = 0, 0.0  # of the chord, and their length [s]
-        self._chords = 0.0  # complete ones [m]
-        self.noisy = 0.0  # length of the path with all its noise [m]
+        self._steps, self._chords = 0, 0.0  # of the chord that has begun, and length of complete ones [m]
+        self.noisy = self.total = 0.0
 
     def add(self, problem: Problem, states: Array, step: float, noisy: float) -> None:
         """Go on through states (k, n) of a problem, `step` seconds apart, over a path of `noisy` metres."""
         self.noisy += noisy
-        if not len(states):
-            return
         if problem is not self._problem:
             self._problem, self._spread = problem, spread(problem, states[0])
-        places = [(float(x), float(y)) for x, y in states[:, :2]]
-        self._last, self._step = places[-1], step
-        each, first = max(1, round(CHORD * problem.temperature / problem.least_rate / step)), self._steps
-        for end in range(max(1, each - first), len(places) + 1, each):
-            self._chords += self._chord(places[end - 1], each)
-            self._begun = places[end - 1]
-        self._steps = (first + len(places)) % each
-
-    @property
-    def total(self) -> float:
-        """Length of the path without its noise [m]; at least the distance of its ends, at most the noisy length."""
-        if self._problem is None or not self._problem.dynamics.noisy_position:
-            return self.noisy
-        total = self._chords + self._chord(self._last, self._steps)
-        return min(self.noisy, max(total, dist(self._first, self._last)))
-
-    def _chord(self, end: tuple[float, float], steps: int) -> float:
-        return sqrt(max(0.0, dist(self._begun, end) ** 2 - self._spread * steps * self._step))
+        each, chord = max(1, round(CHORD * problem.temperature / problem.least_rate / step)), 0.0
+        for place in states[:, :2].tolist():
+            self._steps += 1
+            chord = sqrt(max(0.0, dist(self._begun, place) ** 2 - self._spread * self._steps * step))
+            if self._steps >= each:
+                self._chords, self._begun, self._steps, chord = self._chords + chord, place, 0, 0.0
+        smooth = max(self._chords + chord, dist(self._first, place))
+        self.total = min(self.noisy, smooth) if problem.dynamics.noisy_position else self.noisy
 
 
 def spread(problem: Problem, x: Array) -> float:
@@ -99,11 +91,7 @@ class Truth:
 
     def errors(self, e: Estimate) -> tuple[float, float]:
         """Subtract the exact value, and compute |u - u*|, for an estimate."""
-        return e.value - self.value, self.distance(e.control)
-
-    def distance(self, control: Array) -> float:
-        """|u - u*| of a control u (m,)."""
-        return float(np.linalg.norm(control - self.control))
+        return e.value - self.value, float(np.linalg.norm(e.control - self.control))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,7 +143,8 @@ class Frame(TimedPlan):
     @property
     def state(self) -> Array:
         """State at the end of the period, (n,)."""
-        return self.advance.states[-1] if len(self.advance.states) else self.plan.state
+        end: Array = self.advance.states[-1]
+        return end
 
 
 class EpisodeMetrics:
@@ -190,11 +179,7 @@ class EpisodeMetrics:
         self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
-        """Take the next period into account.
-
-        Args:
-            late: how late each physics step began, (k,) [s]; None without a clock.
-        """
+        """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""
         plan, begin, last, task = made.plan, self.time, self.last, self._task
         if plan.space is not None and plan.space is not self._space:
             if last is not None and made.run is last.run:  # among other obstacles, to the same goal
@@ -204,9 +189,8 @@ class EpisodeMetrics:
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
         clearance = self._checker.at(plan.state, begin)
         self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
-        self._length.add(task.problem, advance.states, advance.time / max(1, len(advance.states)), advance.length)
-        if len(advance.states):
-            self._driven.observe(advance.states, self.time)
+        self._length.add(task.problem, advance.states, advance.time / len(advance.states), advance.length)
+        self._driven.observe(advance.states, self.time)
         self.path_length, self.noisy_path_length = self._length.total, self._length.noisy
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
         outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
@@ -219,7 +203,7 @@ class EpisodeMetrics:
             self.executed_class = class_id(driven, None if plan.space is None else plan.space.homology.named)
         truth = None if self._grid is None else Truth.at(self._grid, plan.state, plan.time)
         if truth is not None:
-            self._truths.append((truth.value, truth.distance(plan.control)))
+            self._truths.append((truth.value, float(np.linalg.norm(plan.control - truth.control))))
         self.last = Frame(
             **vars(made), advance=advance, step=self.steps, time=begin, outcome=outcome, cost=self.cost,
             length=self.path_length, noisy_length=self.noisy_path_length, clearance=clearance, driven_class=driven,
@@ -231,10 +215,9 @@ class EpisodeMetrics:
     def _count(self, plan: Plan, begin: float) -> list[str]:
         """Count a plan of a time [s]; return lines for a person on what is new."""
         estimate, news = plan.estimate, list[str]()
-        if self.last is None:
-            self.first_plan = plan
-            self.value_estimate = plan.exact if estimate is None else estimate.value
         was_blocked = self.last is not None and self.last.plan.fallback is not None
+        if self.last is None:
+            self.first_plan, self.value_estimate = plan, plan.exact if estimate is None else estimate.value
         if plan.fallback is not None:
             if not was_blocked:
                 does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
@@ -243,7 +226,8 @@ class EpisodeMetrics:
             self.blocked[-1] = self.blocked[-1][0], self.time
             self.fallbacks += 1
             self.blocked_time = sum(end - start for start, end in self.blocked)
-        elif was_blocked:
+            return news
+        if was_blocked:
             news.append(f"a way at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s: going on")
         if estimate is not None:
             if self.least_ess is None or estimate.ess < self.least_ess:
@@ -252,15 +236,13 @@ class EpisodeMetrics:
                 if begin - self._doubted >= STRETCH:
                     news.append(f"{estimate.ess:.1f} effective samples at {begin:.2f} s: the control is a guess")
                 self.doubtful_plans, self._doubted = self.doubtful_plans + 1, begin
-        if plan.fallback is None:
-            if self.favourite not in (None, plan.favourite):
-                to = title(plan.favourite or OTHER)
-                news.append(f"class {title(self.favourite or OTHER)} -> {to} at {begin:.2f} s")
-                self.class_switches += 1
-            self.favourite = plan.favourite
-            if plan.decided is not None:
-                self.class_reversals += self._decided not in (None, plan.decided)
-                self._decided = plan.decided
+        before, self.favourite = self.favourite, plan.favourite
+        if before not in (None, self.favourite):
+            news.append(f"class {title(before or OTHER)} -> {title(self.favourite or OTHER)} at {begin:.2f} s")
+            self.class_switches += 1
+        if plan.decided is not None:
+            self.class_reversals += self._decided not in (None, plan.decided)
+            self._decided = plan.decided
         return news
 
     def _time(self, made: TimedPlan, begin: float, late: Array | None) -> None:
@@ -299,9 +281,8 @@ class EpisodeMetrics:
         """The exact value at the start, and |u - u*| over the control steps; None without a grid."""
         if not self._truths:
             return None
-        errors = [error for _, error in self._truths]
-        mean, most = float(np.mean(errors)), float(np.max(errors))
-        return {"value": self._truths[0][0], "mean_control_error": mean, "max_control_error": most}
+        (value, *_), errors = zip(*self._truths, strict=True)
+        return {"value": value, "mean_control_error": float(np.mean(errors)), "max_control_error": max(errors)}
 
     def json(self) -> dict[str, Any]:
         """Return the figures of a run of at least one frame under the names of the public JSON."""

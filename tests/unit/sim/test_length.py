@@ -53,13 +53,10 @@ def test_a_path_is_as_long_as_its_mean_whatever_the_noise(b: float, path: Array,
     assert np.mean([one.noisy for one in lengths]) > 1.2 * TIME
 
 
-def test_without_noise_it_is_the_length_of_the_path_and_one_that_has_not_begun_has_none():
+def test_without_noise_it_is_the_length_of_the_path():
     angle = np.linspace(0.0, 9.0, 4000)
     circle = 0.5 * np.column_stack([np.cos(angle), np.sin(angle)])
     assert measured(point(1e-6), circle).total == pytest.approx(4.5, rel=1e-5)
-    length = Length(np.zeros(2))
-    length.add(point(0.3), np.zeros((0, 2)), STEP, 0.0)
-    assert length.total == length.noisy == 0.0
 
 
 @pytest.mark.parametrize(("finer", "period"), [(2, 1), (5, 10_000)])
