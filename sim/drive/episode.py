@@ -20,6 +20,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import replace
+from functools import partial
 from itertools import count
 from queue import SimpleQueue
 from threading import Event, Thread
@@ -119,41 +120,36 @@ def _by_clock(
     plant.advance(planner.first(start).plan.at, np.random.default_rng(0))  # compile and load everything before
     plant.reset(start)
     if policy.tree is not None:  # that takes longer than a period
-        policy.tree.reserve(FULLER * policy.tree.size)
+        policy.tree.reserve(planner.most)
     first, news = planner.first(start), SimpleQueue[Period | BaseException]()
-
-    def thread(name: str, work: Callable[[], None]) -> Thread:
-        """Start a thread; its end is the other's, and its error goes to whoever waits for news."""
-
-        def guarded() -> None:
-            try:
-                work()
-            except BaseException as error:
-                news.put(error)
-            finally:
-                planner.stopped = True
-
-        started = Thread(target=guarded, name=name, daemon=True)
-        started.start()
-        return started
 
     def drive() -> None:
         for period in _drive(plant, planner, first, rng, max_time):
             news.put(period)
 
-    with _undisturbed():
-        planner.origin = clock.now()
-        threads = [thread("plant", drive), thread("planner", lambda: planner.work(first))]
+    def guarded(work: Callable[[], None]) -> None:
+        """Work on a thread; its end is the other's, and its error goes to whoever waits for news."""
         try:
-            while True:
-                period = news.get()
-                if isinstance(period, BaseException):  # `Stopped` comes after what has stopped the run
-                    raise period
-                yield period
+            work()
+        except BaseException as error:
+            news.put(error)
         finally:
             planner.stopped = True
-            for one in threads:
-                one.join()
+
+    works = {"plant": drive, "planner": partial(planner.work, first)}
+    threads = [Thread(target=guarded, args=(work,), name=name, daemon=True) for name, work in works.items()]
+    with _undisturbed():
+        planner.origin = clock.now()
+        for thread in threads:
+            thread.start()
+        try:
+            while not isinstance(period := news.get(), BaseException):
+                yield period
+            raise period  # `Stopped` comes after what has stopped the run
+        finally:
+            planner.stopped = True
+            for thread in threads:
+                thread.join()
 
 
 def _drive(
@@ -200,7 +196,7 @@ class Planner:
         self.origin, self.stopped = 0.0, False  # start of the run on the clock [s]
         self.arrived, self.driven = deque[TimedPlan](), deque[Array]()
         self.seen: tuple[float, Array] = (0.0, np.empty(0))
-        self._most = 0 if policy.tree is None else FULLER * policy.tree.size  # vertices
+        self.most = 0 if policy.tree is None else FULLER * policy.tree.size  # vertices
         self._longest = 0.0  # time that a few draws take, half of it since the last period [s]
         self._after: deque[float] = deque(maxlen=RECENT)  # time that plans took once their samples were drawn [s]
 
@@ -261,8 +257,8 @@ class Planner:
     def _made(self, x: Array, begin: float) -> TimedPlan:
         """Return a plan at x (n,), made in the period before `begin` [s]."""
         began, due = self.clock.now(), self.origin + begin
-        after = sorted(self._after)[-RARE] if len(self._after) >= RARE else max(self._after, default=0.0)
-        share = float(np.clip(1.0 - RESERVE * after / self.period, LEAST_SHARE, SHARE))
+        after = sorted(self._after)[-RARE:] or [0.0]
+        share = float(np.clip(1.0 - RESERVE * after[0] / self.period, LEAST_SHARE, SHARE))
         until = due + (share - 1.0) * self.period
         made = TimedPlan.of(self.policy, x, lambda: until - self.clock.now())
         ended = self.clock.now()
@@ -283,7 +279,7 @@ class Planner:
             return self.stopped or behind or now + self._longest > until
 
         if tree is not None:
-            tree.grow(self._most if self.grow is None else min(tree.size + self.grow, self._most), enough=enough)
+            tree.grow(self.most if self.grow is None else min(tree.size + self.grow, self.most), enough=enough)
 
 
 @contextmanager

@@ -114,9 +114,8 @@ class Plant:
     ) -> None:  # fmt: skip
         count = round(period / physics_step) if np.isfinite(period) and physics_step > 0 else 0
         if count < 1 or abs(period - count * physics_step) > 1e-6 * physics_step:
-            raise OptionError(
-                f"the period {period:g} s must be a whole multiple of the physics step {physics_step:g} s"
-            )
+            whole = f"a whole multiple of the physics step {physics_step:g} s"
+            raise OptionError(f"the period {period:g} s must be {whole}")
         self.period, self.physics_step, self._count = period, physics_step, count
         self._begun, self._steps = 0.0, 0  # time of the last reset [s], and steps since; one that is made counts
         self.enter(problem, clearance)
@@ -154,7 +153,8 @@ class Plant:
             control_at: queried at every physics step, so that it may react to the state between plans.
             rng: gives the period's increments, in the order of the steps.
         """
-        h, problem, checker, x = self.physics_step, self._problem, self._checker, self.state
+        h, problem, checker, x, scene = self.physics_step, self._problem, self._checker, self.state, self._problem.scene
+        (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
         outcome, cost, length, clearance, k = None, 0.0, 0.0, inf, 0
@@ -167,7 +167,10 @@ class Plant:
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
             clearance = min(clearance, checker.at(x, self.time, clearance))
-            outcome = self._judge(before, x)
+            if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x):
+                outcome = Outcome.COLLISION
+            elif hypot(x[0] - gx, x[1] - gy) <= scene.goal.radius:
+                outcome = Outcome.GOAL
             k += 1
         if not np.isfinite(cost):
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
@@ -175,13 +178,6 @@ class Plant:
             outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
             noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else clearance,
         )  # fmt: skip
-
-    def _judge(self, before: Array, x: Array) -> Outcome | None:
-        scene, px, py = self._problem.scene, x[0], x[1]
-        (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
-        if not (left < px < right and low < py < high) or self._touching(before, x):
-            return Outcome.COLLISION
-        return Outcome.GOAL if hypot(px - gx, py - gy) <= scene.goal.radius else None
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         return self._problem.dynamics.step(x, u, dw, step)
@@ -199,12 +195,10 @@ class Executor(Plant):
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         model = self._model = loaded.model
-        called, n = named(loaded.dynamics_name).called, problem.dynamics.n
+        called, n, own = named(loaded.dynamics_name).called, problem.dynamics.n, type(problem.dynamics).__name__
         if n != len(loaded.states):
-            raise OptionError(
-                f'robot "{loaded.robot}" moves as a {called} with {len(loaded.states)} states; '
-                f"{type(problem.dynamics).__name__} has {n}"
-            )
+            states = f"{len(loaded.states)} states; {own} has {n}"
+            raise OptionError(f'robot "{loaded.robot}" moves as a {called} with {states}')
         check_motion(model, called, problem.dynamics, loaded.command)
         self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
@@ -240,10 +234,10 @@ class Executor(Plant):
 
     def _touching(self, before: Array, x: Array) -> bool:
         # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
-        contact, now = self.data.contact, self.time
+        contact = self.data.contact
         if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
-        return self._sweeps and self._checker.blocked(before, x, now - self.physics_step, now)
+        return self._sweeps and super()._touching(before, x)
 
 
 def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:
