@@ -153,7 +153,8 @@ def play(arguments: argparse.Namespace) -> int:
         stack.callback(game.close)
         screen = start = None
         if not arguments.headless:
-            screen = stack.enter_context(closing(window.Window(game.plant).start()))
+            screen = stack.enter_context(closing(window.Window(game.plant)))
+            screen.thread.start()
             tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
         live = stack.enter_context(closing(Live(arguments, game)))
         while True:

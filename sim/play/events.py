@@ -4,7 +4,7 @@ A script is a list of steps, each at a time of the run, as in FORM.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,6 @@ from sim.files import why_unreadable
 GOAL = "goal"  # the name under which the goal's disc is moved
 LARGEST = 1 << 20  # bytes of a script
 FORM = '[{"at": 0.5, "push": [0, 0.4], "for": 0.3}, {"at": 1, "move": "goal", "to": [5, 3]}, {"at": 2, "noise": 0.3}]'
-_KEYS = {"push": {"at", "push", "for"}, "move": {"at", "move", "to", "by"}, "noise": {"at", "noise"}}
 _NUMBERS = {  # keys of a step: how many numbers, from and to [s], [m/s], [m]
     "at": (1, 0.0, 1e5), "for": (1, 1e-3, 1e5), "push": (2, -20.0, 20.0), "to": (2, -1e4, 1e4), "by": (2, -1e4, 1e4),
     "noise": (1, 1e-6, 1e3),
@@ -59,6 +58,10 @@ class Noise:
 
 
 Event = Push | Move | Noise
+_KINDS: dict[str, tuple[Callable[..., Event], str]] = {  # with the keys of a step
+    "push": (Push, "at for push"), "move": (Move, "at by move to"), "noise": (Noise, "at noise"),
+}  # fmt: skip
+_FIELDS = {"push": "speed", "for": "lasts", "by": "to"}  # keys of other names than the fields
 
 
 def read(path: Path) -> tuple[Event, ...]:
@@ -67,8 +70,7 @@ def read(path: Path) -> tuple[Event, ...]:
     Raises:
         OptionError: it cannot be read, or a step is none; names it and shows a script.
     """
-    why = why_unreadable(path)
-    if why is not None:
+    if (why := why_unreadable(path)) is not None:
         raise OptionError(f"--script {path}: it {why}; give a JSON file like {FORM}")
     try:
         with path.open("rb") as stream:
@@ -82,12 +84,12 @@ def read(path: Path) -> tuple[Event, ...]:
 
 
 def _event(where: str, step: Any) -> Event:
-    kinds = [kind for kind in _KEYS if isinstance(step, Mapping) and kind in step]
+    kinds = [kind for kind in _KINDS if isinstance(step, Mapping) and kind in step]
     if len(kinds) != 1:
         raise OptionError(f"{where} is not one of push, move and noise; write it as in {FORM}")
-    kind, keys = kinds[0], _KEYS[kinds[0]]
-    for name in sorted(set(step) - keys):
-        raise OptionError(f'{where} has "{name}"; a {kind} has {", ".join(sorted(keys))}')
+    made, keys = _KINDS[kinds[0]][0], _KINDS[kinds[0]][1].split()
+    for name in sorted(set(step) - set(keys)):
+        raise OptionError(f'{where} has "{name}"; a {kinds[0]} has {", ".join(keys)}')
 
     values: dict[str, Any] = {}
     for name in {"at", *step} & _NUMBERS.keys():
@@ -96,12 +98,9 @@ def _event(where: str, step: Any) -> Event:
         if len(found) != count or not all(type(one) in (int, float) and low <= one <= high for one in found):
             required = f"{'a number' if count == 1 else 'two numbers [x, y]'} from {low:g} to {high:g}"
             raise OptionError(f'{where}: "{name}" is {json.dumps(value)[:40]}; it must be {required}')
-        values[name] = float(value) if count == 1 else tuple(map(float, found))
-    if kind == "noise":
-        return Noise(**values)
-    if kind == "push":
-        return Push(at=values["at"], speed=values["push"], lasts=values.get("for", 0.2))
-    if len(step.keys() & {"to", "by"}) != 1 or not isinstance(step["move"], str):
-        raise OptionError(f'{where}: a move names what is moved, and has either "to": [x, y] or "by": [x, y]')
-    to = values.get("to") or values["by"]
-    return Move(at=values["at"], what=step["move"], to=to, relative="by" in step)
+        values[_FIELDS.get(name, name)] = float(value) if count == 1 else tuple(map(float, found))
+    if made is Move:
+        if len(step.keys() & {"to", "by"}) != 1 or not isinstance(step["move"], str):
+            raise OptionError(f'{where}: a move names what is moved, and has either "to": [x, y] or "by": [x, y]')
+        values |= {"what": step["move"], "relative": "by" in step}
+    return made(**values)

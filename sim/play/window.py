@@ -54,21 +54,15 @@ class Window:
         self.handle = (launch or _launcher())(model, self.data, key_callback=self.keys.append)
         self.thread = threading.Thread(target=self._watch, name="window", daemon=True)
 
-    def start(self) -> Window:
-        """Begin to show; the window itself."""
-        self.thread.start()
-        return self
-
     @property
     def open(self) -> bool:
         """Return whether it has not been closed."""
         return bool(self.handle.is_running())
 
     def close(self) -> None:
-        """Close it."""
+        """Close it, once its thread has been started."""
         self._ended.set()
-        if self.thread.is_alive():
-            self.thread.join()
+        self.thread.join()
         self.handle.close()
         until = time.monotonic() + PATIENCE
         while self.handle.m is not None and time.monotonic() < until:  # X minds if it draws while the process ends

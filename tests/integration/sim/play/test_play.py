@@ -248,7 +248,7 @@ def test_the_picture_is_that_of_the_plant_from_above_until_the_window_is_closed(
         window._plant.reset(np.array(place))
         window.refresh()
         np.testing.assert_allclose(window.data.body("robot/robot").xpos[:2], place)
-    window.start()
+    window.thread.start()
     window.close()
     assert (window.open, window.thread.is_alive()) == (False, False)
 
