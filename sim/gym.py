@@ -1,8 +1,7 @@
 """The noisy robot as Gymnasium environments, so that other people's controllers drive what ours drive.
 
-Importing this module registers `pirrht/Slit-v0`, `pirrht/Clutter-v0` and so on for every built-in scene, and
-`pirrht/Scene-v0` for any other: Gymnasium looks for no plugins since version 1.0, so import it, or name it, as in
-`gymnasium.make("sim.gym:pirrht/Slit-v0")`.
+Importing this module registers `pirrht/Slit-v0` and so on for every built-in scene, and `pirrht/Scene-v0` for any
+other; `gymnasium.make("sim.gym:pirrht/Slit-v0")` imports it.
 
 * Observation: the state x (n,): x, y [m] and of a car the unwrapped heading [rad].
 * Action: the control u (m,), held for one period: velocity [m/s] of a point, turn rate over V/rho of a car.
@@ -51,18 +50,13 @@ Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
 
 
 class Drive(gymnasium.Env[Array, Array]):
-    """One robot in one scene.
+    """One robot in one scene, a built-in name or MJCF file.
 
     Args:
-        scene: built-in name or MJCF file.
         penalty: taken off at a collision where phi is infinite.
-        bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow; infinite by default,
-            but learners like a finite one.
+        bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow.
         options: fields of `SceneOptions` but preset, and noise b, period [s], max_time [s], plant and phi of
             `Settings`; without them the scene or the robot decides.
-
-    Raises:
-        SceneError, OptionError: with one line for a person.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
@@ -106,11 +100,7 @@ class Drive(gymnasium.Env[Array, Array]):
         return self._plant.state, self._info()
 
     def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
-        """Hold a control for one period.
-
-        Raises:
-            OptionError: before `reset`, after the end, or the action is no control.
-        """
+        """Hold a control for one period; OptionError before `reset`, after the end, or if it is no control."""
         if self._asked is None:
             raise OptionError("the run has not begun or is over; call reset() first")
         thought = time.perf_counter() - self._asked
@@ -127,11 +117,7 @@ class Drive(gymnasium.Env[Array, Array]):
         return self._plant.state, float(reward), over, outcome is Outcome.TIMEOUT, self._info()
 
     def result(self) -> dict[str, Any]:
-        """Return the figures of this run so far, as `pirrht run --json` has them.
-
-        Raises:
-            OptionError: nothing has been driven yet.
-        """
+        """Return the figures of this run so far, as `pirrht run --json` has them; OptionError before any step."""
         if self.frame is None:
             raise OptionError("nothing has been driven yet; call reset() and step() first")
         return self.frame.metrics.json()
@@ -158,17 +144,12 @@ def score(
         seeds: one run each, whole numbers from 0 on.
         method: its name in tables and reports.
         environment: a wrapped `Drive`; without it one of `options` is made.
-        into: folder of a sweep (`pirrht sweep -o`) that the runs are added to, so that `pirrht report` shows the
-            method next to ours; made if there is none. Task, plant and time limit must be the sweep's.
-        again: replace runs of the same method, scene, noise and seed that the folder holds; without it they are
-            refused before anything is driven.
-
-    Returns:
-        records that `sim.sweeps.parts` makes rows of a dataset of.
+        into: folder of a sweep (`pirrht sweep -o`) that the runs are added to for `pirrht report`; made if there is
+            none. Task, plant and time limit must be the sweep's.
+        again: replace runs of the same method, scene, noise and seed there; without it they are refused at once.
 
     Raises:
-        OptionError: a negative seed, an option next to an environment, a policy whose control has another shape or is
-            not finite, or a folder that the runs cannot be added to.
+        OptionError: a seed, option, control or folder is none that fits.
     """
     if environment is not None and options:
         raise OptionError(f"{', '.join(options)}: no argument next to an environment, which has its own; leave it out")

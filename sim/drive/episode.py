@@ -75,16 +75,13 @@ def run(
     plant: Plant, policy: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int | None = None,
     clock: Clock | None = None, grid: Desirability | None = None,
 ) -> Generator[Frame]:  # fmt: skip
-    """Drive from start until the goal, a collision or max_time [s].
+    """Drive from start until the goal, a collision or max_time [s]; NoReference if already the start has none.
 
     Args:
         grow: vertices that the policy's tree gains per period, until it has MOST_VERTICES; None: none, by a clock as
             many as there is time for.
         clock: goes on while plans are made; None: the plant waits for them.
         grid: the exact solution, with which every control is compared.
-
-    Raises:
-        NoReference: already the start has no reference.
     """
     plant.reset(start)
     metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid)

@@ -136,11 +136,7 @@ class Plant:
         return self._begun + self._steps * self.physics_step
 
     def reset(self, state: Array, time: float = 0.0) -> None:
-        """Start from the first n entries of `state`, at a time [s] of the run.
-
-        Raises:
-            OptionError: that is no time of a run.
-        """
+        """Start from the first n entries of `state`, at a time [s] of the run; OptionError if that is none."""
         if not 0.0 <= time < inf:
             raise OptionError(f"the time is {time!r}; a run's clock begins at 0, or at a later number of seconds")
         self._begun, self._steps = time, 0
@@ -187,11 +183,7 @@ class Plant:
 
 
 class Executor(Plant):
-    """The robot in MuJoCo, whose contacts are collisions.
-
-    Attributes:
-        data: MuJoCo's state, for pictures; positions and contacts belong to `state`.
-    """
+    """The robot in MuJoCo, whose contacts are collisions; `data` is MuJoCo's state, for pictures."""
 
     def __init__(self, loaded: Loaded, problem: Problem, *, period: float) -> None:
         model = self._model = loaded.model

@@ -150,11 +150,7 @@ class Frame(TimedPlan):
 class EpisodeMetrics:
     """Figures of a run from x (n,) so far, in SI units: those of the JSON of `run`; `FIGURES` describes them.
 
-    Args:
-        task: a policy or scenario, with `problem`, `space` and `homology`.
-        period: control period [s].
-        max_time: of the run [s].
-        grid: the exact solution, next to every plan; None: it is not known.
+    The task is a policy or scenario, with `problem`, `space` and `homology`; the grid is the exact solution.
     """
 
     def __init__(

@@ -45,8 +45,8 @@ def loose_bodies(model: mujoco.MjModel) -> dict[str, int]:
 class World(NamedTuple):
     """A scenario that may have been changed since it was loaded, and who drives there."""
 
-    scenario: Scenario  # with the scene as it is now
-    driver: Driver  # until plans for this scene are made, that of an earlier one, as is the free space
+    scenario: Scenario
+    driver: Driver
 
 
 def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> World:
@@ -55,16 +55,12 @@ def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> 
     return World(scenario, scenario.driver(tree))
 
 
-def build(world: World, before: World) -> World:
-    """Grow a tree and make a controller; free space and tree are those of before where only the noise has changed.
-
-    Raises:
-        SceneError, OptionError: nothing can be planned there.
-    """
+def build(scenario: Scenario, before: World) -> World:
+    """Grow a tree and make a controller; free space and tree are those of before where only the noise has changed."""
     tree, space = before.driver.tree, before.scenario.space
-    if changed := world.scenario.loaded is not before.scenario.loaded:
-        space = FreeSpace.of(world.scenario.loaded.scene)
-    scenario = replace(world.scenario, space=space)
+    if changed := scenario.loaded is not before.scenario.loaded:
+        space = FreeSpace.of(scenario.loaded.scene)
+    scenario = replace(scenario, space=space)
     if changed and tree is not None:
         tree = scenario.with_settings(tree=None).grown_tree()
         tree.reserve(FULLER * tree.size)
@@ -89,11 +85,11 @@ class Live(Policy):
         self.pool = ThreadPoolExecutor(1, thread_name_prefix="builder")
         self._requested: tuple[float, Future[World]] | None = None  # at which time of the run [s]
 
-    def request(self, world: World, at: float) -> None:
-        """Request a world at a time of the run [s], in place of what was requested before."""
+    def request(self, scenario: Scenario, at: float) -> None:
+        """Request a scenario's world at a time of the run [s], in place of what was requested before."""
         if self._requested is not None:
             self._requested[1].cancel()
-        self._requested = at, self.pool.submit(build, world, self.built)
+        self._requested = at, self.pool.submit(build, scenario, self.built)
 
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
@@ -115,8 +111,7 @@ class Live(Policy):
     def ready(self, now: float) -> World | None:
         """Return the requested world, once; None if there is nothing yet at this time [s], and at infinity wait.
 
-        Raises:
-            SceneError, OptionError: nothing can be planned there.
+        SceneError, OptionError: nothing can be planned there.
         """
         if self._requested is None:
             return None
@@ -128,22 +123,18 @@ class Live(Policy):
 
 
 class InteractivePlant(Executor):
-    """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it.
+    """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it, told by line.
 
-    Args:
-        tell: takes a line on what was done, and on what was refused.
-
-    Attributes:
-        snapshot: what MuJoCo knows under `SHOWN`, for somebody who watches from another thread.
+    `snapshot` is what MuJoCo knows under `SHOWN`, for somebody who watches from another thread.
     """
 
-    def __init__(self, world: World, live: Live, tell: Callable[[str], object]) -> None:
-        self.world, self._live, self._tell = world, live, tell
+    def __init__(self, scenario: Scenario, live: Live, tell: Callable[[str], object]) -> None:
+        self.scenario, self._live, self._tell = scenario, live, tell  # with the scene as it is now
         self.script = deque[Event]()  # events to come, in the order of their times
         self.asked = deque[Event]()  # events of now, from another thread
         self.done: list[Event] = []
         self._push: Push | None = None
-        scenario, model, scene = world.scenario, world.scenario.loaded.model, world.scenario.loaded.scene
+        model, scene = scenario.loaded.model, scenario.loaded.scene
         self._robot = int(model.body(ROBOT).id)
         own = {mover.name for mover in scene.movers}  # those go where their motions say
         bodies = {name: body for name, body in loose_bodies(model).items() if name not in own}
@@ -155,7 +146,6 @@ class InteractivePlant(Executor):
         # Actuators that hold velocities carry the robot along: a force of a moment does nothing against them.
         servos = bool(np.all(model.actuator_gainprm[:, 0] == -model.actuator_biasprm[:, 2]))
         self._carried = servos and not rolls(model)
-        self.snapshot = np.zeros(mujoco.mj_stateSize(model, SHOWN))
         super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
@@ -186,14 +176,13 @@ class InteractivePlant(Executor):
                 return
         else:
             try:
-                scenario = self.world.scenario
-                scenario = self._moved(event) if isinstance(event, Move) else scenario.with_settings(noise=event.noise)
+                new = self._moved(event) if isinstance(event, Move) else self.scenario.with_settings(noise=event.noise)
             except PirrhtError as error:
                 self._tell(f"{event}: {error}")
                 return
-            self.world = World(scenario, self.world.driver)
-            self.enter(scenario.problem)
-            self._live.request(self.world, self.time)
+            self.scenario = new
+            self.enter(new.problem)
+            self._live.request(new, self.time)
         self.done.append(event)
         self._tell(f"{event} at {self.time:.2f} s")
 
@@ -201,7 +190,7 @@ class InteractivePlant(Executor):
         """Put a body elsewhere, and return the scenario then; SceneError or OptionError if that cannot be."""
         if (row := self.rows.get(event.what)) is None:
             raise OptionError(f'there is no "{event.what}" that could be moved; there are {", ".join(self.rows)}')
-        x, s, states = self.state, self.world.scenario, self.world.scenario.system.states
+        x, s, states = self.state, self.scenario, self.scenario.system.states
         shift = np.array([*event.to, 0.0])
         if not event.relative:
             shift[:2] -= self.data.mocap_pos[row, :2]
@@ -237,7 +226,7 @@ class InteractivePlant(Executor):
         return x
 
     def _show(self) -> None:
-        snapshot = np.empty_like(self.snapshot)
+        snapshot = np.empty(mujoco.mj_stateSize(self._model, SHOWN))
         mujoco.mj_getState(self._model, self.data, snapshot, SHOWN)
         self.snapshot = snapshot
 
@@ -259,25 +248,18 @@ class Play:
     ) -> None:  # fmt: skip
         self.scenario = scenario.with_settings(real_time=real_time)
         self.live = Live(built, tell, None if real_time else LATENCY)
-        self.plant = InteractivePlant(built, self.live, tell)
+        self.plant = InteractivePlant(built.scenario, self.live, tell)
         self.plant.script.extend(script)
         self._rng = scenario.plant_rng()
 
     def drive(self, start: Array | None = None) -> Generator[Frame]:
-        """Drive from a state (n,) to the goal, a collision or the end of the time; one frame per control period.
-
-        Raises:
-            NoReference: already the start has no reference.
-        """
+        """Drive from a state (n,) to the goal, a collision or the end of the time; see `episode.run`."""
         return self.scenario.drive(self.plant, self.live, start=start, rng=self._rng)
 
     def again(self, *, home: bool) -> Array:
         """Return the start of the next run, once what has been moved since the last one is planned for.
 
-        It is the scene's if `home`, else where the robot is.
-
-        Raises:
-            SceneError, OptionError: nothing can be planned there.
+        It is the scene's if `home`, else where the robot is. SceneError, OptionError: nothing can be planned there.
         """
         start = self.scenario.start if home else self.plant.state
         self.plant.reset(start, self.plant.time)

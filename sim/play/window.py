@@ -35,9 +35,9 @@ class Window:
 
     def __init__(self, plant: InteractivePlant, launch: Callable[..., Any] | None = None) -> None:
         self._plant, self.keys = plant, deque[int]()
-        model = self.model = copy.copy(plant.world.scenario.loaded.model)
+        model = self.model = copy.copy(plant.scenario.loaded.model)
         dress(model)
-        scene = plant.world.scenario.loaded.scene
+        scene = plant.scenario.loaded.scene
         width, depth = (scene.upper - scene.lower).tolist()
         model.stat.extent = 0.9 * max(depth, width / 1.6)  # the viewer begins at 1.5 times this distance
         model.vis.global_.azimuth, model.vis.global_.elevation = 90, -70  # from above, and a little from the south
@@ -82,7 +82,7 @@ class Window:
             key = self.keys.popleft()
             self.home |= key == HOME
             if key in (LESS, MORE):
-                noise = self._plant.world.scenario.settings.noise
+                noise = self._plant.scenario.settings.noise
                 events.append(Noise(at=0.0, noise=noise * (FACTOR if key == MORE else 1.0 / FACTOR)))
         self.handle.sync()
         self._plant.asked.extend(events)
