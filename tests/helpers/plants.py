@@ -1,6 +1,5 @@
 """One robot in an empty field, in MuJoCo and by its equation alone."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ from pirrht import Dynamics, Problem
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from sim.drive.executor import Advance, Executor, Plant
-from sim.mjcf import Loaded, load
+from sim.mjcf import Loaded
 
 QUIET = 1e-12  # a noise level that is as good as none
 STEP = 0.002
@@ -38,12 +37,9 @@ def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Pla
     return Executor(loaded, problem, period=period), Plant(problem, clearance, period=period, physics_step=step)
 
 
-def plants(
-    path: Path, robot: str, problem_of: Callable[[Loaded, float], Problem], b: float, steps: int
-) -> tuple[Executor, Plant]:
-    """Both plants of a robot under noise b, with a period of so many physics steps."""
-    loaded = load(path, robot=robot)
-    return both(loaded, problem_of(loaded, b), steps * float(loaded.model.opt.timestep))
+def ahead(x: Array) -> Array:
+    """Through the slit at unit speed, with a pull to its middle."""
+    return np.array([1.0, 4.0 * (2.5 - x[1])])
 
 
 def hold(*control: float):

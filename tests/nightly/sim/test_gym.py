@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
-from policies import ahead
+from plants import ahead
 from thoroughly import first
 
 gymnasium = pytest.importorskip("gymnasium")
@@ -17,7 +17,6 @@ from pirrht.errors import OptionError  # noqa: E402
 from sim import gym  # noqa: E402
 from sim.cli import main  # noqa: E402
 from sim.mjcf import scene_names  # noqa: E402
-from sim.mjcf.robot import control_limits  # noqa: E402
 from sim.sweeps import parts, runs  # noqa: E402
 from sim.sweeps.dataset import Dataset  # noqa: E402
 
@@ -34,21 +33,6 @@ def test_a_name_is_enough_to_import_us():
     script = "import gymnasium; print(gymnasium.make('sim.gym:pirrht/Slit-v0').unwrapped.job.scene)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "slit"
-
-
-def test_a_hover_is_observed_with_its_velocity_and_pushed_by_forces():
-    env = gym.Drive("slit", robot="hover", noise=1e-6, max_time=0.5)
-    assert (env.observation_space.shape, env.action_space.shape) == ((4,), (2,))
-    env.reset(seed=0)
-    over = False
-    while not over:
-        x, _, _, over, _ = env.step(np.array([2.0, 0.0]))
-    np.testing.assert_allclose(x, [1.0 + 0.25, 2.5, 1.0, 0.0], atol=2e-3)
-    scenario = env.scenario
-    assert np.all(np.isinf(control_limits(scenario.loaded.model, scenario.loaded.command, scenario.problem.dynamics)))
-
-
-# -- scores ------------------------------------------------------------------------------------------------------
 
 
 def test_scores_are_records_of_a_sweep():

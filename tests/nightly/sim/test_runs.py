@@ -80,7 +80,10 @@ def test_mppi_plans_for_a_mass_of_ones_own_and_one_that_noise_cannot_move_is_ref
 def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detour(slit):
     """24 drives of the equation itself, seeds 0 to 23: 23.5 (0.7) should arrive, 1.1 (1.0) of them through the slit."""
     noisy = slit.with_settings(noise=0.3, method="optimal")
-    truth = noisy.truth()
+    truth, elsewhere = noisy.truth(), np.array([2.0, 2.0])
+    plan = noisy.optimal(truth).plan(noisy.start)
+    assert (plan.estimate, plan.fallback, plan.favourite) == (None, None, None)
+    assert plan.at(elsewhere, 0.004) == pytest.approx(truth.control(elsewhere))
     goals, slits = 0, 0
     for seed in range(24):
         scenario = noisy.with_settings(seed=seed, plant="sde")
@@ -89,18 +92,6 @@ def test_the_optimal_law_reaches_the_goal_in_nearly_all_runs_and_takes_the_detou
         slits += last.metrics.executed_class == "0,0"
     assert goals >= 20
     assert slits <= 6
-
-
-def test_a_drive_by_the_law_has_neither_estimate_nor_fallback(slit):
-    noisy = slit.with_settings(noise=0.3, method="optimal")
-    driver = noisy.optimal()
-    plan = driver.plan(noisy.start)
-    assert plan.estimate is None
-    assert plan.fallback is None
-    assert plan.favourite is None
-    assert plan.exact == pytest.approx(9.535, abs=0.002)
-    elsewhere = np.array([2.0, 2.0])
-    assert plan.at(elsewhere, 0.004) == pytest.approx(driver.desirability.control(elsewhere))
 
 
 @pytest.mark.parametrize("seed", [0, 1])

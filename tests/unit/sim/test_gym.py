@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from policies import ahead
+from plants import ahead
 
 from pirrht.errors import OptionError
 from pirrht.planner.tree import HomologyTree
@@ -25,19 +25,6 @@ def driven(env, policy, seed=0):
         rewards.append(reward)
         over = terminated or truncated
     return np.array(states), np.array(rewards), (terminated, truncated), info
-
-
-# -- the same plant ----------------------------------------------------------------------------------------------
-
-
-def test_a_seed_gives_the_noise_that_a_run_has(slit: Scenario):
-    env, noise = gym.Drive("slit", max_time=0.1), []
-    env.reset(seed=5)
-    for _ in range(10):
-        env.step(np.zeros(2))
-        noise.append(env.frame.advance.noise)
-    again = slit.with_settings(seed=5).plant_rng()
-    np.testing.assert_array_equal(np.vstack(noise), np.sqrt(0.002) * again.standard_normal((50, 2)))
 
 
 def test_our_controller_drives_as_it_does_in_a_run(slit: Scenario, slit_tree: HomologyTree):
@@ -70,9 +57,6 @@ def test_a_control_that_is_held_costs_what_the_sde_plant_says():
     assert (terminated, truncated, info.pop("outcome")) == (False, False, None)
     assert info.keys() == {"cost", "time", "min_clearance", "path_length"}
     assert info["cost"] == pytest.approx(-reward)
-
-
-# -- ends --------------------------------------------------------------------------------------------------------
 
 
 def test_every_episode_begins_with_the_obstacles_where_they_set_out():

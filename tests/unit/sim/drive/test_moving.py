@@ -28,10 +28,6 @@ def still(plant: Plant):
     return hold(*np.zeros(2 if len(plant.state) == 2 else 1))
 
 
-def quat(yaw: float) -> Array:
-    return np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-
-
 SPIN = "0 -3 2 0.5  0.105 -2.5 2.25 1.5  0.3 -4 3 -2"
 SLIDE = "0 3 -2 0  0.2 3.5 -2 0"
 
@@ -44,16 +40,11 @@ def test_mujocos_bodies_are_at_every_physics_step_where_their_motions_say_across
     world += body("tilt", 'type="box" size=".3 .2 .05"', "9 0 0.1", more='euler="20 0 0"')
     custom = rows("spin", SPIN, repeat=True) + rows("slide", SLIDE) + rows("tilt", "0 9 0 0  0.1 9 0 3")
     loaded, (plant, _) = pair(tmp_path, world, custom, 7 * STEP)
-    queried, data, heights = [], plant.data, {"spin": 0.3, "slide": 0.1, "tilt": 0.1}
+    queried, data = [], plant.data
 
     def control(x: Array, s: float) -> Array:
         queried.append(plant.time)
         for mover in loaded.scene.movers:
-            x, y, yaw = mover.motion.pose(plant.time)
-            there = data.body(mover.name)
-            np.testing.assert_array_equal(there.xpos, [x, y, heights[mover.name]])
-            if mover.name != "tilt":
-                np.testing.assert_allclose(np.sign(there.xquat @ quat(yaw)) * there.xquat, quat(yaw), atol=1e-12)
             [geom] = mover.at(plant.time)
             np.testing.assert_allclose(data.geom(mover.name).xpos, geom.position, atol=1e-12)
             np.testing.assert_allclose(data.geom(mover.name).xmat.reshape(3, 3), geom.rotation, atol=1e-9)
