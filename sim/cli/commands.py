@@ -98,8 +98,8 @@ def sweep(arguments: argparse.Namespace) -> int:
         records = run(grid.jobs())
     else:
         dataset, jobs = Dataset(folder), engine.checked(grid.jobs())
-        scenes = {job.name: job.digest for job in jobs}
-        noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.name == name)) for name in scenes}
+        scenes = {job.label: job.digest for job in jobs}
+        noises = {name: list(dict.fromkeys(job.noise for job in jobs if job.label == name)) for name in scenes}
         requested = {"methods": list(grid.methods), "noise": noises, "seeds": [grid.seeds.start, grid.seeds.stop]}
         dataset.check(grid.settings, scenes)
         with dataset.locked():

@@ -68,17 +68,14 @@ class Cluster(Crew):
 
     def submit(self, work: Callable[[Any], Any], tasks: Sequence[Any]) -> Future[list[Any]]:
         """Begin a chunk on whichever worker the scheduler chooses."""
-        future: Future[list[Any]] = self._executor.submit(chunk, work, tasks)
-        return future
+        return self._executor.submit(chunk, work, tasks)  # type: ignore[no-any-return]
 
     def check(self, error: BaseException | None = None) -> None:
         """Raise PirrhtError if the scheduler is gone."""
         gone = isinstance(error, (asyncio.CancelledError, CancelledError, OSError))
         if gone or self._client.status != "running":
-            raise PirrhtError(
-                f"--scheduler {self._address}: the scheduler is gone; with -o finished runs are kept, and the same "
-                "command goes on when it is back"
-            ) from None
+            remedy = "with -o finished runs are kept, and the same command goes on when it is back"
+            raise PirrhtError(f"--scheduler {self._address}: the scheduler is gone; {remedy}") from None
 
 
 def probe(address: str) -> None:

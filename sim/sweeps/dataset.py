@@ -40,7 +40,7 @@ class Dataset:
         self.folder, self.file, self.runs, self._now = folder, folder / "manifest.json", folder / "runs", now
         self._kept: list[dict[str, Any]] = []  # rows that are in no file yet
         self._tried = now()  # when they were last written
-        self.failing = False  # whether that went wrong
+        self._failing = False  # whether that went wrong
 
     def manifest(self) -> dict[str, Any]:
         """Read the manifest of the sweep.
@@ -138,9 +138,8 @@ class Dataset:
             try:
                 fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError:
-                raise OptionError(
-                    f"--output {self.folder}: another sweep is writing there; wait for it or choose another folder"
-                ) from None
+                why = "another sweep is writing there; wait for it or choose another folder"
+                raise OptionError(f"--output {self.folder}: {why}") from None
             yield
 
     def files(self) -> list[Path]:
@@ -173,11 +172,11 @@ class Dataset:
         """
         if record is not None:
             self._kept.append(row_of(record))
-        before = self.failing
+        before = self._failing
         if (len(self._kept) >= CHUNK_RUNS and not before) or self._now() - self._tried >= CHUNK_SECONDS:
             with suppress(OptionError):
                 self.flush()
-        return self.failing and not before
+        return self._failing and not before
 
     def flush(self) -> None:
         """Write all finished runs that are in no file yet; OptionError if they cannot be, and are kept."""
@@ -187,12 +186,10 @@ class Dataset:
         try:
             parts.add(self.runs, self._kept)
         except OSError as error:
-            self.failing = True
-            raise OptionError(
-                f"--output {self.folder}: {error.strerror or error}; {len(self._kept)} finished runs could not be "
-                "written: fix that and give the same command again"
-            ) from None
-        self._kept, self.failing = [], False
+            self._failing = True
+            waits = f"{len(self._kept)} finished runs could not be written: fix that and give the same command again"
+            raise OptionError(f"--output {self.folder}: {error.strerror or error}; {waits}") from None
+        self._kept, self._failing = [], False
 
     def _other(self, difference: str) -> OptionError:
         return OptionError(f"--output {self.folder} {difference}; choose another folder")

@@ -44,11 +44,6 @@ class Job:
     digest: str = ""  # of the files of scene and robot; empty: not looked at
 
     @property
-    def name(self) -> str:
-        """The scene's name in tables."""
-        return self.label or self.scene
-
-    @property
     def place(self) -> tuple[str, Frozen, Frozen]:
         """Key of runs that share one tree."""
         return self.scene, self.task, self.given
@@ -66,8 +61,8 @@ class Job:
     @property
     def identity(self) -> dict[str, Any]:
         """The part of its record that is the key of a dataset."""
-        known = {"scene": self.name, "scene_digest": self.digest, "method": self.method, "noise": self.noise}
-        return known | {"seed": self.seed, "plan_seed": dict(self.given).get("plan_seed")}
+        known = {"scene": self.label or self.scene, "scene_digest": self.digest, "method": self.method}
+        return known | {"noise": self.noise, "seed": self.seed, "plan_seed": dict(self.given).get("plan_seed")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

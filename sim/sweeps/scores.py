@@ -41,15 +41,13 @@ def kept(folder: Path, job: Job, identities: Sequence[Record], again: bool) -> I
         twice = [one for one in identities if key_of(one) in known]
         if twice and not again:
             first = f"method {twice[0]['method']!r}, seed {twice[0]['seed']}"
-            raise OptionError(
-                f"{folder} holds {counted(len(twice), 'of these runs', 'of these runs')} already ({first}); give them "
-                "another name, or again=True to replace them"
-            )
+            held = f"{counted(len(twice), 'of these runs', 'of these runs')} already ({first})"
+            raise OptionError(f"{folder} holds {held}; give them another name, or again=True to replace them")
         seeds = np.unique([int(one["seed"]) for one in identities])
         stretches = np.split(seeds, np.flatnonzero(np.diff(seeds) > 1) + 1)
-        wish = {"methods": [identities[0]["method"]], "noise": {job.name: [job.noise]}}
+        wish = {"methods": [identities[0]["method"]], "noise": {job.label: [job.noise]}}
         wishes = ({**wish, "seeds": [int(known[0]), int(known[-1]) + 1]} for known in stretches)
-        dataset.begin(settings, {job.name: job.digest}, *wishes)
+        dataset.begin(settings, {job.label: job.digest}, *wishes)
         try:
             yield dataset.add
         finally:

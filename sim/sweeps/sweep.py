@@ -52,16 +52,11 @@ class Grid:
             twice = [value for i, value in enumerate(values) if value in values[:i]]
             if twice:
                 raise OptionError(f"{option} names {twice[0]} twice; every combination is one run: leave one out")
-        if self.size > MOST_RUNS:
-            raise OptionError(
-                f"{self.size} runs are asked for, and a sweep has {MOST_RUNS} at most; ask for fewer --seeds at a "
-                "time: the same -o DIR takes the others later"
-            )
-
-    @property
-    def size(self) -> int:
-        """Number of runs; `len(seeds)` alone knows no more than a machine word."""
-        return len(self.scenes) * len(self.methods) * len(self.noises) * (self.seeds.stop - self.seeds.start)
+        seeds = self.seeds.stop - self.seeds.start  # len() knows no more than a machine word
+        size = len(self.scenes) * len(self.methods) * len(self.noises) * seeds
+        if size > MOST_RUNS:
+            remedy = "ask for fewer --seeds at a time: the same -o DIR takes the others later"
+            raise OptionError(f"{size} runs are asked for, and a sweep has {MOST_RUNS} at most; {remedy}")
 
     def jobs(self) -> list[Job]:
         """All combinations, by scene, noise, method and seed; labels are built-in names, or of files where they differ.
@@ -198,7 +193,7 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
     Raises:
         PirrhtError: a scene, a setting or a saved tree is wrong; the first that is.
     """
-    known: dict[tuple[Any, ...], dict[str, Any]] = {}
+    known: dict[tuple[Any, ...], Job] = {}
     fitting: set[tuple[Any, ...]] = set()  # places whose saved tree has been looked at
     runs.forget()
     for job in jobs:
@@ -210,13 +205,10 @@ def checked(jobs: Sequence[Job]) -> list[Job]:
         if scenario.settings.tree is not None and job.needs_tree and job.place not in fitting:
             scenario.grown_tree()
             fitting.add(job.place)
-        known[job.point] = {
-            "scene": job.scene if job.scene in scene_names() else str(scenario.loaded.path.resolve()),
-            "noise": scenario.settings.noise,
-            "digest": runs.digest(*job.place),
-            "label": job.name,
-        }
-    return [replace(job, **known[job.point]) for job in jobs]
+        scene = job.scene if job.scene in scene_names() else str(scenario.loaded.path.resolve())
+        noise, digest = scenario.settings.noise, runs.digest(*job.place)
+        known[job.point] = replace(job, scene=scene, noise=noise, digest=digest, label=job.label or job.scene)
+    return [replace(known[job.point], seed=job.seed) for job in jobs]
 
 
 def sweep(
@@ -247,7 +239,7 @@ def sweep(
     warned = False
     with ExitStack() as stack:
         stop = stack.enter_context(engine.interruptible())
-        near = None if dataset is None else dataset.folder
+        near = dataset.folder if dataset else None
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=TREES, dir=near)))
         if scheduler is not None:
             from sim.sweeps.cluster import Cluster

@@ -1,18 +1,6 @@
-"""Rows of a sweep that nobody drove, and a clock that stands still."""
+"""Rows of a sweep that nobody drove."""
 
 from sim.sweeps.parts import KEY, RESULTS
-
-SETTINGS = {"samples": 50, "robot": None, "start": (1.0, 2.0)}
-SCENES = {"slit": "0123"}
-ASKED = {"methods": ["pi-rrht"], "noise": {"slit": [0.1]}, "seeds": [0, 9]}
-
-
-class Clock:
-    def __init__(self) -> None:
-        self.time = 1000.0
-
-    def __call__(self) -> float:
-        return self.time
 
 
 def record(seed: int, **changes) -> dict:

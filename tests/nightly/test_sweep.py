@@ -1,4 +1,4 @@
-"""The long tests of integration/test_sweep.py."""
+"""The long tests of integration/test_sweep.py and of integration/sim/sweeps."""
 
 import random
 import signal
@@ -10,14 +10,17 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from integration.sim.sweeps.test_engine import results
 from integration.test_sweep import QUICK, rows
 from mjcf_samples import WALL
 from repository import environment
+from tasks import Task, die_of_two, gone, wait_for
 
 from sim.cli import main
 from sim.cli.parser import parser
-from sim.sweeps import sweep
+from sim.sweeps import parts, sweep
 from sim.sweeps.dataset import Dataset
+from sim.sweeps.engine import TRIES
 
 STOPPED = """
 import os, signal, sys
@@ -30,8 +33,6 @@ def once(folder, write, add=parts.add):
 dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, parts.add = 20, float("inf"), once
 sys.exit(cli.main(sys.argv[1:]))
 """  # a sweep that is told to stop as soon as its first 20 runs are written
-
-
 AS_A_TERMINAL = STOPPED.format(signals="os.killpg(0, signal.SIGINT)  # to all processes")
 
 
@@ -43,25 +44,14 @@ def written(folder: Path) -> int:
 def started(*words: str, program: Sequence[str] = ("-m", "sim.cli")) -> Iterator[subprocess.Popen[str]]:
     """A sweep as a process of its own, which does not outlive the test."""
     process = subprocess.Popen(
-        [sys.executable, *program, "sweep", *words],
-        stderr=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        env=environment(),
-        text=True,
-        start_new_session=True,
-    )
+        [sys.executable, *program, "sweep", *words], stderr=subprocess.PIPE, stdout=subprocess.PIPE,
+        env=environment(), text=True, start_new_session=True,
+    )  # fmt: skip
     with process:
         try:
             yield process
         finally:
             process.kill()
-
-
-def wait_for(happened, patience: float = 300.0) -> None:
-    deadline = time.monotonic() + patience
-    while not happened() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    assert happened()
 
 
 @pytest.fixture(scope="module")
@@ -85,14 +75,7 @@ def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_swe
     assert 0 < len(rows(folder)) <= len(expected)
     assert main(["sweep", *words, "-o", str(folder)]) == 0
     assert rows(folder) == expected
-    told = [row["seed"] for file in Dataset(folder).files() for row in _read(file)]
-    assert len(told) == len(expected)
-
-
-def _read(file: Path) -> list[dict]:
-    import pyarrow.parquet as pq
-
-    return pq.read_table(file).to_pylist()
+    assert len(parts.rows(Dataset(folder).files())) == len(expected)
 
 
 @pytest.mark.thorough
@@ -164,3 +147,40 @@ def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path,
     assert main(["sweep", str(folder / "wall.xml"), *words]) == 2
     assert "another wall" in capsys.readouterr().err
     assert written(tmp_path / "sweep") == 1
+
+
+# -- processes ---------------------------------------------------------------------------------------------------
+
+
+def test_an_item_that_ends_every_process_is_given_up_and_one_that_ends_a_process_once_is_done(tmp_path):
+    tasks = [Task("a", number, str(tmp_path)) for number in range(6)]
+    told = results(die_of_two, tasks, lost=lambda task, why: (task.number, why))
+    assert sorted(told, key=str) == [(2, f"its process died {TRIES} times"), 0, 1, 3, 4, 5]
+    assert (tmp_path / "dead").exists()
+
+
+PARENT = """
+import sys
+from tasks import Task, held
+from sim.sweeps.engine import Agenda, Pool, Stop
+if __name__ == "__main__":
+    tasks = [Task(str(n), n, sys.argv[1]) for n in (8, 9)]
+    with Pool(2, Stop()) as pool:
+        list(pool.run(held, Agenda(tasks), lambda task, why: None))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
+def test_no_process_outlives_a_parent_that_is_killed(tmp_path):
+    script, marks = tmp_path / "parent.py", tmp_path / "marks"
+    script.write_text(PARENT)
+    marks.mkdir()
+    parent = subprocess.Popen([sys.executable, script, marks], env=environment())
+    try:
+        wait_for(lambda: len(list(marks.iterdir())) == 2)
+        pids = [int(mark.name.split("-")[1]) for mark in marks.iterdir()]
+        assert not any(map(gone, pids))
+    finally:
+        parent.kill()
+        parent.wait()
+    wait_for(lambda: all(map(gone, pids)), 20.0)
