@@ -1,34 +1,42 @@
-"""Maps seen from above with matplotlib, which is imported when one is drawn, and trees and plans on them.
+"""Maps seen from above with matplotlib (extra `figures`), which is imported when one is drawn: scenes, trees, plans.
 
-`HomologyTree.plot` and `Plan.plot` call `tree` and `plan`.
+`HomologyTree.plot` and `Plan.plot` call `tree` and `plan`. Among moving obstacles a map shows where these and the
+references are at equal moments.
 """
 
-from collections.abc import Sequence
-from itertools import product
-from typing import Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from textwrap import wrap
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import ConvexHull
 
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.obstacle import Mover
-from pirrht.geometry.scene import Kind, Obstacle, Scene
+from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.outcome import Outcome
+from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
+from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, passing, rgb, title
+from sim.drawing.strokes import fading, outline, timed
+from sim.files import replaced
+
+if TYPE_CHECKING:
+    from sim.scenario import Scenario
 
 FLOOR, BORDER, WALL, GOAL, GOAL_EDGE, INK = "#f7f7f5", "#777777", "#4d5866", "#8fd19e", "#3c8f52", "#222222"
 MOVER, TREE, SAMPLE = "#80609e", "#55aacc", "#70747a"
-# Cyan, magenta, teal, orange, blue, red: they stay apart for colour-blind eyes and read on dark as on white ground.
-PALETTE = ("#33bbee", "#ee3377", "#009988", "#ee7733", "#0077bb", "#cc3311")
 LEGEND = {"fontsize": 8, "title_fontsize": 8, "frameon": False, "loc": "upper left", "bbox_to_anchor": (1.01, 1.0)}
-ROUND = 64  # corners of what is round
-MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
 ARROW = 0.5  # time that the arrow of a control spans [s]
 FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greatest weight
 SPACING = 0.15  # of points on edges that turn [m]
+WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
+ENDINGS = (".png", ".pdf", ".svg")
+MOST = 8  # moments
+APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
 def pyplot(what: str) -> Any:
@@ -86,11 +94,11 @@ def edges(axes: Any, tree: HomologyTree, color: str, *, width: float, opacity: f
 
 
 def classes(
-    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Any] = PALETTE, **legend: Any
+    axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color] = PALETTE, **legend: Any
 ) -> None:  # fmt: skip
     """Draw one polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
     for place, (line, label) in reversed(list(enumerate(zip(lines, labels, strict=True)))):
-        axes.plot(line[:, 0], line[:, 1], color=colors[place % len(colors)], lw=2.2, label=label, zorder=4)
+        axes.plot(line[:, 0], line[:, 1], color=rgb(colors[place % len(colors)]), lw=2.2, label=label, zorder=4)
     handles, texts = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles[::-1], texts[::-1], **LEGEND, **legend)
@@ -163,33 +171,114 @@ def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *,
         solids(axes, mover.at(time), fill=False, ec=MOVER, lw=0.9, alpha=alpha, zorder=zorder)
 
 
-def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
-    """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
-    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
-    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
+def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
+    """Write a map with obstacles, tree and the reference of every class."""
+    scene = scenario.loaded.scene
+    wide, high = scene.upper - scene.lower
+    figure = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
+    axes = figure.subplots()
+    draw_scene(axes, scenario)
+    for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
+        axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
+    edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
+    colors = ClassColors(reference.id for reference in references)
+    labels = []
+    for reference in references:
+        words = wrap(", ".join(passing(reference, tree.homology)), WIDE)
+        labels.append("\n  ".join([f"{title(reference.id)}: {reference.cost:.2f}", *words]))
+    step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
+    lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
+    classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
+    when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
+    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
+    _save(figure, path, "--png")
 
 
-def outline(obstacle: Obstacle) -> Array:
-    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
-    body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
-    points = (body @ obstacle.rotation.T + obstacle.position)[:, :2]
-    return np.asarray(points[ConvexHull(points).vertices])
+def draw_convergence(
+    path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
+) -> None:
+    """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
+    figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
+    axes = figure.subplots()
+    colors = ClassColors(reference.id for reference in references)
+    final = {reference.id: reference.length for reference in references}
+    iterations, end = convergence["iterations"], convergence["iterations"][-1]
+    shown = [name for name in final if name in convergence["lengths"]][:at_most]
+    for name in shown:
+        lengths, look = np.array(convergence["lengths"][name]), {"color": rgb(colors[name]), "lw": 1.6}
+        label = f"{title(name)}: {lengths[-1]:.2f} m, shortened {final[name]:.2f}"
+        lengths = np.where(np.isfinite(lengths), lengths, np.nan)
+        axes.step(iterations, lengths, where="post", label=label, **look)
+        axes.plot([0.97 * end, 1.03 * end], [final[name]] * 2, ls=":", **look)
+    if shown:  # first paths may be several times as long as the last ones: those are what one looks at
+        axes.set_ylim(0.97 * min(final.values()), 1.5 * max(final[name] for name in shown))
+    axes.set(xlabel="iteration (random states drawn)", ylabel="length of the tree's best path per class [m]")
+    axes.set_title(f"{scene}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10)
+    axes.grid(alpha=0.25)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(title="class", **LEGEND)
+    _save(figure, path, "--convergence")
 
 
-def surface(kind: Kind, size: Array) -> Array:
-    """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
-    angle, latitude = (
-        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
-        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
-    )
-    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
-    ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
-    up = np.array([0.0, 0.0, size[1]])
-    points = {
-        Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,
-        Kind.CYLINDER: np.vstack([size[0] * ring - up, size[0] * ring + up]),
-        Kind.CAPSULE: np.vstack([size[0] * ball - up, size[0] * ball + up]),
-        Kind.ELLIPSOID: ball * size,
-        Kind.SPHERE: ball * size[0],
-    }
-    return np.asarray(points[kind])
+def draw_scene(axes: Any, scenario: "Scenario") -> None:
+    """Workspace, obstacles seen from above, start and heading, goal, and moving obstacles at 0 s, few by name."""
+    from matplotlib.patheffects import withStroke
+
+    scene = scenario.loaded.scene
+    draw(axes, scene)
+    look = {"fontsize": 7, "ha": "center", "va": "center", "color": INK, "zorder": 9}
+    for mover in scene.movers if len(scene.movers) <= NAMED else ():
+        x, y = mover.motion.pose(0.0)[:2]
+        axes.text(x, y, mover.name, path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
+    if scenario.problem.dynamics.angles:
+        heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
+        axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})
+
+
+def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:
+    """Outline moving obstacles, the paler the later, and put a dot on every reference, at equal moments.
+
+    Returns:
+        the time between moments [s]; 0 where no reference moves.
+    """
+    from matplotlib.ticker import MaxNLocator
+
+    paths = [timed(reference, 0.0) for reference in references]
+    last = max((float(path[-1, 2]) for path in paths), default=0.0)
+    if last <= 0.0:
+        return 0.0
+    moments = MaxNLocator(MOST, steps=[1, 2, 5, 10]).tick_values(0.0, last)[1:]
+    numbers: list[tuple[float, Array, dict[str, Any]]] = []
+    for mover in scenario.loaded.scene.movers:
+        until = moments[: 1 + int(np.searchsorted(moments, mover.motion.last))]
+        outlined(axes, mover, [(time, 0.9 - 0.7 * time / moments[-1]) for time in until], zorder=2.9)
+        look = {"xytext": (0, 0), "ha": "center", "va": "center", "color": MOVER, "zorder": 2.9}
+        numbers += [(time, mover.motion.pose(time)[:2], look) for time in until]
+    for reference, path in zip(references, paths, strict=True):
+        for time in moments[moments <= path[-1, 2]]:
+            place = np.array([np.interp(time, path[:, 2], path[:, k]) for k in (0, 1)])
+            axes.plot(*place, "o", ms=4.0, mfc="white", mec=rgb(colors[reference.id]), mew=1.2, zorder=7)
+            numbers.append((time, place, {"xytext": (3, 4), "color": INK, "zorder": 8}))
+    marked: list[Array] = []  # places of numbers
+    for time, place, look in numbers:
+        if all(np.hypot(*(place - other)) >= APART * np.ptp(axes.get_xlim()) for other in marked):  # it can be read
+            marked.append(place)
+            axes.annotate(f"{time:g}", place, textcoords="offset points", fontsize=6.5, **look)
+    return float(moments[0])
+
+
+def check(path: Path, option: str) -> None:
+    """Make sure, before any work, that a figure can be drawn and has an ending that says how.
+
+    Raises:
+        OptionError: matplotlib is missing, or it knows no such ending.
+    """
+    pyplot(option)
+    if path.suffix.lower() not in ENDINGS:
+        raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
+
+
+def _save(figure: Any, path: Path, option: str) -> None:
+    """Write a figure whole or not at all, in the format of the file's ending."""
+    with replaced(path, option) as stream:
+        figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")

@@ -8,8 +8,7 @@ import numpy as np
 from benchmarks.calibration_table import EDGES, scores
 from benchmarks.plots import COLORS
 
-from sim.figures import draw_scene
-from sim.plotting import pyplot
+from sim.plotting import draw_scene, pyplot
 from sim.scenario import Scenario
 
 NOMINAL = 0.9545  # of errors within two standard errors

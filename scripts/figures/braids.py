@@ -15,8 +15,8 @@ from pirrht.arrays import Array
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import ClassColors, sides, worded
-from sim.drawing.strokes import Tube, timed, tubes
-from sim.plotting import MOVER, outline
+from sim.drawing.strokes import Tube, outline, timed, tubes
+from sim.plotting import MOVER
 from sim.scenario import Scenario
 
 SCENES = ("crossing", "closing_door")

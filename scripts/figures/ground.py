@@ -10,7 +10,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Scene
 from sim import plotting
-from sim.plotting import outline
+from sim.drawing.strokes import outline
 
 
 def draw(axes: Any, scene: Scene, time: float = 0.0, foreseen: Sequence[Mover] = ()) -> None:

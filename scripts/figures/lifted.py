@@ -13,7 +13,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
-from sim.plotting import outline
+from sim.drawing.strokes import outline
 from sim.scenario import Scenario
 
 PANELS = 2

@@ -131,9 +131,9 @@ def plan(arguments: argparse.Namespace) -> int:
     """Grow the tree and print one row per class."""
     for option in ("png", "convergence"):
         if getattr(arguments, option) is not None:
-            from sim import figures
+            from sim import plotting
 
-            figures.check(getattr(arguments, option), f"--{option}")
+            plotting.check(getattr(arguments, option), f"--{option}")
     scenario = scenario_of(arguments)
     began, watched = notice().clock(), {}
     if arguments.convergence:
@@ -155,9 +155,9 @@ def plan(arguments: argparse.Namespace) -> int:
     if arguments.json:
         write_json(arguments.json, found)
     if arguments.png:
-        figures.draw_plan(arguments.png, scenario, tree, references)
+        plotting.draw_plan(arguments.png, scenario, tree, references)
     if arguments.convergence:
-        figures.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
+        plotting.draw_convergence(arguments.convergence, scenario.loaded.scene.name, lengths, references)
     return 0
 
 

@@ -15,12 +15,14 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from pirrht.topology.tracks import places_at
-from sim import plotting
 from sim.drawing.strokes import interpolated, knots_of
 
 Color = tuple[int, int, int]  # red, green, blue, 0..255
 
-PALETTE: tuple[Color, ...] = tuple((r, g, b) for r, g, b in (bytes.fromhex(hue[1:]) for hue in plotting.PALETTE))
+# Cyan, magenta, teal, orange, blue, red: they stay apart for colour-blind eyes and read on dark as on white ground.
+PALETTE: tuple[Color, ...] = (
+    (51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17),
+)  # fmt: skip
 # Charcoal, plum, olive, mint, sand, slate: of methods, none of which is the colour of a class.
 METHODS: tuple[Color, ...] = (
     (68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204),

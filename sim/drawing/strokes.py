@@ -5,28 +5,31 @@ And of moving obstacles their outlines at some moments, and the tubes that they 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from pirrht.arrays import Array, IntArray
 from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.sampler import PathIntegral
-from pirrht.geometry.obstacle import Mover
+from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.outcome import Outcome
 from pirrht.planner.graph import ROOT
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.topology.homology import Homology
-from sim.plotting import fading, outline
 
 Floats = NDArray[np.float32]
 DEAD = "dead"
 MOST, POINTS = 24, 32  # samples of a mean path, the heaviest of a class, and its points
 CORNERS, ROUGH = 32, 20  # of what is round, of a tube and of an outline
 TURN = 0.15  # of an obstacle from one ring of its tube to the next at most [rad]
+ROUND = 64  # corners of what is round, seen from above
+MOMENTS = (0.5, 1.0, 1.5, 2.0, 2.5)  # after which predicted moving obstacles are outlined [s]
 JUMP = 1e-6  # time over which an obstacle that starts over jumps [s]
 
 
@@ -182,6 +185,38 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()
             found[name] = mean if free else lines[int(np.argmin(np.abs(lines - mean).max(axis=(1, 2))))]
     return found
+
+
+def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
+    """Return times after a time [s] at which to outline a moving obstacle, and opacities; none after it stops."""
+    last = [after for after in MOMENTS if time + after - MOMENTS[0] < mover.motion.last]
+    return [(after, 1.0 - 0.8 * after / (MOMENTS[-1] + MOMENTS[0])) for after in last]
+
+
+def outline(obstacle: Obstacle) -> Array:
+    """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
+    body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
+    points = (body @ obstacle.rotation.T + obstacle.position)[:, :2]
+    return np.asarray(points[ConvexHull(points).vertices])
+
+
+def surface(kind: Kind, size: Array) -> Array:
+    """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
+    angle, latitude = (
+        np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
+        np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
+    )
+    ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
+    ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
+    up = np.array([0.0, 0.0, size[1]])
+    points = {
+        Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,
+        Kind.CYLINDER: np.vstack([size[0] * ring - up, size[0] * ring + up]),
+        Kind.CAPSULE: np.vstack([size[0] * ball - up, size[0] * ball + up]),
+        Kind.ELLIPSOID: ball * size,
+        Kind.SPHERE: ball * size[0],
+    }
+    return np.asarray(points[kind])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

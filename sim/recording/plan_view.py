@@ -19,8 +19,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, packed, title
-from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, tubes
-from sim.plotting import outline
+from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, outline, tubes
 from sim.recording.reasons import page, reasons, share, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, entity
 from sim.recording.subject import Stream, Subject

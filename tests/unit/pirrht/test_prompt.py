@@ -15,7 +15,7 @@ import pirrht
 from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.geometry.scene import Kind, Obstacle
-from sim import plotting
+from sim.drawing import strokes
 from sim.scenario import Scenario
 
 matplotlib.use("Agg")
@@ -79,8 +79,8 @@ def test_outlines_are_convex_hulls_seen_from_above(kind):
     turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
     size, place = np.array([0.5, 0.3, 0.2]), np.array([1.0, 2.0, 0.3])
     solid = Obstacle(name="solid", kind=kind, size=size, position=place, rotation=turn)
-    corners = plotting.outline(solid)
-    points = (plotting.surface(kind, solid.size) @ turn.T + solid.position)[:, :2]
+    corners = strokes.outline(solid)
+    points = (strokes.surface(kind, solid.size) @ turn.T + solid.position)[:, :2]
     ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
     assert np.all(behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0] > 0)  # it turns left at every corner
     assert ConvexHull(corners).volume == pytest.approx(ConvexHull(points).volume, rel=1e-9)

@@ -9,8 +9,8 @@ from moving_scenes import body, moving_scene, rows
 
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
+from sim.drawing.strokes import MOMENTS, outline
 from sim.drawing.strokes import timed as in_time
-from sim.plotting import MOMENTS, outline
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject

@@ -14,8 +14,8 @@ from repository import ROOT
 from thoroughly import first
 
 from sim import plotting
+from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, title
-from sim.drawing.strokes import timed, tubes
 from sim.mjcf import load
 
 SCRIPT = ROOT / "scripts" / "reproduce_figures.py"
@@ -110,9 +110,9 @@ def test_a_snapshot_shows_the_body_where_it_is_then_and_where_the_plan_takes_it(
     for axes, step in zip(figure.axes, one.shown, strict=True):
         (body,) = [p for p in axes.patches if p.get_fill() and to_hex(p.get_facecolor()) == plotting.MOVER]
         (solid,) = mover.at(one.frames[step].time)
-        np.testing.assert_allclose(body.get_xy()[:-1], plotting.outline(solid))
+        np.testing.assert_allclose(body.get_xy()[:-1], strokes.outline(solid))
         later = [p for p in axes.patches if not p.get_fill() and to_hex(p.get_edgecolor()) == plotting.MOVER]
-        assert len(later) == len(plotting.MOMENTS)
+        assert len(later) == len(strokes.MOMENTS)
 
 
 def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal():
@@ -124,7 +124,7 @@ def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal
         assert len(one.references) >= 2
         goal = one.scenario.loaded.scene.goal
         for reference in one.references:
-            way = timed(reference, 0.0)
+            way = strokes.timed(reference, 0.0)
             np.testing.assert_allclose(way[0], [*one.scenario.start[:2], 0.0])
             assert np.linalg.norm(way[-1, :2] - goal.center) <= goal.radius + 0.02
             assert axes.get_zlim()[1] >= way[-1, 2]
@@ -133,7 +133,7 @@ def test_a_panel_per_scene_has_a_braid_per_class_from_the_start_at_0_to_the_goal
 
 
 def test_what_lies_behind_a_tube_is_hidden_and_what_lies_before_it_is_not():
-    (tube,) = tubes(moved("m", [(0, 3, 3, 0)], disc("d", 0, 0, 0.3)), 0.0, 5.0)
+    (tube,) = strokes.tubes(moved("m", [(0, 3, 3, 0)], disc("d", 0, 0, 0.3)), 0.0, 5.0)
     towards = braids._towards_eye(5.0)
     for off, behind in ((-1.0, True), (-0.5, True), (0.5, False), (1.0, False)):
         point = np.array([3.0, 3.0, 2.0]) + off * towards

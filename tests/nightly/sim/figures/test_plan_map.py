@@ -10,9 +10,8 @@ from matplotlib import image
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from sim import figures
+from sim import plotting
 from sim.drawing.colors import ClassColors, passing
-from sim.plotting import MOVER
 from sim.scenario import prepare
 
 CART = "\n".join(f'<geom name="p{k}" type="cylinder" size="0.12 0.2" pos="{0.7 * k - 1.05:g} 0 0"/>' for k in range(4))
@@ -57,7 +56,7 @@ def test_the_map_of_many_classes_is_drawn_without_a_warning_and_no_higher_than_w
     assert len(references) >= 8
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        figures.draw_plan(tmp_path / "map.png", scenario, tree, references)
+        plotting.draw_plan(tmp_path / "map.png", scenario, tree, references)
     high, wide = image.imread(tmp_path / "map.png").shape[:2]
     assert high < wide
 
@@ -73,7 +72,7 @@ def door() -> Any:
         scenario.loaded.scene.movers[0].motion,
         references,
         axes,
-        figures.draw_moments(axes, scenario, references, colors),
+        plotting.draw_moments(axes, scenario, references, colors),
     )
 
 
@@ -90,7 +89,7 @@ def test_numbers_stand_where_references_are_at_these_seconds(door):
 def test_outlines_are_those_of_bodies_at_these_seconds_until_they_stand_still(door):
     motion, _, axes, step = door
     rings = [patch.get_xy() for patch in axes.patches if isinstance(patch, Polygon)]
-    numbers = [text for text in axes.texts if text.get_color() == MOVER]
+    numbers = [text for text in axes.texts if text.get_color() == plotting.MOVER]
     times = step * np.arange(1, len(rings) + 1)
     assert times[-2] < motion.last <= times[-1]
     for time, ring, text in zip(times, rings, numbers, strict=True):
