@@ -82,7 +82,7 @@ def warm(arguments: argparse.Namespace) -> int:
 
 def sweep(arguments: argparse.Namespace) -> int:
     """Run many seeds, methods and noise levels: a table on the terminal, and rows on disk."""
-    from sim.report import summary, wording
+    from sim.report import rendering, summary
     from sim.sweeps import sweep as engine
     from sim.sweeps.dataset import Dataset
 
@@ -105,7 +105,7 @@ def sweep(arguments: argparse.Namespace) -> int:
         with dataset.locked():
             dataset.begin(grid.settings, scenes, requested)
             records = run(jobs, dataset=dataset, again=arguments.again)
-    print(wording.figures(*summary.summed(records)))
+    print(rendering.figures(*summary.summed(records)))
     if arguments.json:
         write_json(arguments.json, records)
     errors = [printable((str(r["error"]).splitlines() or [""])[0]) for r in records if r["outcome"] is None]
@@ -121,8 +121,7 @@ def sweep(arguments: argparse.Namespace) -> int:
 def report(arguments: argparse.Namespace) -> int:
     """Sum up a sweep: on the terminal, as Markdown and as a page."""
     from sim.report import summary as engine
-    from sim.report.plots import pictures
-    from sim.report.wording import markdown, page, terminal
+    from sim.report.rendering import markdown, page, pictures, terminal
     from sim.sweeps.dataset import Dataset
 
     folder: Path = arguments.output or arguments.folder

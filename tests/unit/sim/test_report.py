@@ -13,9 +13,8 @@ import pytest
 import sweep_samples
 
 from sim.cli import main
-from sim.report import wording
-from sim.report.statistics import holm, mcnemar, mean, paired_shares, sign_flips, wilson
-from sim.report.summary import ALL, report
+from sim.report import rendering
+from sim.report.summary import ALL, holm, mcnemar, mean, paired_shares, report, sign_flips, wilson
 from sim.sweeps.dataset import Dataset
 
 ASKED = {"methods": ["pi-rrht", "passive", "optimal"], "noise": {"slit": [0.1]}, "seeds": [0, 40]}
@@ -172,7 +171,7 @@ def test_too_few_seeds_for_any_finding_are_said_to_be_too_few(seeds, hopeless, t
     same = [record(method, seed) for method in ("pi-rrht", "single") for seed in range(seeds)]
     known = report(stored(tmp_path / "sweep", same))
     assert known["least_p"] == pytest.approx(4 * 0.5**seeds)
-    told = " ".join(wording.findings(known))
+    told = " ".join(rendering.findings(known))
     assert "None of 2 comparisons" in told
     assert ("It takes at least 7 pairs" in told) == hopeless
 
