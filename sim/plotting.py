@@ -51,7 +51,7 @@ def pyplot(what: str) -> Any:
 def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
     """Draw the best edge of every vertex, and the references from a state; return the axes."""
     references = [] if x is None else drawn.references(np.asarray(x, dtype=float))
-    axes = axes or _axes("tree.plot")
+    axes = axes or pyplot("tree.plot").subplots(figsize=(7.0, 5.0), layout="constrained")[1]
     scene = drawn.space.scene
     draw(axes, scene)
     edges(axes, drawn, TREE, width=0.4, opacity=0.6, zorder=2)
@@ -65,7 +65,7 @@ def plan(drawn: Plan, samples: int, axes: Any) -> Any:
     """Draw the state, references, samples and control of a plan on a map of its scene; return the axes."""
     if drawn.space is None:
         raise OptionError("this plan does not know its scene; plot one that Controller, Mppi or Optimal made")
-    axes = axes or _axes("plan.plot")
+    axes = axes or pyplot("plan.plot").subplots(figsize=(7.0, 5.0), layout="constrained")[1]
     draw(axes, drawn.space.scene, drawn.time)
     predicted(axes, drawn.movers, drawn.time)
     _samples(drawn, axes, samples)
@@ -102,10 +102,6 @@ def classes(
     handles, texts = axes.get_legend_handles_labels()
     if handles:
         axes.legend(handles[::-1], texts[::-1], **LEGEND, **legend)
-
-
-def _axes(method: str) -> Any:
-    return pyplot(method).subplots(figsize=(7.0, 5.0), layout="constrained")[1]
 
 
 def _lines(axes: Any, lines: Sequence[Array], color: str, *, width: float, opacity: Any, zorder: float) -> None:

@@ -7,7 +7,6 @@ checked; nodes are searched for anew over the edges. The zip's checksums find da
 
 import hashlib
 import json
-from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -25,7 +24,7 @@ from pirrht.planner.graph import SIZE, Storage
 from pirrht.planner.tree import HomologyTree
 from pirrht.steering.steering import Steering
 from pirrht.topology.crossings import Turns
-from sim.files import MISSING, replaced, why_unreadable
+from sim.files import why_unreadable
 
 Arrays = dict[str, np.ndarray[Any, Any]]
 
@@ -39,15 +38,8 @@ KEPT = {
 MOVING = "moving obstacles"  # key of what a tree depends on
 
 
-def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
-    """Write a tree, its source of random states included.
-
-    Args:
-        file: a path, which is replaced once the content is complete, or a binary stream.
-
-    Raises:
-        OptionError: the file cannot be written, or the source of random states is not NumPy's default.
-    """
+def save(tree: HomologyTree, stream: BinaryIO) -> None:
+    """Write a tree, its source of random states included; OptionError if that is not NumPy's default."""
     bits = tree.rng.bit_generator
     if not isinstance(bits, np.random.PCG64):
         raise OptionError(f"the tree draws from {type(bits).__name__}; trees are saved that draw from PCG64")
@@ -58,12 +50,11 @@ def save(tree: HomologyTree, file: str | Path | BinaryIO) -> None:
     count = _sizes(tree, *(int(tree.graph.size[k]) for k in (SIZE.vertices, SIZE.edges, SIZE.pairs)))
     packed: Arrays = {name: np.array(getattr(tree.graph, name)[: count[letters[0]]]) for name, letters in KEPT.items()}
     packed["about"] = np.array(json.dumps(about))
-    with replaced(Path(file), "tree") if isinstance(file, str | Path) else nullcontext(file) as stream:
-        np.savez_compressed(stream, **packed)  # type: ignore[arg-type]
+    np.savez_compressed(stream, **packed)  # type: ignore[arg-type]
 
 
 def load(
-    file: str | Path | BinaryIO, space: FreeSpace, steering: Steering, *, limit: float | None = None,
+    file: str | BinaryIO, space: FreeSpace, steering: Steering, *, limit: float | None = None,
     classes: int | None = None,
 ) -> HomologyTree:  # fmt: skip
     """Read a tree that was grown in this space for this steering; it grows on as if it had never been written.
@@ -75,7 +66,7 @@ def load(
     Raises:
         OptionError: no such file, none of ours, damaged, or grown for something else; says what differs.
     """
-    name = str(file) if isinstance(file, str | Path) else "the tree"
+    name = file if isinstance(file, str) else "the tree"
     about, arrays = _read(file, name)
     required = belongings(space, steering)
     required |= {key: value for key, value in (("limit", limit), ("classes", classes)) if value is not None}
@@ -114,11 +105,9 @@ def belongings(space: FreeSpace, steering: Steering) -> dict[str, Any]:
     }
 
 
-def _read(file: str | Path | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
-    if isinstance(file, str | Path) and (why := why_unreadable(Path(file))) is not None:
-        if why == MISSING:
-            raise OptionError(f"{name} does not exist; make it with `pirrht plan`")
-        raise OptionError(f"{name} {why}, and no tree that can be read; make one with `pirrht plan`")
+def _read(file: str | BinaryIO, name: str) -> tuple[dict[str, Any], Arrays]:
+    if isinstance(file, str) and (why := why_unreadable(Path(file))) is not None:
+        raise OptionError(f"{name} {why}; make a tree with `pirrht plan`")
     try:
         with np.load(file, mmap_mode="r", allow_pickle=False) as content:  # mapped, lest a single array be read whole
             total = sum(member.file_size for member in content.zip.infolist())  # more is not unpacked

@@ -19,7 +19,7 @@ from pirrht.planner.tree import HomologyTree
 from sim import options, tree_file
 from sim.cli import tables
 from sim.drive.metrics import Truth
-from sim.files import path_text, write_json
+from sim.files import path_text, replaced, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import deviation
@@ -150,7 +150,8 @@ def plan(arguments: argparse.Namespace) -> int:
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
     if arguments.output:
-        tree_file.save(tree, arguments.output)
+        with replaced(arguments.output, "tree") as stream:
+            tree_file.save(tree, stream)
         print(f"tree: {path_text(arguments.output)}")
     if arguments.json:
         write_json(arguments.json, found)

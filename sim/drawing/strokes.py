@@ -195,28 +195,23 @@ def fading(mover: Mover, time: float) -> list[tuple[float, float]]:
 
 def outline(obstacle: Obstacle) -> Array:
     """Return the corners (k, 2) of an obstacle's convex outline seen from above, counterclockwise [m]."""
-    body = surface(obstacle.kind, obstacle.size) if obstacle.vertices is None else obstacle.vertices
-    points = (body @ obstacle.rotation.T + obstacle.position)[:, :2]
-    return np.asarray(points[ConvexHull(points).vertices])
-
-
-def surface(kind: Kind, size: Array) -> Array:
-    """Return points (k, 3) [m] whose convex hull is a primitive in its own frame, or close to a round one."""
+    size, up = obstacle.size, np.array([0.0, 0.0, obstacle.size[1]])
     angle, latitude = (
         np.linspace(0, 2 * np.pi, ROUND, endpoint=False),
         np.linspace(-np.pi / 2, np.pi / 2, ROUND // 2 + 1),
     )
     ring = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(ROUND)])
     ball = np.vstack([np.cos(a) * ring + [0.0, 0.0, np.sin(a)] for a in latitude])
-    up = np.array([0.0, 0.0, size[1]])
     points = {
         Kind.BOX: np.array(list(product((-1, 1), repeat=3))) * size,
         Kind.CYLINDER: np.vstack([size[0] * ring - up, size[0] * ring + up]),
         Kind.CAPSULE: np.vstack([size[0] * ball - up, size[0] * ball + up]),
         Kind.ELLIPSOID: ball * size,
         Kind.SPHERE: ball * size[0],
+        Kind.MESH: obstacle.vertices,
     }
-    return np.asarray(points[kind])
+    seen = (points[obstacle.kind] @ obstacle.rotation.T + obstacle.position)[:, :2]
+    return np.asarray(seen[ConvexHull(seen).vertices])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
