@@ -42,10 +42,7 @@ NAMED = 8  # moving obstacles that all bear their names in a picture; those of m
 
 
 class ClassColors(dict[str, Color]):
-    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it.
-
-    Ids are in order of first appearance.
-    """
+    """Gives every class id the hue that follows from it, or if another class has it, the next free one; keeps it."""
 
     def __init__(self, names: Iterable[str] = ()) -> None:
         super().__init__()

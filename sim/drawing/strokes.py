@@ -136,8 +136,7 @@ def fans(
 def tree_edges(tree: HomologyTree, obstacle: int, most: int) -> Array:
     """Edges from nodes to their parents, (k, 2, 3) [m, m, turns] with the paper's H of one obstacle; at most `most`."""
     graph, size = tree.graph, tree.size
-    width = graph.parent.shape[1]
-    live = np.arange(width) < graph.nodes[:size, None]
+    live = np.arange(graph.parent.shape[1]) < graph.nodes[:size, None]
     vertex, slot = np.nonzero(live & (graph.parent[:size] != ROOT))
     vertex, slot = at_most(np.column_stack([vertex, slot]), most).T
     edge = graph.parent[vertex, slot]
@@ -178,9 +177,9 @@ def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[i
         group = group[np.argsort(-estimate.weight[group], kind="stable")[:MOST]]
         if len(group):
             states, steps = path_integral.replay.trace(estimate.rollouts, group)
-            times = estimate.rollouts.tables.times
-            whole = zip(states[..., :2], steps, strict=True)
-            lines = np.array([interpolated(line[: k + 1], times[: k + 1], share * times[k]) for line, k in whole])
+            times = estimate.rollouts.tables.times[: states.shape[1]]
+            whole = zip(states[..., :2], times[steps], strict=True)
+            lines = np.array([interpolated(line, times, share * end) for line, end in whole])
             mean = np.average(lines, axis=0, weights=estimate.weight[group])
             free = path_integral.space.collision.segments_free(mean[:-1], mean[1:]).all()
             found[name] = mean if free else lines[int(np.argmin(np.abs(lines - mean).max(axis=(1, 2))))]
