@@ -46,12 +46,9 @@ def read_mesh(source: Path) -> World:
 
 
 def _by_coacd(source: Path) -> list[Array]:
-    try:
+    need = f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
+    with refused(need, "", ImportError, most=0, kind=OptionError):
         import coacd
-    except ImportError:
-        raise OptionError(
-            f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
-        ) from None
     mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
     coacd.set_log_level("error")
     with refused(f"{source}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++

@@ -101,15 +101,12 @@ def read_map(path: Path) -> Map:
 
 def _values(path: Path) -> dict[str, Any]:
     """Read the values of all keys of a map, those of map_server where they are missing."""
-    try:
+    with refused(_EXTRA, "", ImportError, most=0, kind=OptionError):
         import yaml
-    except ImportError:
-        raise OptionError(_EXTRA) from None
-    with refused(f"{path}: not YAML: ", "; fix it there", yaml.YAMLError, ValueError):  # of dates and bytes
-        try:
-            content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
-        except RecursionError:
-            raise ValueError("it is nested too deeply") from None
+    deep = f"{path}: not YAML: it is nested too deeply; fix it there"
+    wrong = yaml.YAMLError, ValueError  # of dates and of bytes that are no UTF-8
+    with refused(deep, "", RecursionError, most=0), refused(f"{path}: not YAML: ", "; fix it there", *wrong):
+        content = yaml.safe_load(content_of(path, "the YAML file of a map").decode())
     if not isinstance(content, dict):
         raise SceneError(f"{path}: no map: it must have the keys image, resolution and origin")
     values = {}
@@ -118,10 +115,9 @@ def _values(path: Path) -> dict[str, Any]:
         value = {"mode": "", **DEFAULTS}.get(key) if value is None else value
         if value is None:
             raise SceneError(f"{path}: the key {key} is missing; a map has image, resolution and origin")
-        try:
+        must = f"{path}: {key} is {_SHORT.repr(value)}; it must be {must}"
+        with refused(must, "", TypeError, ValueError, OverflowError, KeyError, most=0):
             values[key] = read(value)
-        except (TypeError, ValueError, OverflowError, KeyError):
-            raise SceneError(f"{path}: {key} is {_SHORT.repr(value)}; it must be {must}") from None
     return values
 
 
@@ -170,10 +166,8 @@ def _image_file(path: Path, name: str, notes: list[str]) -> Path:
 
 def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]:
     """Brightness from 0, black, what white is of it, and what is transparent; (rows, columns) from the top."""
-    try:
+    with refused(_EXTRA, "", ImportError, most=0, kind=OptionError):
         from PIL import Image
-    except ImportError:
-        raise OptionError(_EXTRA) from None
     large, wrong = f"{path}: image {file} is too large (", f"{path}: image {file} cannot be read ("
     most = f"a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
     with (

@@ -69,7 +69,6 @@ def import_world(
         SceneError: something cannot be taken over, start, goal or workspace are missing or do not fit, or the target
             cannot be written. It is then as it was.
     """
-    source, target = Path(source), Path(target)
     kind = next((kind for kind, suffixes in _SUFFIXES.items() if source.suffix.lower() in suffixes), "world")
     kind = "motions" if motion else kind
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
@@ -136,10 +135,7 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     half = (bounds[1::2] - bounds[::2]) / 2
     robot = "unicycle" if world.kind == "world" else ROVER
     options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_OPTIONS}
-    custom = [
-        f'<{"text" if key == "robot" else "numeric"} name="pirrht_{key}" data="{value}"/>'
-        for key, value in options.items()
-    ]
+    custom = [f'<{"text" if k == "robot" else "numeric"} name="pirrht_{k}" data="{v}"/>' for k, v in options.items()]
     assets, geoms = [], []
     for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
         material = _MATERIALS.get(solid.shape, "boulder")

@@ -19,7 +19,7 @@ from pirrht.errors import SceneError
 from sim.importing.meshes import split
 from sim.importing.sdf_files import read_world
 from sim.importing.solids import Solid, World, part_solid, transform
-from sim.mjcf.library import FARTHEST, FINEST, MOST_NESTED, listed
+from sim.mjcf.library import FARTHEST, FINEST, MOST_NESTED, listed, refused
 
 _SHAPES = {  # measures of a geometry, and how many numbers each has
     "box": (("size", 3),),
@@ -40,17 +40,15 @@ _NOTES = {
 }
 
 
-def read_sdf(path: Path, folders: Sequence[Path] = (), without: Sequence[str] = ()) -> World:
+def read_sdf(path: Path, folders: Sequence[Path], without: Sequence[str]) -> World:
     """Read the obstacles of the one world, or of the models without a world, in an SDF file.
 
     Args:
         folders: where included models and meshes are searched for, before the folders around the file.
         without: names of models to leave out.
     """
-    try:
+    with refused(f"{path}: poses refer to each other in too long a chain; shorten it", "", RecursionError, most=0):
         return _Reader(read_world(path, folders), path, frozenset(without)).world()
-    except RecursionError:
-        raise SceneError(f"{path}: poses refer to each other in too long a chain; shorten it") from None
 
 
 def is_true(text: str | None) -> bool:

@@ -47,10 +47,9 @@ class World:
 
 def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
     """Make a solid of a convex part of a mesh, which is a box if it can be."""
-    box = as_box(vertices)
-    return (
-        Solid(name, "mesh", np.zeros(3), pose, vertices) if box is None else Solid(name, "box", box[1], pose @ box[0])
-    )
+    if box := as_box(vertices):
+        return Solid(name, "box", box[1], pose @ box[0])
+    return Solid(name, "mesh", np.zeros(3), pose, vertices)
 
 
 def as_box(corners: Array) -> tuple[Array, Array] | None:

@@ -13,7 +13,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec, delete, listed
-from sim.mjcf.obstacles import MOTION
+from sim.mjcf.obstacles import MOTION, moved_geoms
 from sim.text import counted
 
 PREFIX = "loose/"  # of a body that was made for a geom of the worldbody
@@ -111,7 +111,7 @@ def dress(model: mujoco.MjModel) -> None:
             model.site_rgba[site] = SITES[name]
     bare, flat = (model.geom_matid < 0) & _plain(model.geom_rgba), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
-    moving = np.isin(model.body_rootid[model.geom_bodyid], [model.body(one.removeprefix(MOTION)).id for one in motions])
+    moving = moved_geoms(model, [name.removeprefix(MOTION) for name in motions])
     model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):

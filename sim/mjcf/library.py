@@ -23,7 +23,7 @@ import mujoco
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import SceneError, printable
+from pirrht.errors import PirrhtError, SceneError, printable
 from sim.files import MISSING, why_unreadable
 
 FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
@@ -100,10 +100,8 @@ def _tried(path: Path, *_: int) -> None:
         model = compile_spec(spec, path)
         mujoco.mj_kinematics(model, mujoco.MjData(model))
         check_parts(path, model.nbody + model.ngeom + model.nsite)
-        try:
+        with refused(f"{path}: it has names that are not UTF-8 text; rename them", "", UnicodeError, most=0):
             _ = model.names.decode(), [text.data for text in spec.texts]
-        except UnicodeError:
-            raise SceneError(f"{path}: it has names that are not UTF-8 text; rename them") from None
 
     trial(path, compiled)
 
@@ -137,13 +135,15 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 @contextmanager
-def refused(begin: str, end: str, *errors: type[Exception], most: int | None = None) -> Iterator[None]:
-    """Make errors of these kinds, `most` characters of them, a SceneError in one line between two texts."""
+def refused(
+    begin: str, end: str, *errors: type[Exception], most: int | None = None, kind: type[PirrhtError] = SceneError
+) -> Iterator[None]:
+    """Make errors of some kinds, `most` characters of them, one of this project in one line between two texts."""
     try:
         with warnings.catch_warnings(action="ignore"):  # as MuJoCo's of deprecated attributes
             yield
     except errors as error:
-        raise SceneError(begin + " ".join(str(error).split())[:most] + end) from None
+        raise kind(begin + " ".join(str(error).split())[:most] + end) from None
 
 
 def content_of(path: Path, what: str, remedy: str = "remove what is no obstacle") -> bytes:

@@ -4,7 +4,7 @@ Those that move are mocap bodies whose motions stand in the scene as custom nume
 they move about the vertical through where they stand.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import inf, remainder, tau
 
@@ -244,10 +244,9 @@ def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion
     return motion
 
 
-def moved_geoms(model: mujoco.MjModel, motions: Mapping[str, Motion]) -> Mask:
+def moved_geoms(model: mujoco.MjModel, names: Iterable[str]) -> Mask:
     """The geoms that move with bodies of these names, those of bodies inside them too, (ngeom,)."""
-    roots = [model.body(name).id for name in motions]
-    return np.asarray(np.isin(model.body_rootid[model.geom_bodyid], roots))
+    return np.isin(model.body_rootid[model.geom_bodyid], [model.body(name).id for name in names])
 
 
 def read_movers(
