@@ -8,6 +8,7 @@ Gazebo: those of models and links are in world coordinates.
 import xml.etree.ElementTree as ET
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import NoReturn
@@ -58,14 +59,11 @@ def is_true(text: str | None) -> bool:
 
 def numbers(text: str | None, count: int) -> Array | None:
     """Read so many numbers, none beyond `FARTHEST`, or None."""
-    words = (text or "").split()
-    try:
-        values = np.array(words, dtype=float)
-    except ValueError:
-        return None
-    if len(values) != count or any("_" in word for word in words):  # Python reads 4_0 as 40, and nobody else does
-        return None
-    return values if np.all(np.abs(values) <= FARTHEST) else None
+    with suppress(ValueError):
+        values = np.array((text or "").split(), dtype=float)
+        if len(values) == count and "_" not in (text or "") and np.all(np.abs(values) <= FARTHEST):
+            return values  # Python reads 4_0 as 40, and nobody else does
+    return None
 
 
 class Frames:
@@ -76,9 +74,8 @@ class Frames:
         self._parents = {part: parent for parent in root.iter() for part in parent}
         self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
         self.named = cache(self._named)
-        state = root.find("state")
         for change in ("insertions", "deletions"):
-            if state is not None and len(state.findall(f"{change}/*")):
+            if root.find(f"state[1]/{change}/*") is not None:
                 self.refuse(root, f"<state> has <{change}>; save the world anew or remove them")
 
     def refuse(self, element: ET.Element, reason: str) -> NoReturn:

@@ -12,8 +12,6 @@ from sim.importing.scene_file import import_world
 from sim.mjcf import load
 
 TASK = {"start": (1.0, 1.0), "goal": (3.5, 3.5, 0.3)}
-
-
 WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
 
 

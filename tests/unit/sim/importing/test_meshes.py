@@ -117,8 +117,6 @@ QUADS = '<polylist count="1">{inputs}<vcount>4</vcount><p>0 7 1 7 2 7 3 7</p></p
 TRIANGLES = '<triangles count="2">{inputs}<p>0 7 1 7 2 7 0 7 2 7 3 7</p></triangles>'
 POLYGONS = '<polygons count="1">{inputs}<p>0 7 1 7 2 7</p><p>0 7 2 7 3 7</p></polygons>'
 INPUTS = '<input semantic="VERTEX" source="#v" offset="0"/><input semantic="NORMAL" source="#n" offset="1"/>'
-
-
 SCENE = """<library_visual_scenes><visual_scene id="a">{}</visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#a"/></scene>"""
 GEOMETRY = """<geometry id="{name}" name="{name} mesh"><mesh>

@@ -53,16 +53,6 @@ def test_it_drives_into_the_room_that_plans_keep_and_collides_where_it_is_itself
     assert end.states[-2, 0] <= 0.5 + 1e-9 < end.states[-1, 0] + 2e-9
 
 
-def test_references_keep_the_margin():
-    given = {"vertices": 300}
-    scenario = prepare("slit", margin=0.04, given=given)
-    plain = prepare("slit", given=given)
-    for reference in scenario.references(scenario.grown_tree()):
-        points = np.vstack([scenario.start, reference.trajectory.path.tails[:, :2]])
-        ways = np.concatenate([np.linspace(a, b, 200) for a, b in zip(points, points[1:], strict=False)])
-        assert plain.space.collision.clearance(ways).min() > 0.039
-
-
 ROOM = """<mujoco><worldbody>{}
 <geom name="wall" type="box" size="1.5 0.05 0.3" pos="2 0.95 0.3"/>
 <site name="workspace" type="box" size="2.5 2 0.5" pos="2.5 2 0.5"/>
