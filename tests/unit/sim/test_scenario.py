@@ -12,8 +12,7 @@ from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import prepare
-from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
-from sim.scenario.risk import predicted
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, predicted
 from sim.scenario.scenario import WIDER
 from sim.sweeps.runs import settled
 from sim.sweeps.sweep import Grid
