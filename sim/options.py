@@ -1,11 +1,9 @@
-"""Options of the command line: those of commands, all together with those of a run and its scene, and sizes of plans.
-
-The parser, the numerics that a scene may carry, the help and docs/cli.md follow from them.
-"""
+"""Options of commands, of which parser, numerics of scenes, help and docs/cli.md follow, and sizes of plans."""
 
 import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -125,7 +123,7 @@ def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]
 
 
 def check_size(task: Any, memory: float | None = None) -> None:
-    """Refuse plans of a scenario that never end or fit into no memory [bytes]; OptionError names the option."""
+    """Refuse plans that never end or do not fit into half of the `memory` [bytes], by default the machine's."""
     s, d, scene, classes = task.settings, task.problem.dynamics, task.loaded.scene, task.classes_at_start()
     if s.method == "optimal":
         return
@@ -140,7 +138,11 @@ def check_size(task: Any, memory: float | None = None) -> None:
     drawn = 8.0 * (samples * (6 + 2 * d.m + 3 * proposals + traced) + proposals * steps * (2 * d.m + 9))
     near = 2.0 * math.e * math.log(s.vertices + 1.0)
     grown = s.vertices * (8.0 * len(task.space.obstacles) + 120.0 * min(4, s.classes or 4) + 92.0 * near)
-    limit = MEMORY_SHARE * (physical() if memory is None else memory)
+    if memory is None:
+        memory = 8.0 * GIB
+        with suppress(AttributeError, OSError, ValueError):  # a system that does not answer this
+            memory = float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
+    limit = MEMORY_SHARE * memory
     plan = f"a plan of {samples:.3g} samples around {classes} classes"
     fewer = f"lower {'--budget or --samples' if targeted else '--samples or --classes'}"
     fits = f"GiB of memory, and at most {limit / GIB:.3g} GiB of this machine's are given to it"
@@ -154,11 +156,3 @@ def check_size(task: Any, memory: float | None = None) -> None:
     ):  # fmt: skip
         if needed > most:
             raise OptionError(message)
-
-
-def physical() -> float:
-    """The memory of this machine [bytes]."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * float(os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):  # no such question on this system
-        return 8.0 * GIB

@@ -35,11 +35,7 @@ def small_of(scenario: Scenario) -> Scenario:
 
 
 def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
-    """Do once, elsewhere, what a grown tree and its references need; results stay as they are.
-
-    Args:
-        driving: make the plans of a few control steps too, and drive them.
-    """
+    """Do once, elsewhere, what tree and references need, and a run of a few steps if `driving`; results stay."""
     small, s = small_of(scenario), scenario.settings
     with suppress(Exception):  # a robot that cannot turn in so small a room, say: what matters will come up again
         tree = None if s.method in TREELESS else small.grown_tree()
@@ -52,8 +48,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
         list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
         if tree is None:
             return
-        # Now and then runs hold a control sequence, query FCL about an edge, and rename classes.
-        first = references[0]
+        first = references[0]  # now and then runs hold a control sequence, query FCL about an edge, and rename classes
         first.trajectory.tape(driver.path_integral.grid(first.cost))
         tree.checker.motion.free(first.path, 0, small.space)
         if tree.homology.J:

@@ -1,7 +1,4 @@
-"""Settings of a run and of its scene: each is stated once, with its default, unit, limits and help, and checked.
-
-Options of the command line, numerics of scenes, arguments of `prepare` and of environments, and docs/cli.md follow.
-"""
+"""Settings of a run and of its scene: each is stated once, with its default, unit, limits and help, and checked."""
 
 from __future__ import annotations
 
