@@ -8,23 +8,13 @@ from pathlib import Path
 from repository import environment
 
 
-def _done(folder: Path, words: tuple[str, ...], status: int) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, *words], cwd=folder, capture_output=True, text=True, timeout=900, env=environment()
-    )
+def call(folder: Path, *words: str, status: int = 0) -> str:
+    """What a command in that folder prints, or what it answers to words that it cannot use (status 2)."""
+    process, pipe = [sys.executable, *words], subprocess.PIPE
+    done = subprocess.run(process, cwd=folder, stdout=pipe, stderr=pipe, text=True, timeout=900, env=environment())
     assert done.returncode == status, done.stderr
     assert "Traceback" not in done.stderr
-    return done
-
-
-def call(folder: Path, *words: str, status: int = 0) -> str:
-    """What a command in that folder prints."""
-    return _done(folder, words, status).stdout
-
-
-def refused(folder: Path, *words: str) -> str:
-    """What `pirrht` says of words that it cannot use."""
-    return _done(folder, ("-m", "sim.cli", *words), 2).stderr
+    return done.stderr if status == 2 else done.stdout
 
 
 def reported(folder: Path, *words: str, status: int = 0) -> dict:

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from commands import refused, reported
+from commands import call, reported
 from repository import ROOT
 from thoroughly import thorough
 
@@ -44,7 +44,7 @@ def test_a_boat_is_swept_in_worker_processes_and_the_dataset_knows_its_system(fo
     rows = reported(folder, "sweep", "slit", *BOAT, *words)
     assert [(row["outcome"], row["error"]) for row in rows] == [("timeout", None)] * 2
     assert json.loads((folder / "runs" / "manifest.json").read_text())["settings"]["system"] == "moor:BOAT"
-    told = refused(folder, "sweep", "slit", "--robot", "boat.xml", *words)
+    told = call(folder, "-m", "sim.cli", "sweep", "slit", "--robot", "boat.xml", *words, status=2)
     assert "was made with --system moor:BOAT and this sweep is without --system" in told
 
 
@@ -60,7 +60,8 @@ def test_what_fails_in_a_boats_own_code_is_told_in_one_line(folder, line, wrong,
     text = (folder / "moor.py").read_text()
     assert line in text
     (folder / "leak.py").write_text(text.replace(line, wrong))
-    assert words in refused(folder, "plan", "slit", *[word.replace("moor:", "leak:") for word in BOAT], *SMALL)
+    boat = [word.replace("moor:", "leak:") for word in BOAT]
+    assert words in call(folder, "-m", "sim.cli", "plan", "slit", *boat, *SMALL, status=2)
 
 
 @pytest.mark.parametrize("file", sorted(EXAMPLES.glob("*.py")), ids=lambda file: file.stem)

@@ -1,5 +1,6 @@
 """The long tests of integration/test_readme.py: every command and snippet of a page runs, and the site is built."""
 
+import json
 import re
 import shlex
 import shutil
@@ -10,7 +11,6 @@ import pytest
 import trimesh
 from commands import call
 from documents import NAMES, PAGES, blocks, commands, models, named
-from notebooks import code_of
 from repository import ROOT
 from thoroughly import first, thorough
 
@@ -85,8 +85,7 @@ def test_every_command_of_a_page_runs_in_the_order_of_the_page(page, folder, mon
             pytest.importorskip("matplotlib")
         if "--script" in words:
             (folder / words[words.index("--script") + 1]).write_text('[{"at": 0.05, "push": [0.0, 0.2]}]')
-        small = list(SMALL.get(words[0], ()))
-        status = cli.main([*words, *(["--vertices", "30", *small[2:]] if "--convergence" in words else small)])
+        status = cli.main([*words, *SMALL.get(words[0], ())])
         assert status in ((0, 1) if words[0] in ("run", "sweep") else (0,)), capsys.readouterr().err
 
 
@@ -116,7 +115,8 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 @pytest.mark.parametrize("notebook", first(NOTEBOOKS), ids=lambda path: path.stem)
 def test_a_notebook_runs_from_its_first_cell_to_its_last(notebook, tmp_path):
     pytest.importorskip("matplotlib")
-    assert "GOAL after" in call(tmp_path, "-c", code_of(notebook))
+    cells = [cell["source"] for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"]
+    assert "GOAL after" in call(tmp_path, "-c", "\n".join(map("".join, cells)))
 
 
 def test_the_site_is_built_without_a_warning(tmp_path):
