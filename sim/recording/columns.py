@@ -6,7 +6,6 @@ recording that holds them. To keep one more number of every step is to add one r
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from math import inf
@@ -34,7 +33,7 @@ class Column:
     optional: bool = False  # whether the column is left out where no step has a value
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "component", self.component or re.split("_K|:ID", self.name)[0])
+        object.__setattr__(self, "component", self.component or self.name.removesuffix("_K").removesuffix(":ID"))
 
     @property
     def by_class(self) -> bool:
@@ -96,77 +95,47 @@ COLUMNS = (
     Column("time", "s", "simulated time at its start"),
     Column("duration", "s", "simulated time it took", lambda f, _: [f.advance.time]),
     *_states("", START, f"{START}, counter-clockwise from x", lambda f, _: f.plan.state),
-    Column(
-        "control_K", CONTROL,
-        "u at its start: velocity of a point, steering of a car, acceleration of a mass, speed and turn rate "
-        "of a rover",
-        lambda f, _: f.plan.control,
-    ),
-    Column(
-        "noise_K", "sqrt(s)", "sum of the Brownian increments over the step", lambda f, _: f.advance.noise.sum(axis=0)
-    ),
+    Column("control_K", CONTROL, "u at its start: velocity of a point, steering of a car, acceleration of a mass, "
+           "speed and turn rate of a rover", lambda f, _: f.plan.control),
+    Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step",
+           lambda f, _: f.advance.noise.sum(axis=0)),
     # Other steps end where the next one begins.
     *_states("end_", END, END, lambda f, _: f.state if f.outcome is not None and len(f.advance.states) else ()),
-    Column(
-        "cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step", lambda f, _: [f.cost]
-    ),
-    Column(
-        "length", "m", "driven up to the end of the step, without the path's noise (path_length)",
-        lambda f, _: [f.length],
-    ),
+    Column("cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step",
+           lambda f, _: [f.cost]),
+    Column("length", "m", "driven up to the end of the step, without the path's noise (path_length)",
+           lambda f, _: [f.length]),
     Column("clearance", "m", "clearance of the footprint at the start of the step", lambda f, _: [f.clearance]),
-    Column(
-        "value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", _estimated("value")
-    ),
+    Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", _estimated("value")),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", _estimated("value_error")),
-    Column(
-        "control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown",
-        _estimated("control_error"),
-    ),
-    Column(
-        "doubtful", "1", "1 where v and u rest on fewer than 10 effective samples",
-        lambda f, _: [f.plan.estimate is not None and f.plan.estimate.doubtful], kind=int,
-    ),
-    Column(
-        "exact_value", "cost", "v, solved for on a grid (`run --truth`)", lambda _, t: [t.value] if t else [],
-        optional=True,
-    ),
-    Column(
-        "exact_control_K", CONTROL, "the optimal control u* (`run --truth`)", lambda _, t: t.control if t else [],
-        optional=True,
-    ),
-    Column(
-        "weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", _by_class("class_weights"),
-        "weights",
-    ),
+    Column("control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown",
+           _estimated("control_error")),
+    Column("doubtful", "1", "1 where v and u rest on fewer than 10 effective samples",
+           lambda f, _: [f.plan.estimate is not None and f.plan.estimate.doubtful], kind=int),
+    Column("exact_value", "cost", "v, solved for on a grid (`run --truth`)", lambda _, t: [t.value] if t else [],
+           optional=True),
+    Column("exact_control_K", CONTROL, "the optimal control u* (`run --truth`)", lambda _, t: t.control if t else [],
+           optional=True),
+    Column("weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", _by_class("class_weights"),
+           "weights"),
     Column("ess:ID", "1", "effective sample size of a homology class", _by_class("class_ess")),
     Column("vertices", "1", "of the tree that the plan was made with", lambda f, _: [f.vertices], kind=int),
     Column("plan_ms", "ms", "wall time of the plan"),
-    Column(
-        "outcome", "", "goal, collision or timeout in the last row, empty before",
-        lambda f, _: [] if f.outcome is None else [f.outcome.name.lower()], kind=str,
-    ),
+    Column("outcome", "", "goal, collision or timeout in the last row, empty before",
+           lambda f, _: [] if f.outcome is None else [f.outcome.name.lower()], kind=str),
 )  # fmt: skip
-CLASSES = Column(
-    "classes", "", "ids of the classes that weights and sizes belong to",
-    lambda f, _: f.plan.estimate.class_weights if f.plan.estimate else (), kind=str,
-)  # fmt: skip
+CLASSES = Column("classes", "", "ids of the classes that weights and sizes belong to",
+                 lambda f, _: f.plan.estimate.class_weights if f.plan.estimate else (), kind=str)  # fmt: skip
 COMPONENTS = {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}  # written at `/steps`
 
 
 def cells(frame: Frame, truth: Truth | None) -> dict[str, list[Any]]:
     """Return the values of a step by component."""
     return {
-        name: [v if column.kind is str else float(v) for v in column.values(frame, truth)]
-        for name, column in COMPONENTS.items()
-        if column.values is not None
+        name: [v if c.kind is str else float(v) for v in c.values(frame, truth)]
+        for name, c in COMPONENTS.items()
+        if c.values is not None
     }
-
-
-def described(name: str) -> Column:
-    """The description of a column of the table."""
-    pattern = {c.name.replace("_K", r"_\d+").replace(":ID", ":.+"): c for c in COLUMNS}
-    return next((c for text, c in pattern.items() if re.fullmatch(text, name)), Column(name, "", ""))
 
 
 def explained() -> str:

@@ -5,6 +5,7 @@ Columns of a class bear its title, as all tables and pictures do; the class' who
 
 import json
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -21,7 +22,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from sim.drawing.colors import title
 from sim.files import path_text, replaced, why_unreadable
-from sim.recording.columns import CLASSES, COLUMNS, Column, described
+from sim.recording.columns import CLASSES, COLUMNS, Column
 from sim.systems import POSE
 
 STEPS, TIMING, SETTINGS = "/steps", "/timing/plan", "/__properties/run"
@@ -115,18 +116,14 @@ def check_format(file: Path) -> None:
 
 def table(recording: Recording) -> Table:
     """The columns of a recording by name, each with one entry per control step."""
-    steps = recording.steps
     columns: Table = {}
+    rows = [(step, time, recording.plan_ms.get(step, nan)) for step, time, _ in recording.steps]
+    known = dict(zip(("step", "time", "plan_ms"), zip(*rows, strict=True), strict=True))
     for column in COLUMNS:
-        if column.by_class:
-            columns |= _by_class(column, recording)
-        elif column.values is not None:
-            columns |= _by_place(column, recording)
+        if column.values is None:
+            columns[column.name] = np.array(known[column.name])
         else:
-            known = {"step": [step for step, _, _ in steps], "time": [time for _, time, _ in steps]}
-            columns[column.name] = np.array(
-                known.get(column.name, [recording.plan_ms.get(s, nan) for s, _, _ in steps])
-            )
+            columns |= (_by_class if column.by_class else _by_place)(column, recording)
     return columns
 
 
@@ -159,9 +156,9 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
     """
     ids, about = {title(name): name for name in recording.classes}, {}
     for name in columns:
-        column = described(name)
-        about[name] = {"unit": column.unit, "text": column.text}
-        if column.by_class:
+        c = next(c for c in COLUMNS if re.fullmatch(c.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name))
+        about[name] = {"unit": c.unit, "text": c.text}
+        if c.by_class:
             about[name]["class"] = ids[name.partition(":")[2]]
     with replaced(file, "--output") as stream:
         if file.suffix == ".npz":
