@@ -39,7 +39,7 @@ def main() -> int:
     sinks = Sinks(file=options.record)
     with Recorder(loaded, tree, controller.path_integral, sinks, settings=settings) as recorder:
         for frame in episode.run(plant, controller, loaded.scene.start, for_plant, max_time=60.0):
-            recorder.log(frame, frame.news)
+            recorder.log(frame)
 
     result = frame.metrics.json()
     print(f"{result['outcome']} after {result['time']:.2f} s through class {result['executed_class']}")

@@ -151,7 +151,7 @@ def late_plans(scenarios: list[Scenario], seconds: float, predict: str) -> tuple
             with Recorder(timed.loaded, tree, driver.path_integral, sinks, settings={"scene": "benchmark"}) as recorder:
                 before = ticks()
                 for frame in timed.drive(timed.plant(), driver):
-                    recorder.log(frame, frame.news)
+                    recorder.log(frame)
         taken, whole = np.subtract(ticks(), before).tolist()
         stolen, passed = stolen + taken, passed + whole
         figures = frame.metrics.real_time

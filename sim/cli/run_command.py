@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
     with ExitStack() as stack:
         if sinks:
             recorder = stack.enter_context(_recorder(scenario, driver, sinks, look=look, grid=truth))
-            observers.append(lambda frame: recorder.log(frame, frame.news, frame.truth))
+            observers.append(recorder.log)
             if recorder.server is not None:
                 print(WATCH.format(recorder.server.page), flush=True)
         observers.append(partial(_show, stack.enter_context(Progress("run", scenario.settings.max_time, "s"))))
@@ -223,4 +223,4 @@ class Live:
             sinks = [Sinks(connect=url) for url in self._urls if url]
             self._recorders = [_recorder(world.scenario, world.driver, one) for one in sinks]
         for recorder in self._recorders:
-            recorder.log(frame, frame.news)
+            recorder.log(frame)

@@ -15,9 +15,8 @@ import numpy as np
 
 if TYPE_CHECKING:
     from sim.drive.episode import Frame
-    from sim.drive.metrics import Truth
 
-Values = Callable[["Frame", "Truth | None"], Iterable[Any]]
+Values = Callable[["Frame"], Iterable[Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,7 @@ class Column:
 def _estimated(name: str) -> Values:
     """Take an attribute of the estimate; a value that is known without samples has no error."""
 
-    def values(frame: Frame, _: Truth | None) -> Iterable[Any]:
+    def values(frame: Frame) -> Iterable[Any]:
         exact, many = frame.plan.exact, frame.advance.noise.shape[1] if name == "control_error" else 1
         if frame.plan.estimate is not None:
             return np.atleast_1d(getattr(frame.plan.estimate, name))
@@ -67,7 +66,7 @@ def _estimated(name: str) -> Values:
 
 
 def _by_class(name: str) -> Values:
-    return lambda f, _: getattr(f.plan.estimate, name).values() if f.plan.estimate else ()
+    return lambda f: getattr(f.plan.estimate, name).values() if f.plan.estimate else ()
 
 
 CONTROL = "m/s, m/s^2 or 1"
@@ -93,46 +92,46 @@ START, END = "at its start", "at its end"
 COLUMNS = (
     Column("step", "1", "number of the control step, from 0", kind=int),
     Column("time", "s", "simulated time at its start"),
-    Column("duration", "s", "simulated time it took", lambda f, _: [f.advance.time]),
-    *_states("", START, f"{START}, counter-clockwise from x", lambda f, _: f.plan.state),
+    Column("duration", "s", "simulated time it took", lambda f: [f.advance.time]),
+    *_states("", START, f"{START}, counter-clockwise from x", lambda f: f.plan.state),
     Column("control_K", CONTROL, "u at its start: velocity of a point, steering of a car, acceleration of a mass, "
-           "speed and turn rate of a rover", lambda f, _: f.plan.control),
+           "speed and turn rate of a rover", lambda f: f.plan.control),
     Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step",
-           lambda f, _: f.advance.noise.sum(axis=0)),
+           lambda f: f.advance.noise.sum(axis=0)),
     # Other steps end where the next one begins.
-    *_states("end_", END, END, lambda f, _: f.state if f.outcome is not None and len(f.advance.states) else ()),
+    *_states("end_", END, END, lambda f: f.state if f.outcome is not None and len(f.advance.states) else ()),
     Column("cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step",
-           lambda f, _: [f.cost]),
+           lambda f: [f.cost]),
     Column("length", "m", "driven up to the end of the step, without the path's noise (path_length)",
-           lambda f, _: [f.length]),
-    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda f, _: [f.clearance]),
+           lambda f: [f.length]),
+    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda f: [f.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", _estimated("value")),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", _estimated("value_error")),
     Column("control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown",
            _estimated("control_error")),
     Column("doubtful", "1", "1 where v and u rest on fewer than 10 effective samples",
-           lambda f, _: [f.plan.estimate is not None and f.plan.estimate.doubtful], kind=int),
-    Column("exact_value", "cost", "v, solved for on a grid (`run --truth`)", lambda _, t: [t.value] if t else [],
-           optional=True),
-    Column("exact_control_K", CONTROL, "the optimal control u* (`run --truth`)", lambda _, t: t.control if t else [],
-           optional=True),
+           lambda f: [f.plan.estimate is not None and f.plan.estimate.doubtful], kind=int),
+    Column("exact_value", "cost", "v, solved for on a grid (`run --truth`)",
+           lambda f: [f.truth.value] if f.truth else [], optional=True),
+    Column("exact_control_K", CONTROL, "the optimal control u* (`run --truth`)",
+           lambda f: f.truth.control if f.truth else [], optional=True),
     Column("weight:ID", "1", "share of psi of a homology class; NaN if no sample survived", _by_class("class_weights"),
            "weights"),
     Column("ess:ID", "1", "effective sample size of a homology class", _by_class("class_ess")),
-    Column("vertices", "1", "of the tree that the plan was made with", lambda f, _: [f.vertices], kind=int),
+    Column("vertices", "1", "of the tree that the plan was made with", lambda f: [f.vertices], kind=int),
     Column("plan_ms", "ms", "wall time of the plan"),
     Column("outcome", "", "goal, collision or timeout in the last row, empty before",
-           lambda f, _: [] if f.outcome is None else [f.outcome.name.lower()], kind=str),
+           lambda f: [] if f.outcome is None else [f.outcome.name.lower()], kind=str),
 )  # fmt: skip
 CLASSES = Column("classes", "", "ids of the classes that weights and sizes belong to",
-                 lambda f, _: f.plan.estimate.class_weights if f.plan.estimate else (), kind=str)  # fmt: skip
+                 lambda f: f.plan.estimate.class_weights if f.plan.estimate else (), kind=str)  # fmt: skip
 COMPONENTS = {c.component: c for c in (CLASSES, *COLUMNS) if c.values is not None}  # written at `/steps`
 
 
-def cells(frame: Frame, truth: Truth | None) -> dict[str, list[Any]]:
+def cells(frame: Frame) -> dict[str, list[Any]]:
     """Return the values of a step by component."""
     return {
-        name: [v if c.kind is str else float(v) for v in c.values(frame, truth)]
+        name: [v if c.kind is str else float(v) for v in c.values(frame)]
         for name, c in COMPONENTS.items()
         if c.values is not None
     }

@@ -25,7 +25,6 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import CLOCKED, Frame
-from sim.drive.metrics import Truth
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.mjcf import Loaded
 from sim.recording import viewer
@@ -55,8 +54,7 @@ class ToViewer:
         self.dropped, self._target = 0, target  # URL, or path of a file
         self.stream = Stream(subject.application, subject.id, orderly=self.lossless)
         self._blueprint = layout(subject, live=not self.lossless)
-        self._writer = Writer(self.stream, subject)
-        self._writer.begin()  # kept in memory until the target is open
+        self._writer = Writer(self.stream, subject)  # what it writes is kept in memory until the target is open
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for
         self._closing, self._done = threading.Event(), threading.Event()
         self._failure: Exception | None = None
@@ -294,8 +292,8 @@ class Recorder:
         """Frames that a viewer could not take."""
         return sum(sink.dropped for sink in self._sinks)
 
-    def log(self, frame: Frame, news: str | None = None, truth: Truth | None = None) -> None:
-        """Record a control step, with a line for the log if there is news, and the truth if it is known.
+    def log(self, frame: Frame) -> None:
+        """Record a control step.
 
         Raises:
             OptionError: the file can no longer be written.
@@ -303,7 +301,7 @@ class Recorder:
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)
-        row = Row.of(frame, drawn, news, truth)
+        row = Row(frame, drawn)
         for sink in self._sinks:
             sink.put(row)
 

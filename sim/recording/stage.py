@@ -1,7 +1,7 @@
 """What stays as it is in a recording: scene, robot, tree, legend, settings; the eyes of its views, and its layout."""
 
 import platform
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from importlib.metadata import version
 from math import exp, hypot
 from typing import Any
@@ -61,7 +61,7 @@ SHARE = (-0.03, 1.08)  # of an axis for shares
 FLOOR, GOAL, BORDER, CONTROL = (38, 42, 48), (44, 118, 66), (120, 128, 138), (250, 246, 232)
 BRANCH = mix((120, 170, 205), FLOOR, 0.35)
 
-Log = Callable[[str, rr.AsComponents | Sequence[rr.AsComponents]], None]
+Log = Callable[..., None]  # of an entity path and archetypes
 
 
 def properties(settings: Mapping[str, object]) -> dict[str, object]:
@@ -126,7 +126,7 @@ def stage(subject: Subject, log: Log) -> None:
     size = 100.0 * np.array([wide, max(high, wide / NARROW)])
     far = HEIGHT * float(size.max()) / 100.0
     lens = rr.Pinhole(focal_length=100.0 * far, width=size[0], height=size[1], image_plane_distance=DEPTH)
-    log(ABOVE, [rr.Transform3D(translation=(*middle, far), mat3x3=np.diag([1.0, -1.0, -1.0])), lens])
+    log(ABOVE, rr.Transform3D(translation=(*middle, far), mat3x3=np.diag([1.0, -1.0, -1.0])), lens)
     if (radius := MARK_SIZE * size[1] / 100.0) > scene.robot_radius:
         disc = {"lengths": [0.01], "radii": [radius], "centers": [(0.0, 0.0, 1.0)]}  # above any robot
         log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))

@@ -25,6 +25,8 @@ TREES = 2  # lifted trees shown, one per obstacle
 FEW = 8  # obstacles that bear their names on the map, not only their numbers
 SPARE = "a wall"  # name of a solid of the border that has none of its own
 
+Moments = Sequence[tuple[int, float]]  # steps and simulated times [s]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Subject:
@@ -151,9 +153,8 @@ class Stream:
         )
         self.native.set_log_time_enabled(False)
 
-    def static(self, path: str, archetype: rr.AsComponents | Sequence[rr.AsComponents]) -> None:
+    def static(self, path: str, *together: rr.AsComponents) -> None:
         """Log something, or several things together, that hold at all times."""
-        together = archetype if isinstance(archetype, Sequence) else [archetype]
         self.native.log(path, *together, static=True)
         self.cut()
 
@@ -165,9 +166,10 @@ class Stream:
         self.native.log(path, archetype)
         self.cut()
 
-    def columns(self, path: str, steps: Sequence[int], times: Sequence[float], columns: Iterable[Any]) -> None:
-        """Log a row for each of many steps."""
+    def columns(self, path: str, moments: Moments, columns: Iterable[Any]) -> None:
+        """Log a row for each of many steps and simulated times [s]."""
         IDLE.wait(LONGEST_WAIT)
+        steps, times = zip(*moments, strict=True)
         index = [rr.TimeColumn("step", sequence=steps), rr.TimeColumn("sim_time", duration=times)]
         self.native.send_columns(path, indexes=index, columns=columns)
 

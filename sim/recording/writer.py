@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import chain
 from math import inf, log
 from textwrap import wrap
@@ -31,21 +30,17 @@ import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
-from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import OTHER
-from pirrht.outcome import Outcome
-from pirrht.problem import Problem
 from sim.drawing.colors import DRIVEN, ClassColors, Color, title
 from sim.drawing.strokes import lift
 from sim.drive.episode import Frame
-from sim.drive.metrics import Truth
 from sim.mjcf.obstacles import Mocap
 from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import arriving
 from sim.recording.stage import FOLLOWING, MOVERS, TIMES, Following, entity, properties, stage
-from sim.recording.subject import Stream, Subject
+from sim.recording.subject import Moments, Stream, Subject
 from sim.recording.truth_view import OPTIMUM
 
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
@@ -54,74 +49,58 @@ LINE = 56  # letters of a line of the log, which the viewer does not wrap
 AHEAD = 0.5  # the arrow reaches where the control would take the robot in this time [s]
 LINES, CHEAPEST, HEAVY = 8, 6, 0.01  # classes in the plots: at most, from the start, from this weight on
 BAND = "one standard error"
+BEGIN = [(0, 0.0)]
 DIM, PLAIN = (120, 122, 128), (164, 128, 230)  # of errors, and of what belongs to no class: seen on any ground
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Row:
     """One control step; it holds on to samples, of which there may be many, only where they are drawn."""
 
-    step: int
-    time: float  # simulated time at its start [s]
-    duration: float  # [s]
-    states: Array  # (k + 1, n) at its start and after each physics step
-    cells: dict[str, list[Any]]  # its values at `/steps`, by component
-    arriving: dict[str, float]  # share of the samples drawn around each reference that arrive
-    ids: tuple[str, ...]  # classes of the references
-    plan_seconds: float
-    outcome: Outcome | None
-    plan: Plan | None  # where a picture is due
-    news: str | None
-
-    @classmethod
-    def of(cls, frame: Frame, drawn: bool, news: str | None, truth: Truth | None) -> Row:
-        """The row of a frame."""
-        plan, advance, estimate = frame.plan, frame.advance, frame.plan.estimate
-        return cls(
-            step=frame.step, time=frame.time, duration=advance.time, states=np.vstack([plan.state, advance.states]),
-            cells=cells(frame, truth), arriving=arriving(estimate, plan.ids) if estimate else {}, ids=plan.ids,
-            plan_seconds=frame.plan_seconds, outcome=frame.outcome, plan=plan if drawn else None, news=news,
-        )  # fmt: skip
+    def __init__(self, frame: Frame, drawn: bool) -> None:
+        plan, estimate = frame.plan, frame.plan.estimate
+        self.moment = frame.step, frame.time  # at its start, simulated time [s]
+        self.end = frame.end_time  # [s]
+        self.states = np.vstack([plan.state, frame.advance.states])  # at its start and after each physics step
+        self.cells = cells(frame)  # its values at `/steps`, by component
+        self.arriving = arriving(estimate, plan.ids) if estimate else {}  # share of the samples of each class
+        self.ids, self.plan_seconds = plan.ids, frame.plan_seconds
+        self.outcome, self.news = frame.outcome, frame.news
+        self.plan = plan if drawn else None
 
     def __getitem__(self, component: str) -> float:
         return float(self.cells[component][0])
 
 
 class Writer:
-    """Writes one recording into a stream; runs on one thread."""
+    """Writes one recording into a stream, at once all that stays as it is; runs on one thread."""
 
     def __init__(self, stream: Stream, subject: Subject) -> None:
         self.stream, self._subject = stream, subject
         scene, colors = subject.space.scene, ClassColors()
         self._dynamics = subject.path_integral.problem.dynamics
         self._pictures = Pictures(stream, subject, colors)
-        self._plots = Plots(stream, subject.path_integral.problem, colors, truth=subject.look.truth)
         self._batch: list[Row] = []
         self._secured, self._waiting_since = 0, inf  # rows of the batch written ahead, when the next one came [s]
         self._robot, self._eye = RobotPoses(subject.loaded), Following(scene)
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
-
-    def begin(self) -> None:
-        """Everything that stays as it is."""
-        subject, log, native = self._subject, self.stream.static, self.stream.native
-        native.send_recording_name(subject.name)
-        self.stream.cut()
-        native.send_property("run", rr.AnyValues(**properties(subject.settings)))
-        self.stream.cut()
+        stream.native.send_recording_name(subject.name)
+        stream.cut()
+        stream.native.send_property("run", rr.AnyValues(**properties(subject.settings)))
+        stream.cut()
         # Places before there is anything to see: what has none yet would be at the origin.
-        start = np.asarray(self._dynamics.state_of(subject.space.scene.start))[None]
-        self._transforms("/world/robot", [0], [0.0], self._robot.at(start))
-        self._transforms(FOLLOWING, [0], [0.0], Following(subject.space.scene).poses(start[:, :2], np.zeros(1)))
-        self._movers([0], [0.0])
-        stage(subject, log)
-        self._plots.begin()
+        start = np.asarray(self._dynamics.state_of(scene.start))[None]
+        self._transforms("/world/robot", BEGIN, self._robot.at(start))
+        self._transforms(FOLLOWING, BEGIN, self._eye.poses(start[:, :2], np.zeros(1)))
+        self._movers(BEGIN)
+        stage(subject, stream.static)
+        self._plots = Plots(stream, subject, colors)
 
     def add(self, row: Row) -> bool:
         """Take in a step; whether its batch was written, which depends on steps and simulated time alone."""
         self._batch.append(row)
         self._waiting_since = min(self._waiting_since, time.monotonic())
-        span = row.time + row.duration - self._batch[0].time
+        span = row.end - self._batch[0].moment[1]
         full = row.outcome is not None or (len(self._batch) >= BATCH_STEPS and span >= BATCH_TIME - 1e-9)
         if full:
             self.end()
@@ -132,7 +111,7 @@ class Writer:
         if time.monotonic() - self._waiting_since < WAIT:
             return False
         rows = self._batch[self._secured :]
-        self._columns("/timing/plan", rows, _values(rows))
+        self.stream.columns("/timing/plan", [r.moment for r in rows], _values(rows))
         self._secured, self._waiting_since = len(self._batch), inf
         return True
 
@@ -142,55 +121,52 @@ class Writer:
         self._secured, self._waiting_since = 0, inf
         if not rows:
             return
-        self._columns("/steps", rows, _values(rows))
-        self._poses(rows)
-        self._plots.draw(rows)
-        self._columns("/timing/plan", rows, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
+        moments = [r.moment for r in rows]
+        self.stream.columns("/steps", moments, _values(rows))
+        self._poses(rows, moments)
+        self._plots.draw(rows, moments)
+        self.stream.columns("/timing/plan", moments, rr.Scalars.columns(scalars=[1e3 * r.plan_seconds for r in rows]))
         for row in rows:
             for line in wrap(row.news or "", LINE):
-                self.stream.log("/log", row.step, row.time, rr.TextLog(line, level="INFO"))
+                self.stream.log("/log", *row.moment, rr.TextLog(line, level="INFO"))
             if row.plan is not None:
-                self._pictures.draw(row.plan, row.step, row.time)
+                self._pictures.draw(row.plan, *row.moment)
 
-    def _poses(self, rows: Sequence[Row]) -> None:
+    def _poses(self, rows: Sequence[Row], moments: Moments) -> None:
         """Log robot, control, eye, driven path and moving obstacles, after the last step of a run also at its end."""
         states, last = [r.states[0] for r in rows], rows[-1]
-        steps, times = [r.step for r in rows], [r.time for r in rows]
         controls = [[np.array(u) for u in (r.cells["control"], r.cells["exact_control"]) if u] for r in rows]
         vectors = [self._ahead(x, u) for x, known in zip(states, controls, strict=True) for u in known]
         lengths = [len(known) for known in controls]
-        eyes = self._eye.poses(np.array(states)[:, :2], np.array([r.duration for r in rows]))
-        self._transforms(FOLLOWING, steps, times, eyes)
+        eyes = self._eye.poses(np.array(states)[:, :2], np.array([r["duration"] for r in rows]))
+        self._transforms(FOLLOWING, moments, eyes)
         pieces = [lift(r.states[:, :2], 0.06) for r in rows]
-        self._columns("/world/path", rows, rr.LineStrips3D.columns(strips=pieces))
+        self.stream.columns("/world/path", moments, rr.LineStrips3D.columns(strips=pieces))
+        every = moments
         if last.outcome is not None:
-            states, steps, times = (
-                [*states, last.states[-1]],
-                [*steps, last.step + 1],
-                [*times, last.time + last.duration],
-            )
-            lengths.append(0)
+            states, lengths = [*states, last.states[-1]], [*lengths, 0]
+            every = [*moments, (last.moment[0] + 1, last.end)]
         arrows = rr.Arrows3D.columns(vectors=vectors).partition(lengths)
-        self._transforms("/world/robot", steps, times, self._robot.at(np.array(states)), arrows)
-        self._movers(steps, times)
+        self._transforms("/world/robot", every, self._robot.at(np.array(states)), arrows)
+        self._movers(every)
         if not self._subject.moves:
             return
-        at = np.column_stack([np.array(states)[:, :2], times])
-        ends = [np.append(r.states[-1, :2], r.time + r.duration) for r in rows]
+        at = np.column_stack([np.array(states)[:, :2], [time for _, time in every]])
+        ends = [np.append(r.states[-1, :2], r.end) for r in rows]
         strips = [self._pictures.raised(np.vstack(both)) for both in zip(at, ends, strict=False)]
-        self._columns(f"{TIMES}/path", rows, rr.LineStrips3D.columns(strips=strips))
+        self.stream.columns(f"{TIMES}/path", moments, rr.LineStrips3D.columns(strips=strips))
         for path, scale in ((f"{TIMES}/now", (0.0, 0.0, self._subject.rise)), (f"{TIMES}/now/robot", (1.0, 1.0, 0.0))):
-            self.stream.columns(path, steps, times, rr.Transform3D.columns(translation=at * scale))
+            self.stream.columns(path, every, rr.Transform3D.columns(translation=at * scale))
 
-    def _movers(self, steps: Sequence[int], times: Sequence[float]) -> None:
+    def _movers(self, moments: Moments) -> None:
         if self._mocap is None:
             return
-        places, turns = self._mocap.poses(np.array(times))
+        places, turns = self._mocap.poses(np.array([time for _, time in moments]))
         poses = np.concatenate([places, np.roll(turns, -1, axis=2)], axis=2)  # MuJoCo writes w first
         for j, mover in enumerate(self._subject.space.scene.movers):
             if np.any(poses[:, j] != self._shown[j]):
                 self._shown[j] = poses[-1, j]
-                self._transforms(entity(MOVERS, mover.name), steps, times, poses[:, j])
+                self._transforms(entity(MOVERS, mover.name), moments, poses[:, j])
 
     def _ahead(self, x: Array, u: Array) -> Array:
         """Predict without noise where the control takes the robot in a short while, in the robot's frame, (3,)."""
@@ -202,15 +178,10 @@ class Writer:
         c, s = np.cos(heading), np.sin(heading)
         return np.array([c * dx + s * dy, c * dy - s * dx, 0.0])
 
-    def _columns(self, path: str, rows: Sequence[Row], columns: Iterable[Any]) -> None:
-        self.stream.columns(path, [r.step for r in rows], [r.time for r in rows], columns)
-
-    def _transforms(
-        self, path: str, steps: Sequence[int], times: Sequence[float], poses: Array, more: Iterable[Any] = ()
-    ) -> None:
+    def _transforms(self, path: str, moments: Moments, poses: Array, more: Iterable[Any] = ()) -> None:
         """Log poses (k, 7), which are places [m] and quaternions, w last, with more columns."""
         columns = rr.Transform3D.columns(translation=poses[:, :3], quaternion=poses[:, 3:])
-        self.stream.columns(path, steps, times, [*columns, *more])
+        self.stream.columns(path, moments, [*columns, *more])
 
 
 def _values(rows: Sequence[Row]) -> list[Any]:
@@ -226,23 +197,20 @@ def _values(rows: Sequence[Row]) -> list[Any]:
 class Plots:
     """Logs the numbers behind the control into one recording stream: for all other classes together and for a few."""
 
-    def __init__(self, stream: Stream, problem: Problem, colors: ClassColors, *, truth: bool) -> None:
+    def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
+        problem = subject.path_integral.problem
         self._stream, self._temperature, self._colors = stream, problem.temperature, colors
-        self._controls, self._truth = problem.dynamics.m, truth
+        self._exact, m = ["exact"] * subject.look.truth, problem.dynamics.m
         self._names: list[str] | None = None  # classes that have a line of their own
-
-    def begin(self) -> None:
-        """Names and colours that do not change."""
-        m = self._controls
         self._style("clearance", ["clearance"], [PLAIN], [1.6])
         self._style("control", [f"u{k + 1}" for k in range(m)], [PLAIN, DRIVEN, OPTIMUM, DIM][:m], [1.6] * m)
         self._style("cost", ["so far", "with the value of what is left"], [DRIVEN, PLAIN], [2.0, 1.2])
-        if self._truth:
+        if self._exact:
             self._style("optimum/control", [BAND, "|u - u*|"], [DIM, OPTIMUM], [1.0, 2.0])
-            names, colors = [BAND, BAND, "all paths", "exact"], [DIM, DIM, PLAIN, OPTIMUM]
-            self._style("optimum/value", names, colors, [1.0, 1.0, 1.2, 2.0])
+            names = [BAND, BAND, "all paths", *self._exact]
+            self._style("optimum/value", names, [DIM, DIM, PLAIN, OPTIMUM], [1.0, 1.0, 1.2, 2.0])
 
-    def draw(self, rows: Sequence[Row]) -> None:
+    def draw(self, rows: Sequence[Row], moments: Moments) -> None:
         """Log some steps."""
         names = self._name_classes(rows)
         spare = [inf] * (LINES - len(names))  # NaN would make equal recordings unequal
@@ -268,10 +236,8 @@ class Plots:
                 lines.setdefault("optimum/control", []).append([float(np.linalg.norm(r.cells["control_error"])), off])
                 lines.setdefault("optimum/value", []).append([*_band(error, r["value_error"]), error, 0.0])
         for path, table in lines.items():
-            columns = rr.Scalars.columns(scalars=np.float32(np.concatenate(table))).partition(
-                [len(line) for line in table]
-            )
-            self._stream.columns(f"/why/{path}", [r.step for r in rows], [r.time for r in rows], columns)
+            columns = rr.Scalars.columns(scalars=np.float32(np.concatenate(table)))
+            self._stream.columns(f"/why/{path}", moments, columns.partition([len(line) for line in table]))
 
     def _name_classes(self, rows: Sequence[Row]) -> list[str]:
         """Give colours to new classes, and return those with lines: the cheapest at first, then the heavy."""
@@ -293,12 +259,10 @@ class Plots:
         for path in ("weight", "ess", "arriving"):
             self._style(path, titles, colors, widths)
         titles = ["all paths" if name == OTHER else name for name in titles]
-        colors = [PLAIN if name == OTHER else color for name, color in zip(every, colors, strict=True)]
-        exact = int(self._truth)
-        self._style(
-            "value", [titles[0], BAND, BAND, *titles[1:], *["exact"] * exact],
-            [colors[0], PLAIN, PLAIN, *colors[1:], *[OPTIMUM] * exact], [2.5, 0.8, 0.8, *widths[1:], *[1.2] * exact],
-        )  # fmt: skip
+        colors = [PLAIN if name == OTHER else self._colors[name] for name in every]
+        names_of_value = [titles[0], BAND, BAND, *titles[1:], *self._exact]
+        colors = [colors[0], PLAIN, PLAIN, *colors[1:], *(OPTIMUM for _ in self._exact)]
+        self._style("value", names_of_value, colors, [2.5, 0.8, 0.8, *widths[1:], *(1.2 for _ in self._exact)])
         return names
 
     def _style(self, path: str, names: Sequence[str], colors: Sequence[Color], widths: Sequence[float]) -> None:

@@ -73,7 +73,7 @@ def record(file: Path) -> tuple[list[Frame], list[str]]:
     frames, news = [], []
     with drive.recorder(file) as recorder:
         for frame in timed(drive.frames()):
-            recorder.log(frame, frame.news)
+            recorder.log(frame)
             frames.append(frame)
             news += [frame.news] if frame.news else []
     return frames, news

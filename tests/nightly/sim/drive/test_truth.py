@@ -26,7 +26,7 @@ def recorded(tmp_path_factory):
     grid, frames = Desirability.of(drive.controller.problem, drive.space), []
     with drive.recorder(file, truth=True) as recorder:
         for frame in timed(drive.frames(grid=grid)):
-            recorder.log(frame, truth=frame.truth)
+            recorder.log(frame)
             frames.append(frame)
     return file, grid, frames, frames[-1].metrics.truth
 

@@ -238,6 +238,6 @@ def test_recordings_give_way_to_plans(monkeypatch):
     asked: list[float] = []
     monkeypatch.setattr(IDLE, "wait", asked.append)
     stream = Stream("test", "way", orderly=True)
-    stream.columns("/number", [0], [0.0], rr.Scalars.columns(scalars=[1.0]))
+    stream.columns("/number", [(0, 0.0)], rr.Scalars.columns(scalars=[1.0]))
     stream.log("/number", 1, 0.1, rr.Scalars(2.0))
     assert len(asked) == 2

@@ -9,7 +9,6 @@ from drives import Drive, columns
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
-from sim.drive.metrics import Truth
 from sim.recording import truth_view
 from sim.recording.recorder import Recorder, Sinks
 from sim.recording.viewer import Look
@@ -72,8 +71,8 @@ def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_pat
     integral = drive.controller.path_integral
     look, settings = Look(truth=True), {"scene": "slit", "seed": 0, "method": "pi-rrht"}
     with Recorder(drive.loaded, drive.tree, integral, Sinks(file=file), look, settings=settings, grid=grid) as recorder:
-        for frame in drive.frames(0.02):
-            recorder.log(frame, truth=Truth.at(grid, frame.plan.state))
+        for frame in drive.frames(0.02, grid=grid):
+            recorder.log(frame)
     static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
     assert truth_view.VALUE in static
     assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]
