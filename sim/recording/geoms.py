@@ -1,4 +1,4 @@
-"""Solids of a MuJoCo model as Rerun archetypes, and poses of the robot along a run."""
+"""Solids of a MuJoCo model and the exact value on its floor as Rerun archetypes, and poses of the robot along a run."""
 
 import copy
 
@@ -8,6 +8,8 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from pirrht.arrays import Array
+from pirrht.exact.desirability import Desirability
+from pirrht.freespace import FreeSpace
 from sim.drawing.colors import Color
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
@@ -19,6 +21,11 @@ _SHOWN_GROUPS = 3  # MuJoCo draws groups 0 to 2 unless asked for more
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 ROOT = "robot/robot"
+PIXELS, MOVING_PIXELS = 120, 48  # along the longer side of the floor: drawn once, and time and again
+HEADINGS = 12  # that are tried of a robot that has one
+BANDS = 24  # of equal cost
+BLOCKED = (24, 27, 32)
+SHADES = (44, 62, 110), (92, 105, 138), (150, 150, 140), (226, 208, 150)  # from great values to small ones
 
 
 def shown(model: mujoco.MjModel) -> Mask:
@@ -123,6 +130,45 @@ def rgba_of(model: mujoco.MjModel, geom: int) -> tuple[int, int, int, int]:
         rgba = model.mat_rgba[material]
     red, green, blue, alpha = (round(255 * float(c)) for c in rgba)
     return red, green, blue, alpha
+
+
+def on_floor(grid: Desirability, space: FreeSpace, time: float) -> rr.AsComponents:
+    """Lay the value at a time [s] on the floor."""
+    (x0, y0), (x1, y1) = space.scene.lower, space.scene.upper
+    return rr.Mesh3D(
+        vertex_positions=[(x0, y0, 0.001), (x1, y0, 0.001), (x1, y1, 0.001), (x0, y1, 0.001)],
+        vertex_texcoords=[(0, 1), (1, 1), (1, 0), (0, 0)],
+        triangle_indices=[(0, 1, 2), (0, 2, 3)],
+        albedo_texture=painted(grid, space, time, MOVING_PIXELS if grid.moves else PIXELS),
+    )
+
+
+def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> NDArray[np.uint8]:
+    """The value seen from above, north being up, (height, width, 3): pale at the goal, in bands darker with the value.
+
+    Of a robot with a heading it is that of the best heading.
+    """
+    scene, extent = space.scene, space.scene.upper - space.scene.lower
+    shape = np.maximum(1, np.rint(pixels * extent / extent.max())).astype(int)
+    middles = [low + size * (np.arange(n) + 0.5) / n for low, size, n in zip(scene.lower, extent, shape, strict=True)]
+    points = np.stack(np.meshgrid(*middles), axis=-1).reshape(-1, 2)
+    free = space.collision.clearance(points) > 0.0
+    free |= scene.goal.contains(points)
+    colors = np.tile(np.array(BLOCKED, dtype=np.uint8), (len(points), 1))
+    if free.any():
+        value = values(grid, points[free], time)
+        top = max(float(np.quantile(value, 0.98)), 1e-9)
+        place = (1.0 - np.ceil(np.minimum(value / top, 1.0) * BANDS) / BANDS) * (len(SHADES) - 1)
+        colors[free] = np.column_stack([np.interp(place, range(len(SHADES)), c) for c in zip(*SHADES, strict=True)])
+    return colors.reshape(shape[1], shape[0], 3)[::-1]
+
+
+def values(grid: Desirability, points: Array, time: float) -> Array:
+    """v at points (k, 2) [m], (k,) [cost]; of a robot with a heading that of the best one."""
+    turns = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS if grid.problem.dynamics.angles else None
+    states = [points] if turns is None else [np.column_stack([points, np.full(len(points), turn)]) for turn in turns]
+    least: Array = np.min([np.asarray(grid.value(np.ascontiguousarray(x), time)) for x in states], axis=0)
+    return least
 
 
 class RobotPoses:

@@ -10,20 +10,20 @@
 
 from collections.abc import Mapping, Sequence
 from math import ceil
+from typing import Any
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from sim.drawing import strokes
 from sim.drawing.colors import DEAD_COLOR, MOVER, ClassColors, Color, fade, mix, packed, title
 from sim.drawing.strokes import DEAD, ROUGH, Fan, Floats, Tube, at_most, foreseen, lift, outline, tubes
-from sim.recording.reasons import page, reasons, share, words_of
-from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, entity
+from sim.recording.geoms import on_floor
+from sim.recording.reasons import page, reasons, share, shares_of, words_of
+from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, VALUE, entity
 from sim.recording.subject import Stream, Subject
-from sim.recording.truth_view import VALUE, on_floor, shares_of
 
 SAMPLE_POINTS, CLASS_POINTS = 3200, 300  # of all samples of a picture, less so many for each class: 50 kB together
 REFERENCE_POINTS, KNOTS = 64, 48  # of a reference on the map, and of a braid, at most
@@ -33,8 +33,6 @@ LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest
 THREADS, BEADS = 24, 12  # samples in space and time at most, and points of each
 TICKS = 8  # seconds that are named, at most
 BODY, WALL, ARRIVAL = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16)  # see-through
-
-Packed = NDArray[np.uint32]
 
 
 class Pictures:
@@ -60,8 +58,11 @@ class Pictures:
         self._label("/world/names", labels, plan, [strokes.even(line, LIFTED_POINTS) for line in lines])
         self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
-        words = words_of(plan, subject.path_integral, subject.names)
-        why = reasons(plan, subject.path_integral, subject.solids, words, self._exact(plan, time))
+        words, grid = words_of(plan, subject.path_integral, subject.names), subject.grid
+        if grid is not None and grid.moves:
+            self._log(VALUE, on_floor(grid, subject.space, time))
+        exact = None if grid is None else shares_of(grid, plan, time)
+        why = reasons(plan, subject.path_integral, subject.solids, words, exact)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         if subject.moves:
             self._draw_in_time(plan, fans, labels, weights)
@@ -73,13 +74,6 @@ class Pictures:
         points = lift(at, 0.1) if at.shape[1] == 2 else at
         self._names(path, points, list(labels.values()), [self._colors[name] for name in labels])
 
-    def _exact(self, plan: Plan, time: float) -> dict[str, float] | None:
-        """Return each class's share by the grid, if there is one; where obstacles move, also draw the floor now."""
-        grid = self._subject.grid
-        if grid is not None and grid.moves:
-            self._log(VALUE, on_floor(grid, self._subject.space, time))
-        return None if grid is None else shares_of(grid, plan, time)
-
     def _samples(self, plan: Plan) -> dict[str, Fan]:
         """Log and return samples by class."""
         fans: dict[str, Fan] = {}
@@ -89,11 +83,11 @@ class Pictures:
             integral = self._subject.path_integral
             fans = strokes.fans(integral, plan.estimate, plan.classes, points=most, everything=everything)
         for name in sorted(self._fans - fans.keys()):
-            self._strips(_fan_path(name), [], packed([]), 0.006)
+            self._strips(_fan_path(name), [], [], 0.006)
         for name, fan in fans.items():
             dead = name == DEAD
             opacity = np.full(len(fan.strips), 0.5) if dead else 0.25 + 0.75 * fan.opacity
-            shades = packed(fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity))
+            shades = fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity)
             self._strips(_fan_path(name), fan.strips, shades, 0.006)
         self._fans = set(fans)
         return fans
@@ -108,19 +102,19 @@ class Pictures:
         colors = [CONTROL if name == plan.favourite else mix(self._colors[name], CONTROL, 0.45) for name in names]
         radii = [0.014 if name == plan.favourite else 0.008 for name in names]
         strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
-        self._strips("/world/ways", strips, packed(colors), radii)
+        self._strips("/world/ways", strips, colors, radii)
 
     def _references(self, plan: Plan, lines: Sequence[Array], weights: Mapping[str, float]) -> None:
         colors = [self._colors[name] for name in plan.ids]
         radii = [0.008 + 0.024 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
-        self._strips("/world/references", [lift(line, 0.05) for line in lines], packed(colors), radii)
+        self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
         few = plan.references[:LIFTED]
         chosen = [(r, strokes.even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
         texts = [f"class {title(name)}: cost {r.cost:.2f}" for name, r in zip(plan.ids, few, strict=False)]
         homology, turn = self._subject.space.homology, self._subject.turn
         for obstacle, path, _ in self._subject.lifted:
             raised = [lift(line, turn * strokes.remaining(homology, r, line, obstacle)) for r, line in chosen]
-            self._strips(f"{path}/references", raised, packed(colors[: len(few)]), 0.04)
+            self._strips(f"{path}/references", raised, colors[: len(few)], 0.04)
             places = [line[i] for line, i in zip(raised, strokes.apart(raised), strict=True)]
             self._names(f"{path}/names", places, texts, colors[: len(few)])
 
@@ -132,7 +126,7 @@ class Pictures:
         self.reach(max([self._now[1], *(float(line[-1, 2]) for line in lines)]))
         braids = [self.raised(line) for line in lines]
         radii = [0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
-        self._strips(f"{TIMES}/braids", braids, packed([self._colors[name] for name in plan.ids]), radii)
+        self._strips(f"{TIMES}/braids", braids, [self._colors[name] for name in plan.ids], radii)
         self._label(f"{TIMES}/names", labels, plan, braids)
         alive = {name: fan for name, fan in fans.items() if name != DEAD}
         heavy = slice(-max(1, THREADS // max(1, len(alive))), None)
@@ -142,7 +136,7 @@ class Pictures:
             for strip, moments in zip(fan.strips[heavy], fan.moments[heavy], strict=True)
         ]
         pale = [fade(self._colors[name], FLOOR, 0.15 + 0.5 * fan.opacity[heavy]) for name, fan in alive.items()]
-        self._strips(f"{TIMES}/samples", threads, packed(np.vstack(pale)) if pale else packed([]), 0.006)
+        self._strips(f"{TIMES}/samples", threads, np.vstack(pale) if pale else [], 0.006)
         soon = foreseen(plan.movers, plan.time)
         later = [one for one in soon if one.after > 0.0]
         rings = [self.raised(_at(one.ring, plan.time + one.after)) for one in soon]
@@ -150,7 +144,7 @@ class Pictures:
             ("/world/foreseen", later, [lift(one.ring, 0.03) for one in later], 0.008),
             (f"{TIMES}/foreseen", soon, rings, 0.012),
         ):
-            shades = packed(fade(MOVER, FLOOR, np.array([one.strength for one in outlines])))
+            shades = fade(MOVER, FLOOR, np.array([one.strength for one in outlines]))
             self._strips(path, strips, shades, radius)
 
     def reach(self, time: float) -> None:
@@ -183,8 +177,8 @@ class Pictures:
         """Places and times (k, 3) [m, m, s] as they are with time upward, (k, 3) [m]."""
         return lift(line[:, :2], np.rint(256.0 * self._subject.rise * line[:, 2]) / 256.0)
 
-    def _strips(self, path: str, strips: Sequence[Floats] | Floats, colors: Packed, radii: float | list[float]) -> None:
-        self._log(path, rr.LineStrips3D(strips, colors=colors, radii=radii))
+    def _strips(self, path: str, strips: Sequence[Floats] | Floats, colors: Any, radii: float | list[float]) -> None:
+        self._log(path, rr.LineStrips3D(strips, colors=packed(colors), radii=radii))
 
     def _names(
         self, path: str, places: Sequence[Array] | Floats, texts: Sequence[str], colors: Sequence[Color]

@@ -13,16 +13,19 @@ from pirrht.control.plan import Plan
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import TUNING
+from pirrht.exact.desirability import Desirability
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.shapes import Solids, distances
 from pirrht.outcome import Outcome
+from pirrht.topology.signature import class_id
 from sim.drawing.colors import sides, title, worded
 
 TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
 ROWS = 8  # classes in the table at most
 BORDER = "the border"
+DRAWN = 400  # optimal paths that tell how much psi each class has
 
 Names = tuple[str, ...]
 
@@ -106,6 +109,19 @@ def reasons(
         )  # fmt: skip
         found.append(reason)
     return found
+
+
+def shares_of(grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
+    """Share of psi of each class of a plan, by paths drawn under the optimal control from its state.
+
+    Where the grid tells classes apart by moving obstacles and the plan does not, those of one class are added up.
+    """
+    found = [(name.split(","), share) for name, share in grid.shares(plan.state, samples=DRAWN, t=time).items()]
+    shares = {}
+    for reference, name in zip(plan.references, plan.ids, strict=True):
+        turns = class_id(reference.winding).split(",") if reference.winding else []
+        shares[name] = sum(share for whole, share in found if whole[: len(turns)] == turns)
+    return shares
 
 
 def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str, str]:

@@ -18,7 +18,6 @@ from sim.drawing.colors import DRIVEN, MOVER, NAMED, mix
 from sim.drawing.strokes import lift
 from sim.recording import geoms
 from sim.recording.subject import Subject
-from sim.recording.truth_view import OPTIMUM, VALUE, on_floor
 
 LEGEND = """\
 **Thick lines**: the best path of each homology class, with its share of the weight.
@@ -45,7 +44,8 @@ Each **purple tube** is where an obstacle is at every time; grey walls are stati
 best paths of the classes are braids around the tubes. Thin: the heaviest samples.
 """
 FOLLOWING, ABOVE = "/world/eyes/following", "/world/eyes/above"
-MOVERS, MARK, TIMES = "/world/scene/movers", "/world/robot/mark", "/spacetime"
+MOVERS, VALUE = "/world/scene/movers", "/world/scene/truth/value"
+MARK, TIMES = "/world/robot/mark", "/spacetime"
 SCENE = ["/world/scene/**", "- /world/scene/names"]
 GROWING = [f"{TIMES}/{name}" for name in ("path", "walls", "goal", "axis")]
 HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; what it sees, over the workspace
@@ -58,7 +58,8 @@ MARK_SIZE = 0.025  # radius of the disc that marks a small robot on the map, ove
 LEVELS = (0.5, 1.0, 1.5)  # of H that are marked
 SHARE = (-0.03, 1.08)  # of an axis for shares
 
-FLOOR, GOAL, BORDER, CONTROL = (38, 42, 48), (44, 118, 66), (120, 128, 138), (250, 246, 232)
+FLOOR, GOAL, BORDER = (38, 42, 48), (44, 118, 66), (120, 128, 138)
+CONTROL, OPTIMUM = (250, 246, 232), (150, 235, 60)
 BRANCH = mix((120, 170, 205), FLOOR, 0.35)
 
 Log = Callable[..., None]  # of an entity path and archetypes
@@ -116,7 +117,7 @@ def stage(subject: Subject, log: Log) -> None:
         for name, solid in geoms.solids(model, mask, body=body).items():
             log(f"{folder}/{name}", solid)
     if subject.grid is not None and not subject.grid.moves:
-        log(VALUE, on_floor(subject.grid, subject.space, 0.0))
+        log(VALUE, geoms.on_floor(subject.grid, subject.space, 0.0))
     # The control; below it and thicker, so that neither hides the other, the optimal one.
     looks = [((0, 0, 0.12), CONTROL, 0.022), ((0, 0, 0.07), OPTIMUM, 0.034)]
     origins, colors, radii = zip(*looks[: 1 + subject.look.truth], strict=True)

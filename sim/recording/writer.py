@@ -39,9 +39,8 @@ from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import arriving
-from sim.recording.stage import FOLLOWING, MOVERS, TIMES, Following, entity, properties, stage
+from sim.recording.stage import FOLLOWING, MOVERS, OPTIMUM, TIMES, Following, entity, properties, stage
 from sim.recording.subject import Moments, Stream, Subject
-from sim.recording.truth_view import OPTIMUM
 
 WAIT = 0.15  # how long a step may wait for its batch before it is written ahead of it [s]
 BATCH_STEPS, BATCH_TIME = 8, 0.36  # rows per chunk at least, and the time they span [s]: a chunk costs 1 to 3 kB

@@ -10,8 +10,7 @@ from rerun.chunk import RrdReader
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from sim.cli import main
-from sim.recording.stage import CONTROL
-from sim.recording.truth_view import OPTIMUM
+from sim.recording.stage import CONTROL, OPTIMUM
 from sim.recording.writer import AHEAD
 from sim.scenario import prepare
 

@@ -9,7 +9,7 @@ from drives import Drive, columns
 from rerun.chunk import RrdReader
 
 from pirrht.exact.desirability import Desirability
-from sim.recording import truth_view
+from sim.recording import geoms, reasons, stage
 from sim.recording.recorder import Recorder, Sinks
 from sim.recording.viewer import Look
 
@@ -23,7 +23,7 @@ def solved():
 @pytest.fixture(scope="module")
 def floor(solved):
     drive, grid = solved
-    return truth_view.painted(grid, drive.space, 0.0, 60).astype(float).sum(axis=2)
+    return geoms.painted(grid, drive.space, 0.0, 60).astype(float).sum(axis=2)
 
 
 def pixel(floor, x, y):
@@ -39,7 +39,7 @@ def test_the_floor_is_pale_at_the_goal_and_the_darker_the_dearer(floor):
 
 
 def test_where_the_robot_may_not_be_nothing_is_painted(floor):
-    blocked = float(sum(truth_view.BLOCKED))
+    blocked = float(sum(geoms.BLOCKED))
     assert pixel(floor, 3.4, 2.8) == blocked
     assert pixel(floor, 3.4, 2.85) == blocked  # touching the wall
     assert pixel(floor, 3.4, 2.5) != blocked  # between the walls
@@ -50,7 +50,7 @@ def test_of_a_robot_with_a_heading_the_best_one_counts():
         return 1.0 - np.cos(states[:, 2] - np.pi / 2)
 
     grid = SimpleNamespace(problem=SimpleNamespace(dynamics=SimpleNamespace(angles=(2,))), value=value)
-    np.testing.assert_allclose(truth_view.values(grid, np.zeros((3, 2)), 0.0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(geoms.values(grid, np.zeros((3, 2)), 0.0), 0.0, atol=1e-12)
 
 
 def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_does_not_tell_them_apart(solved):
@@ -59,10 +59,10 @@ def test_classes_that_differ_by_moving_bodies_alone_are_added_up_where_a_plan_do
     drive.controller.begin(start)
     plan = drive.controller.plan(start)
     grid = SimpleNamespace(shares=lambda x, samples, t: {"0,0,0": 0.5, "0,0,1": 0.3, "0,1,0": 0.2})
-    found = truth_view.shares_of(grid, plan, 0.0)
+    found = reasons.shares_of(grid, plan, 0.0)
     assert found == {"0,0": pytest.approx(0.8), "0,1": pytest.approx(0.2), "-1,0": 0.0}
     bare = replace(plan, references=(replace(plan.references[0], winding=()),), ids=("-",))
-    assert truth_view.shares_of(grid, bare, 0.0) == {"-": pytest.approx(1.0)}
+    assert reasons.shares_of(grid, bare, 0.0) == {"-": pytest.approx(1.0)}
 
 
 def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_path):
@@ -74,5 +74,5 @@ def test_a_recording_with_a_truth_has_the_floor_and_exact_shares(solved, tmp_pat
         for frame in drive.frames(0.02, grid=grid):
             recorder.log(frame)
     static = {chunk.entity_path for chunk in RrdReader(str(file)).stream() if chunk.is_static}
-    assert truth_view.VALUE in static
+    assert stage.VALUE in static
     assert "| exact |" in columns(file)["/why/page"]["TextDocument:text"][0][0]
