@@ -18,7 +18,6 @@ _GEOM = mujoco.mjtGeom
 _UNSET = (0.5, 0.5, 0.5, 1.0)  # MuJoCo's colour of a geom that names none
 _SHOWN_GROUPS = 3  # MuJoCo draws groups 0 to 2 unless asked for more
 
-Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 ROOT = "robot/robot"
 PIXELS, MOVING_PIXELS = 120, 48  # along the longer side of the floor: drawn once, and time and again
@@ -72,19 +71,7 @@ def solids(model: mujoco.MjModel, chosen: Mask, body: str | None = None) -> dict
     return drawn
 
 
-def names(model: mujoco.MjModel, chosen: Mask) -> list[str]:
-    """Name the chosen geoms (ngeom,) as the file does: by the geom, else by its body; empty where by neither."""
-    bodies = model.geom_bodyid
-    return [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in np.flatnonzero(chosen)]
-
-
-def of_body(model: mujoco.MjModel, body: str) -> Mask:
-    """Geoms (ngeom,) of a body of the worldbody and of bodies inside it."""
-    mask: Mask = model.body_rootid[model.geom_bodyid] == model.body(body).id
-    return mask
-
-
-def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind: str) -> rr.AsComponents:
+def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: NDArray[np.int64], kind: str) -> rr.AsComponents:
     size, quaternions = model.geom_size[group], np.zeros((len(group), 4))
     for row, geom in zip(quaternions, group, strict=True):
         mujoco.mju_mat2Quat(row, data.geom_xmat[geom])
@@ -97,14 +84,13 @@ def _primitives(model: mujoco.MjModel, data: mujoco.MjData, group: Indices, kind
     if kind == "boxes":
         return rr.Boxes3D(half_sizes=size, **look)
     if kind == "ellipsoids":
-        ball = model.geom_type[group] == _GEOM.mjGEOM_SPHERE
-        return rr.Ellipsoids3D(half_sizes=np.where(ball[:, None], size[:, :1], size), **look)
+        return rr.Ellipsoids3D(half_sizes=np.where(size > 0.0, size, size[:, :1]), **look)  # a ball has one size
+    look |= {"lengths": 2 * size[:, 1], "radii": size[:, 0]}
     if kind == "cylinders":
-        return rr.Cylinders3D(lengths=2 * size[:, 1], radii=size[:, 0], **look)
+        return rr.Cylinders3D(**look)
     # Rerun's capsule begins at its lower cap's centre, MuJoCo's is centred.
     axis = data.geom_xmat[group].reshape(-1, 3, 3)[:, :, 2]
-    look["translations"] = look.pop("centers") - axis * size[:, 1:2]
-    return rr.Capsules3D(lengths=2 * size[:, 1], radii=size[:, 0], **look)
+    return rr.Capsules3D(translations=look.pop("centers") - axis * size[:, 1:2], **look)
 
 
 def _mesh(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> rr.AsComponents:

@@ -29,7 +29,7 @@ from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.mjcf import Loaded
 from sim.recording import viewer
 from sim.recording.stage import layout
-from sim.recording.subject import Stream, Subject
+from sim.recording.subject import Subject
 from sim.recording.viewer import Look, Sinks
 from sim.recording.writer import Row, Writer
 from sim.systems import POSE
@@ -52,7 +52,7 @@ class ToViewer:
 
     def __init__(self, subject: Subject, target: Any) -> None:
         self.dropped, self._target = 0, target  # URL, or path of a file
-        self.stream = Stream(subject.application, subject.id, orderly=self.lossless)
+        self.stream = subject.stream(orderly=self.lossless)
         self._blueprint = layout(subject, live=not self.lossless)
         self._writer = Writer(self.stream, subject)  # what it writes is kept in memory until the target is open
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for

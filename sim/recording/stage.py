@@ -52,6 +52,7 @@ HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; wha
 DELAY = 0.35  # with which the other one follows the robot, whatever the noise does [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
 NARROW = 1.4  # width over height of the narrowest map that is not cut
+FEW = 8  # obstacles that bear their names on the map, not only their numbers
 TREE_EDGES = 8000
 STATIC, MOVING = 0.6, 0.8  # opacity of static and moving obstacles: neither hides the robot
 MARK_SIZE = 0.025  # radius of the disc that marks a small robot on the map, over the height of the map
@@ -111,7 +112,8 @@ def stage(subject: Subject, log: Log) -> None:
     ]
     for mover in scene.movers:
         path = entity(MOVERS, mover.name)
-        drawn.append((path, (shown | obstacles) & geoms.of_body(model, mover.name), mover.name))
+        inside = model.body_rootid[model.geom_bodyid] == model.body(mover.name).id
+        drawn.append((path, (shown | obstacles) & inside, mover.name))
         log(f"{path}/name", name_tag(subject, mover.name, (0.0, 0.0, 0.0)))
     for folder, mask, body in drawn:
         for name, solid in geoms.solids(model, mask, body=body).items():
@@ -133,8 +135,10 @@ def stage(subject: Subject, log: Log) -> None:
         log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))
     log(FOLLOWING, rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH))
     named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
+    few = len(subject.names) <= FEW
+    texts = [f"{k} {n}" if few and not n.endswith(f" {k}") else str(k) for k, n in enumerate(subject.names, 1)]
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
-    log("/world/scene/names", rr.Points3D(named, labels=["goal", *subject.labels], **look))
+    log("/world/scene/names", rr.Points3D(named, labels=["goal", *texts], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)
@@ -260,13 +264,12 @@ def _why(*, truth: bool) -> rrb.Container:
         row_shares=[3, 2, 2, 2],
     )
     control = [_series("control", "Control", "LeftTop")]
-    optimum = [
-        _series("optimum/control", "Distance from the optimal control", "RightTop"),
-        _series("optimum/value", "Value less the exact one [cost]", "RightBottom"),
-    ]
+    if truth:
+        control = [_series("optimum/control", "Distance from the optimal control", "RightTop"),
+                   _series("optimum/value", "Value less the exact one [cost]", "RightBottom")]  # fmt: skip
     robot = rrb.Vertical(
         _series("clearance", "Clearance [m]"),
-        *(optimum if truth else control),
+        *control,
         _series("cost", "Running cost [cost]", "RightBottom"),
     )
     words = rrb.Vertical(*_words(), row_shares=[3, 2])

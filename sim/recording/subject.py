@@ -1,5 +1,7 @@
 """Context of a recording, fixed before the run, names for what is in it, and the stream that it is written to."""
 
+from __future__ import annotations
+
 import hashlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -18,11 +20,9 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.mjcf import Loaded
-from sim.recording import geoms
 from sim.recording.viewer import Look
 
 TREES = 2  # lifted trees shown, one per obstacle
-FEW = 8  # obstacles that bear their names on the map, not only their numbers
 SPARE = "a wall"  # name of a solid of the border that has none of its own
 
 Moments = Sequence[tuple[int, float]]  # steps and simulated times [s]
@@ -59,34 +59,23 @@ class Subject:
         """Obstacles, from 0, whose H lifts a tree."""
         if self.look.lift is not None:
             return tuple(dict.fromkeys(k - 1 for k in self.look.lift))
-        problem = self.path_integral.problem
         if self.moves or self.tree is None:  # a tree of many times, seen from above all at once, shows nothing
             return ()
-        return telling(self.tree, problem.dynamics.state_of(problem.scene.start))
+        return telling(self.tree, self.path_integral.problem.dynamics.state_of(self.space.scene.start))
 
-    @property
-    def name(self) -> str:
-        """Scene, method and seed."""
-        parts = (self.space.scene.name, self.settings.get("method"), self.settings.get("seed"))
-        return " ".join(str(part) for part in parts if part is not None)
-
-    @property
-    def application(self) -> str:
-        """Application id, equal for recordings that are laid out alike."""
-        truth = ("truth",) if self.look.truth else ()
-        return " ".join(map(str, ("pirrht", self.space.scene.name, *truth, *(k + 1 for k in self.lift))))
-
-    @property
-    def id(self) -> str:
-        """Recording id, equal for equal scene and settings, seed included."""
+    def stream(self, *, orderly: bool) -> Stream:
+        """Begin a stream; equal are application ids of equal layouts, and recording ids of equal settings and seed."""
+        scene, truth = self.space.scene.name, ("truth",) if self.look.truth else ()
+        application = " ".join(map(str, ("pirrht", scene, *truth, *(k + 1 for k in self.lift))))
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
-        return f"{self.space.scene.name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
+        return Stream(application, f"{scene}-{hashlib.sha256(text.encode()).hexdigest()[:12]}", orderly=orderly)
 
     @cached_property
     def solids(self) -> tuple[str, ...]:
         """Name of each static solid, in the order of the scene."""
-        loaded = self.loaded
-        given = geoms.names(loaded.model, loaded.obstacle_geoms & ~loaded.moving_geoms)
+        model, chosen = self.loaded.model, np.flatnonzero(self.loaded.obstacle_geoms & ~self.loaded.moving_geoms)
+        bodies = model.geom_bodyid
+        given = [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in chosen]
         return tuple(called(given, {i: k for k, part in enumerate(self.space.obstacles, 1) for i in part.members}))
 
     @cached_property
@@ -96,12 +85,6 @@ class Subject:
         pairs = zip(self.space.obstacles, self.space.homology.markers, strict=True)
         nearest = (min(part.members, key=lambda i: float(np.hypot(*(places[i] - at)))) for part, at in pairs)
         return tuple(self.solids[i] for i in nearest)
-
-    @property
-    def labels(self) -> list[str]:
-        """Labels of the topological obstacles on the map: numbers, and where they are few also names."""
-        few = len(self.names) <= FEW
-        return [f"{k} {name}" if few and not name.endswith(f" {k}") else str(k) for k, name in enumerate(self.names, 1)]
 
     @property
     def turn(self) -> float:

@@ -83,7 +83,8 @@ class Writer:
         self._robot, self._eye = RobotPoses(subject.loaded), Following(scene)
         self._mocap = Mocap(subject.loaded.model, scene.movers) if scene.movers else None
         self._shown = [np.full(7, np.nan) for _ in scene.movers]  # the last pose that was written of each
-        stream.native.send_recording_name(subject.name)
+        name = (scene.name, subject.settings.get("method"), subject.settings.get("seed"))
+        stream.native.send_recording_name(" ".join(str(part) for part in name if part is not None))
         stream.cut()
         stream.native.send_property("run", rr.AnyValues(**properties(subject.settings)))
         stream.cut()
