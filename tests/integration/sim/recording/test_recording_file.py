@@ -16,7 +16,7 @@ SHORT = ["run", "slit", "--noise", "0.3", "--vertices", "80", "--samples", "20",
 def planned(monkeypatch):
     """Whether a command has come to plan."""
     begun: list[str] = []
-    for command in ("plan", "run"):
+    for command in ("run", "plan"):  # the first imports the second, before that is replaced
         monkeypatch.setattr(f"sim.cli.{command}_command.planned", lambda *_: begun.append("planned"))
     return begun
 
