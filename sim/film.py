@@ -116,11 +116,7 @@ class Film:
         self._drawn, self._samples = -np.inf, dict[str, Fan]()  # what was drawn last, and when [s]
 
     def add(self, frame: Frame, path_integral: PathIntegral | None = None) -> None:
-        """Take a control step in.
-
-        Args:
-            path_integral: that drew the samples of its plan; without it none are shown.
-        """
+        """Take a control step in, and what drew the samples of its plan; without it none are shown."""
         plan, states = frame.plan, frame.advance.states
         if not self._plans:
             self._path.append(np.append(0.0, plan.state)[None])
@@ -143,11 +139,7 @@ class Film:
         return [self._picture(time) for time in times]
 
     def save(self, progress: Callable[[int], None]) -> None:
-        """Draw everything and write the files; `progress` is called for each picture.
-
-        Raises:
-            OptionError: a file cannot be written.
-        """
+        """Draw and write the files, or raise OptionError if one cannot be; `progress` is called for each picture."""
         if self._video is not None:
             with replaced(self._video, "--video") as stream:
                 _encode(stream, self._pictures(progress))
@@ -251,11 +243,7 @@ class Film:
 
 
 def _encode(stream: Any, pictures: Iterator[Picture]) -> None:
-    """Write H.264 in MP4, as browsers and players take it.
-
-    Raises:
-        OSError: the stream takes no more.
-    """
+    """Write H.264 in MP4, as browsers and players take it; OSError where the stream takes no more."""
     import av
 
     try:

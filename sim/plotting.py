@@ -97,11 +97,11 @@ def classes(
     axes: Any, lines: Sequence[Array], labels: Sequence[str], colors: Sequence[Color] = PALETTE, **legend: Any
 ) -> None:  # fmt: skip
     """Draw one polyline (k, 2) [m] per class with a label each in a legend, the first on top."""
-    for place, (line, label) in reversed(list(enumerate(zip(lines, labels, strict=True)))):
-        axes.plot(line[:, 0], line[:, 1], color=rgb(colors[place % len(colors)]), lw=2.2, label=label, zorder=4)
-    handles, texts = axes.get_legend_handles_labels()
-    if handles:
-        axes.legend(handles[::-1], texts[::-1], **LEGEND, **legend)
+    for place, (line, label) in enumerate(zip(lines, labels, strict=True)):
+        look = {"color": rgb(colors[place % len(colors)]), "lw": 2.2, "zorder": 4.0 - 1e-3 * place}
+        axes.plot(line[:, 0], line[:, 1], label=label, **look)
+    if labels:
+        axes.legend(**LEGEND, **legend)
 
 
 def _lines(axes: Any, lines: Sequence[Array], color: str, *, width: float, opacity: Any, zorder: float) -> None:
@@ -171,8 +171,7 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     """Write a map with obstacles, tree and the reference of every class."""
     scene = scenario.loaded.scene
     wide, high = scene.upper - scene.lower
-    figure = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8))
-    axes = figure.subplots()
+    axes = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
     draw_scene(axes, scenario)
     for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
@@ -187,15 +186,14 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
-    _save(figure, path, "--png")
+    _save(axes, path, "--png")
 
 
 def draw_convergence(
     path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
 ) -> None:
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
-    figure = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained")
-    axes = figure.subplots()
+    axes = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained").subplots()
     colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
     iterations, end = convergence["iterations"], convergence["iterations"][-1]
@@ -213,7 +211,7 @@ def draw_convergence(
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(title="class", **LEGEND)
-    _save(figure, path, "--convergence")
+    _save(axes, path, "--convergence")
 
 
 def draw_scene(axes: Any, scenario: "Scenario") -> None:
@@ -234,8 +232,7 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
 def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference], colors: ClassColors) -> float:
     """Outline moving obstacles, the paler the later, and put a dot on every reference, at equal moments.
 
-    Returns:
-        the time between moments [s]; 0 where no reference moves.
+    Return the time between moments [s]; 0 where no reference moves.
     """
     from matplotlib.ticker import MaxNLocator
 
@@ -264,17 +261,13 @@ def draw_moments(axes: Any, scenario: "Scenario", references: Sequence[Reference
 
 
 def check(path: Path, option: str) -> None:
-    """Make sure, before any work, that a figure can be drawn and has an ending that says how.
-
-    Raises:
-        OptionError: matplotlib is missing, or it knows no such ending.
-    """
+    """Refuse a figure before any work, by OptionError: matplotlib is missing, or it knows no such ending."""
     pyplot(option)
     if path.suffix.lower() not in ENDINGS:
         raise OptionError(f"{option} {path}: no figure has this ending; give a file that ends in {', '.join(ENDINGS)}")
 
 
-def _save(figure: Any, path: Path, option: str) -> None:
+def _save(axes: Any, path: Path, option: str) -> None:
     """Write a figure whole or not at all, in the format of the file's ending."""
     with replaced(path, option) as stream:
-        figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")
+        axes.figure.savefig(stream, format=path.suffix[1:].lower(), dpi=150, bbox_inches="tight")

@@ -34,11 +34,7 @@ SPEED = ("speed",)  # that of its body along its heading [m/s]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class System:
-    """A kind of robot: what the method and the simulator must know of it.
-
-    Raises:
-        OptionError: a default is no setting, or has a value that cannot work.
-    """
+    """A kind of robot: what the method and the simulator must know of it; OptionError where defaults cannot work."""
 
     name: str  # as in `<text name="pirrht_dynamics" data="NAME"/>`
     dynamics: Callable[[Settings], Any]  # the `pirrht.Dynamics`, of which `states` must be the same
@@ -256,10 +252,7 @@ def chosen(which: str | System) -> System:
     """Return a system, registered: itself, one that is known by name, or MODULE:NAME of a module that is imported.
 
     The module is looked for in the current folder first, as `python -m` does, and later imports look there last. A
-    function of that name is called for the system.
-
-    Raises:
-        OptionError: there is no such module or name, it is no system, or the module cannot be imported.
+    function of that name is called for the system. OptionError: there is none, or the module cannot be imported.
     """
     if isinstance(which, System):
         return register(which)

@@ -59,12 +59,8 @@ def load(
 ) -> HomologyTree:  # fmt: skip
     """Read a tree that was grown in this space for this steering; it grows on as if it had never been written.
 
-    Args:
-        limit: H_limit [turns] that is required; None: whatever the tree has.
-        classes: most classes per vertex that are required; None: whatever the tree has.
-
-    Raises:
-        OptionError: no such file, none of ours, damaged, or grown for something else; says what differs.
+    `limit` [turns] and `classes` per vertex are required of it; None: whatever the tree has. OptionError says what
+    differs, or that there is no such file, none of ours, or a damaged one.
     """
     name = file if isinstance(file, str) else "the tree"
     about, arrays = _read(file, name)

@@ -102,13 +102,7 @@ class Fan:
 def fans(
     path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str], *, points: int, everything: bool
 ) -> dict[str, Fan]:
-    """Chosen samples by the class of their own path.
-
-    Args:
-        names: additive class keys of the references.
-        points: how many points may be drawn altogether.
-        everything: draw all samples instead, however many.
-    """
+    """Samples by the class of their own path, of references by additive key: all, or chosen ones of so many points."""
     paths = estimate.rollouts.paths
     alive = paths.outcome == Outcome.GOAL
     groups = {name: alive & (paths.key == k) for k, name in names.items()}
@@ -163,12 +157,9 @@ def remaining(homology: Homology, reference: Reference, line: Array, obstacle: i
 
 
 def mean_paths(path_integral: PathIntegral, estimate: Estimate, names: Mapping[int, str]) -> dict[str, Array]:
-    """Per class the weighted mean of its heaviest samples at equal shares of their time, (POINTS, 2) [m].
+    """Per class, named by additive key, the weighted mean of its heaviest samples at equal shares of their time.
 
-    If it touches something, the sample nearest to it.
-
-    Args:
-        names: of the classes, by additive key.
+    (POINTS, 2) [m]; if it touches something, the sample nearest to it.
     """
     paths, found = estimate.rollouts.paths, {}
     arrived, share = (paths.outcome == Outcome.GOAL) & (estimate.weight > 0.0), np.linspace(0.0, 1.0, POINTS)

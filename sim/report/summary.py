@@ -41,11 +41,7 @@ def _interval(value: float = nan, low: float = nan, high: float = nan) -> Interv
 
 
 def report(dataset: Dataset) -> dict[str, Any]:
-    """Sum up what a sweep has finished so far.
-
-    Raises:
-        OptionError: the folder holds no sweep, or rows that no sweep wrote: figures of them would mean nothing.
-    """
+    """Sum up what a sweep has finished so far; OptionError if the folder holds no sweep, or rows that no sweep wrote."""
     manifest, records = dataset.manifest(), dataset.records()
     for r in (r for r in records if r["outcome"] is not None):
         wrong = [] if r["outcome"] in OUTCOMES.values() else ["outcome"]
@@ -187,8 +183,7 @@ def wilson(successes: int, runs: int) -> Interval:
 def mean(values: ArrayLike, over: ArrayLike | None = None, seed: int = 0) -> Interval:
     """A mean over independent runs (k,), with a percentile bootstrap interval if there are two or more.
 
-    Args:
-        over: of pairs of runs, the other's values (k,); then the ratio of both means, by a bootstrap that draws pairs.
+    With `over` (k,), the other's values of pairs of runs, the ratio of both means, by a bootstrap that draws pairs.
     """
     from scipy.stats import bootstrap
 
