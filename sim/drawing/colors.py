@@ -160,13 +160,9 @@ def worded(
 ) -> dict[str, str]:  # fmt: skip
     """Name each of several classes; left and right as seen along the path.
 
-    Args:
-        windings: by id, of M static and then of moving obstacles [turns].
-        straight: H of the straight line from where the robot is, (M,) [turns].
-        names: of the static obstacles, (M,).
-        movers: of the moving obstacles.
-        among: classes from which each is distinguished; None: all.
-        passed: by id, how each moving obstacle is passed (`sides`).
+    `windings` by id, of M static and then of moving obstacles, and `straight` (M,), H of the straight line from where
+    the robot is, are in turns; `names` (M,) and `movers` are those of the obstacles. Each class is told from those in
+    `among`, from all if None. `passed` says by id how each moving obstacle is passed (`sides`).
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
     found, M = {}, len(names)

@@ -41,7 +41,7 @@ def _interval(value: float = nan, low: float = nan, high: float = nan) -> Interv
 
 
 def report(dataset: Dataset) -> dict[str, Any]:
-    """Sum up what a sweep has finished so far; OptionError if the folder holds no sweep, or rows that no sweep wrote."""
+    """Sum up what a sweep has finished so far; OptionError for a folder without one, or rows that none wrote."""
     manifest, records = dataset.manifest(), dataset.records()
     for r in (r for r in records if r["outcome"] is not None):
         wrong = [] if r["outcome"] in OUTCOMES.values() else ["outcome"]
