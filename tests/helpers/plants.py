@@ -16,14 +16,33 @@ SIZE = 1e4  # of the workspace [m]
 WALL = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.65 0 0.3"/>'  # face at 0.6
 
 
-def scene_file(folder: Path, *, world: str = "", option: str = "", goal: str = "9000 0 0", size: float = SIZE) -> Path:
+def scene_file(
+    folder: Path, *, world: str = "", option: str = "", start: str = "0 0 0", goal: str = "9000 0 0", size: float = SIZE
+) -> Path:
     path = folder / "field.xml"
     path.write_text(
-        f"""<mujoco>{option}<worldbody><site name="start" pos="0 0 0"/>
+        f"""<mujoco>{option}<worldbody><site name="start" pos="{start}"/>
         <site name="workspace" type="box" size="{size} {size} 1"/>
         <site name="goal" type="cylinder" pos="{goal}" size="0.1 0.01"/>{world}</worldbody></mujoco>"""
     )
     return path
+
+
+def moving_scene(folder: Path, world: str, custom: str, *, start: str = "0 0 0") -> Path:
+    """A scene with bodies that move."""
+    option = f'<compiler angle="degree"/><option timestep="0.002"/><custom>{custom}</custom>'
+    return scene_file(folder, world=world, option=option, start=start, goal="45 0 0", size=50.0)
+
+
+def body(name: str, geom: str, pos: str = "0 0 0.1", *, more: str = "") -> str:
+    """A mocap body of one geom, named alike."""
+    return f'<body name="{name}" mocap="true" pos="{pos}" {more}><geom name="{name}" {geom}/></body>'
+
+
+def rows(name: str, data: str, *, repeat: bool = False) -> str:
+    """A motion."""
+    text = f'<text name="pirrht_motion_{name}" data="repeat"/>' if repeat else ""
+    return f'<numeric name="pirrht_motion_{name}" data="{data}"/>{text}'
 
 
 def problem_of(loaded: Loaded, dynamics: Dynamics, **options) -> Problem:

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from drives import Drive, Moving, columns, timed
-from moving_scenes import body, moving_scene, rows
+from plants import body, moving_scene, rows
 
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors

@@ -2,8 +2,7 @@
 
 import numpy as np
 import pytest
-from moving_scenes import body, moving_scene, rows
-from plants import QUIET, STEP, both, driven, hold, problem_of, states_of
+from plants import QUIET, STEP, body, both, driven, hold, moving_scene, problem_of, rows, states_of
 
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision

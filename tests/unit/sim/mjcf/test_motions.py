@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from mjcf_samples import refusal
-from moving_scenes import body, moving_scene, rows
+from plants import body, moving_scene, rows
 from repository import ROOT
 
 from pirrht.geometry.scene import Kind
@@ -104,7 +104,7 @@ REFUSED = [  # world, custom, words of the message
 @pytest.mark.parametrize(("world", "custom", "words"), REFUSED)
 def test_what_cannot_move_so_is_refused_with_file_and_element_and_what_to_write(tmp_path, world, custom, words):
     message = refusal(moving_scene(tmp_path, world, custom))
-    assert message.startswith(str(tmp_path / "moving.xml"))
+    assert message.startswith(str(tmp_path / "field.xml"))
     for word in words:
         assert word in message, message
 

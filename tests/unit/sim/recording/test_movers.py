@@ -2,7 +2,7 @@
 
 import numpy as np
 from drives import Moving, columns, timed
-from moving_scenes import body, moving_scene, rows
+from plants import body, moving_scene, rows
 
 WORLD = body("spin", 'type="box" size=".3 .1 .2"', "2 2 0.1")
 CUSTOM = rows("spin", "0 2 2 0  0.15 2.5 2 2  0.3 2 2 0", repeat=True)
