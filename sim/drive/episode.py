@@ -215,25 +215,21 @@ class Planner:
             if self.stopped:
                 return
             step = max(step, int((self.clock.now() - self.origin) / period + 1e-9))
+            begin = (step + 1) * period
             IDLE.clear()
             try:
-                last = self._ahead(last, (step + 1) * period)
+                driven, (time, x) = [self.driven.popleft() for _ in range(len(self.driven))], self.seen
+                if driven:
+                    self.policy.observe(np.vstack(driven), 0.0, time)
+                states = self.predicted(last, time, x, begin)
+                self.policy.expect(states, begin - last.begin)
+                last = self._made(states[-1], begin)
             finally:
                 IDLE.set()
             self.arrived.append(last)
             gc.collect(1)  # now, when nothing waits for it, and not in the middle of a plan
-            self.extend(self.origin + last.begin)
+            self.extend(self.origin + begin)
             step += 1
-
-    def _ahead(self, last: TimedPlan, begin: float) -> TimedPlan:
-        """Return the plan for the period that begins at `begin` [s]."""
-        driven = [self.driven.popleft() for _ in range(len(self.driven))]
-        time, x = self.seen
-        if driven:
-            self.policy.observe(np.vstack(driven), 0.0, time)
-        states = self.predicted(last, time, x, begin)
-        self.policy.expect(states, begin - last.begin)
-        return self._made(states[-1], begin)
 
     def predicted(self, last: TimedPlan, time: float, x: Array, until: float) -> Array:
         """Return states (k, n) from x (n,) at a time until another one [s], under a plan's law without noise.

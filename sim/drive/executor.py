@@ -24,7 +24,6 @@ from pirrht.geometry.scene import ROUNDING, Scene
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
-from pirrht.systems.dynamics import Dynamics
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
 from sim.mjcf.obstacles import Mocap
@@ -202,7 +201,12 @@ class Executor(Plant):
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
         """Continue in this problem, of the same robot; bodies in MuJoCo stay where they are."""
         super().enter(problem, clearance)
-        self._rate = commanded_rate(problem.dynamics, self.physics_step)
+        d, step = problem.dynamics, self.physics_step
+        self._rate: Callable[[Array, Array, Array], Array] = lambda x, u, dw: d.rate(x, u, dw, step)
+        if d.constant or d.input_form:  # the same, with blocks looked up only once
+            G, B = d.noise_form(np.zeros(d.n))
+            B_per_step = B / step
+            self._rate = lambda x, u, dw: d.idle(x) + G.dot(u) + B_per_step.dot(dw)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
         """Start from the first n entries of `state` at a time [s]; wheels roll as they do without control."""
@@ -230,16 +234,3 @@ class Executor(Plant):
         if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
             return True
         return self._sweeps and super()._touching(before, x)
-
-
-def commanded_rate(dynamics: Dynamics, step: float) -> Callable[[Array, Array, Array], Array]:
-    """`dynamics.rate` at a fixed step [s], (x, u, dw) -> (m,), with constant blocks looked up only once."""
-    if dynamics.input_noise is not None:
-        s_per_step = dynamics.input_noise / step
-        return lambda x, u, dw: u + s_per_step.dot(dw)
-    if not dynamics.constant:
-        return lambda x, u, dw: dynamics.rate(x, u, dw, step)
-    anywhere = np.zeros(dynamics.n)
-    G, B_per_step = dynamics.G_c(anywhere), dynamics.B_c(anywhere) / step
-    first = dynamics.n - dynamics.m
-    return lambda x, u, dw: dynamics.f(x)[first:] + G.dot(u) + B_per_step.dot(dw)
