@@ -168,12 +168,9 @@ def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]
     """Brightness from 0, black, what white is of it, and what is transparent; (rows, columns) from the top."""
     with refused(_EXTRA, "", ImportError, most=0, kind=OptionError):
         from PIL import Image
-    large, wrong = f"{path}: image {file} is too large (", f"{path}: image {file} cannot be read ("
-    most = f"a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
-    with (
-        refused(large, f"); {most}", Image.DecompressionBombError),
-        refused(wrong, ")", OSError, ValueError, SyntaxError),
-    ):
+    most = f"); a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
+    small = refused(f"{path}: image {file} is too large (", most, Image.DecompressionBombError)
+    with small, refused(f"{path}: image {file} cannot be read (", ")", OSError, ValueError, SyntaxError):
         if (why := why_unreadable(file)) is not None:
             raise OSError(f"it {why}")
         with Image.open(file) as image:

@@ -10,6 +10,7 @@ is, row by row, the (nu, k) matrix M of ctrl = M @ twist.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import mujoco
@@ -96,16 +97,12 @@ def control_limits(model: mujoco.MjModel, command: Array, dynamics: Dynamics) ->
 
 def _resize(spec: mujoco.MjSpec, body: mujoco.MjsBody, foot: mujoco.MjsGeom, radius: float) -> None:
     """A robot that collides with its footprint grows as a whole; for any other only the footprint does."""
-    ratio = radius / foot.size[0]
-    if not (foot.contype or foot.conaffinity):
-        foot.size = np.asarray(foot.size) * ratio
-        return
-    for mesh in spec.meshes:
-        mesh.scale = np.asarray(mesh.scale) * ratio
-    for inner in body.find_all("body"):
-        inner.pos = np.asarray(inner.pos) * ratio
-    for geom in body.find_all("geom"):
-        geom.size, geom.pos = np.asarray(geom.size) * ratio, np.asarray(geom.pos) * ratio
+    ratio, scaled = radius / foot.size[0], [(foot, "size")]
+    if foot.contype or foot.conaffinity:
+        scaled = [*product(spec.meshes, ["scale"]), *product(body.find_all("body"), ["pos"])]
+        scaled += product(body.find_all("geom"), ["size", "pos"])
+    for part, measure in scaled:
+        setattr(part, measure, np.asarray(getattr(part, measure)) * ratio)
 
 
 def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:

@@ -43,17 +43,13 @@ def imported(folder: Path, text: str | bytes, **task) -> Imported:
 
 
 def places(found: Imported) -> dict[str, np.ndarray]:
-    """Poses (4, 4) of all geoms that were taken over, by name."""
+    """Poses (3, 4) of all geoms that were taken over, by name."""
     loaded = load(found.path)
     data = mujoco.MjData(loaded.model)
     mujoco.mj_kinematics(loaded.model, data)
-    poses = {}
-    for geom in np.flatnonzero(~loaded.robot_geoms):
-        pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]
-        poses[loaded.model.geom(geom).name] = pose
-    poses.pop("floor")
-    return poses
+    turns, geoms = data.geom_xmat.reshape(-1, 3, 3), np.flatnonzero(~loaded.robot_geoms)
+    poses = {loaded.model.geom(g).name: np.column_stack([turns[g], data.geom_xpos[g]]) for g in geoms}
+    return {name: pose for name, pose in poses.items() if name != "floor"}
 
 
 def refused(work: Callable[[], object], *words: str) -> None:
