@@ -33,7 +33,7 @@ def house() -> Page:
     """Six rooms of a map; its boxes are those that `pirrht import map.yaml` makes."""
     with tempfile.TemporaryDirectory() as folder:
         file = written(Path(folder))
-        solids = read_map(file).world("occupied").solids
+        solids = read_map(file).solids
     elements = []
     for solid in solids:
         size, place = (" ".join(f"{v:.6g}" for v in values) for values in (solid.size, solid.pose[:3, 3]))

@@ -11,7 +11,6 @@ scale map, which count as unknown here. In the mode raw the pixel is the chance 
 import os
 import reprlib
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -39,35 +38,13 @@ _SHORT.maxlevel = 2
 _EXTRA = "maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Map:
-    """An occupancy grid; the first row is the lowest."""
+def read_map(path: Path, unknown: str = "occupied") -> World:
+    """Read the map that a YAML file of map_server describes: boxes where it is occupied, or not free.
 
-    occupied: Cells  # (rows, columns)
-    free: Cells  # (rows, columns); what is neither is unknown
-    resolution: float  # side of a cell [m]
-    origin: Array  # (3,) x, y [m] of the lower left corner, yaw [rad] of the grid
-    notes: tuple[str, ...] = ()  # sentences on what was read otherwise than a person may expect
-
-    def world(self, unknown: str = "occupied") -> World:
-        """Boxes where the map is occupied, or not free; its own border is the ground's, if it is not turned."""
-        if unknown not in UNKNOWN:
-            raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
-        blocked = ~self.free if unknown == "occupied" else self.occupied
-        x, y, yaw = self.origin
-        frame, solids = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw])), []
-        for number, piece in enumerate(cover(blocked), start=1):
-            r0, r1, c0, c1 = self.resolution * piece
-            pose = frame.copy()
-            pose[:, 3] = frame @ ((c0 + c1) / 2, (r0 + r1) / 2, 0.0, 1.0)
-            solids.append(Solid(f"wall {number}", "box", np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose))
-        high, wide = self.resolution * np.array(blocked.shape)
-        border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
-        return World(kind="map", solids=tuple(solids), ground=border, notes=self.notes)
-
-
-def read_map(path: Path) -> Map:
-    """Read the map that a YAML file of map_server describes."""
+    Its own border is the ground's, if it is not turned.
+    """
+    if unknown not in UNKNOWN:
+        raise OptionError(f"--unknown is {unknown!r}; it must be one of {', '.join(UNKNOWN)}")
     known, notes = _values(path), list[str]()
     occupied_above, free_below, mode = known["occupied_thresh"], known["free_thresh"], known["mode"]
     if not 0 <= free_below <= occupied_above <= 1:
@@ -95,8 +72,18 @@ def read_map(path: Path) -> Map:
     between = np.count_nonzero((cells < occupied_above) & ~free) if mode == "scale" else 0
     if between:
         notes.append(f"{between} cells of a chance between free_thresh and occupied_thresh count as unknown")
+    blocked, side = np.flipud(~free if unknown == "occupied" else occupied), known["resolution"]  # lowest row first
+    x, y, yaw = np.nan_to_num(known["origin"])
+    frame, solids = transform(np.array([x, y, HEIGHT / 2, 0.0, 0.0, yaw])), []
+    for number, piece in enumerate(cover(blocked), start=1):
+        r0, r1, c0, c1 = side * piece
+        pose = frame.copy()
+        pose[:, 3] = frame @ ((c0 + c1) / 2, (r0 + r1) / 2, 0.0, 1.0)
+        solids.append(Solid(f"wall {number}", "box", np.array([c1 - c0, r1 - r0, HEIGHT]) / 2, pose))
+    high, wide = side * np.array(blocked.shape)
+    border = np.array([x, x + wide, y, y + high]) if yaw == 0.0 else None
     said = tuple(f"{path}: {note}" for note in notes)
-    return Map(np.flipud(occupied), np.flipud(free), known["resolution"], np.nan_to_num(known["origin"]), said)
+    return World(kind="map", solids=tuple(solids), ground=border, notes=said)
 
 
 def _values(path: Path) -> dict[str, Any]:

@@ -94,7 +94,7 @@ def import_world(
     if kind == "motions":
         world = dynabarn.read(source, number)
     elif kind == "map":
-        world = ros_map.read_map(source).world(unknown or "occupied")
+        world = ros_map.read_map(source, unknown or "occupied")
     else:
         world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))

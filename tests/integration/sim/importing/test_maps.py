@@ -16,6 +16,7 @@ from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
 from sim.importing.scene_file import import_world  # noqa: E402
+from sim.importing.solids import World  # noqa: E402
 from sim.mjcf import load  # noqa: E402
 
 BLACK, GREY, WHITE = 0, 205, 254
@@ -49,18 +50,20 @@ def rooms(size: int = 80) -> np.ndarray:
     return picture
 
 
+def blocked(world: World, picture, side: float = 0.1, x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> np.ndarray:
+    """Which pixels lie in walls, (rows, columns) from the top."""
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    rows, columns = np.indices(picture.shape[:2])
+    places = side * np.dstack([columns + 0.5, len(rows) - rows - 0.5]) @ turn.T + [x, y]
+    inside = [np.abs((places - s.pose[:2, 3]) @ s.pose[:2, :2]) <= s.size[:2] + 1e-9 for s in world.solids]
+    return np.any(np.all([np.zeros_like(places, bool), *inside], axis=-1), axis=0)
+
+
 @pytest.mark.parametrize("yaw", [0.0, 0.3, np.pi / 2, -2.0])
 def test_a_turned_map_turns_about_its_lower_left_corner(tmp_path: Path, yaw: float):
     picture = np.where(np.random.default_rng(0).random((7, 9)) < 0.4, BLACK, WHITE).astype(np.uint8)
-    world = read_map(written(tmp_path, picture, resolution=0.2, origin=f"[1.0, -3.0, {yaw}]")).world()
-    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-    rows, columns = np.nonzero(np.ones_like(picture))
-    local = 0.2 * np.column_stack([columns + 0.5, 6 - rows + 0.5])
-    inside = np.zeros(len(local), bool)
-    for solid in world.solids:
-        off = (local @ turn.T + [1.0, -3.0] - solid.pose[:2, 3]) @ solid.pose[:2, :2]
-        inside |= np.all(np.abs(off) <= solid.size[:2] + 1e-9, axis=1)
-    np.testing.assert_array_equal(inside, picture.ravel() == BLACK)
+    world = read_map(written(tmp_path, picture, resolution=0.2, origin=f"[1.0, -3.0, {yaw}]"))
+    np.testing.assert_array_equal(blocked(world, picture, 0.2, 1.0, -3.0, yaw), picture == BLACK)
     assert (world.ground is None) == (yaw != 0.0)
 
 
@@ -84,14 +87,10 @@ MEANT = [  # pictures, keys, which cells are occupied and which free
 
 @pytest.mark.parametrize(("picture", "keys", "occupied", "free"), MEANT)
 def test_pixels_mean_what_they_mean_to_map_server(tmp_path: Path, picture, keys, occupied, free):
-    grid = read_map(written(tmp_path, picture, "map.png", **keys))
-    assert (grid.occupied[0].tolist(), grid.free[0].tolist()) == (occupied, free)
-
-
-def test_what_is_unknown_is_a_wall_unless_it_is_said_to_be_free(tmp_path: Path):
-    grid = read_map(written(tmp_path, drawn("#?.", "#?.")))
-    width = {rule: sum(2 * s.size[0] for s in grid.world(rule).solids) for rule in ("occupied", "free")}
-    assert width == pytest.approx({"occupied": 0.2, "free": 0.1})
+    """What is neither occupied nor free is unknown: a wall unless it is said to be free."""
+    path = written(tmp_path, picture, "map.png", **keys)
+    assert blocked(read_map(path, "free"), picture).tolist() == [occupied]
+    assert (~blocked(read_map(path), picture)).tolist() == [free]
 
 
 NOTED = [
@@ -105,13 +104,12 @@ NOTED = [
 
 @pytest.mark.parametrize(("keys", "note"), NOTED)
 def test_what_is_read_otherwise_than_expected_is_reported(tmp_path: Path, keys, note: str):
-    plain = read_map(written(tmp_path, drawn("#?.", "#?.")))
+    plain = read_map(written(tmp_path, picture := drawn("#?.", "#?.")), "free")
     assert plain.notes == ()
-    path = written(tmp_path, drawn("#?.", "#?."), **keys)
-    grid = read_map(path)
-    assert re.search(f"^{re.escape(str(path))}: .*{note}", grid.notes[0])
-    assert grid.occupied.tolist() == plain.occupied.tolist()
-    assert grid.origin.tolist() == [0.0, 0.0, 0.0]
+    world = read_map(path := written(tmp_path, picture, **keys), "free")
+    assert re.search(f"^{re.escape(str(path))}: .*{note}", world.notes[0])
+    np.testing.assert_array_equal(blocked(world, picture), blocked(plain, picture))
+    np.testing.assert_array_equal(world.ground, plain.ground)
 
 
 def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
