@@ -91,7 +91,7 @@ def probe(address: str) -> None:
     except ValueError as error:
         raise _silent(address, error) from None
     try:
-        from distributed.core import rpc
+        from distributed import rpc
     except ImportError:
         raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in one line

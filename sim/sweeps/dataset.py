@@ -19,7 +19,6 @@ import pirrht
 from pirrht.errors import OptionError
 from sim.files import MISSING, path_text, refused, replaced, why_unreadable
 from sim.sweeps import parts
-from sim.sweeps.parts import key_of, record_of, row_of
 
 TREES = ".trees-"  # begins the names of folders that trees lie in while they are driven through
 CHUNK_RUNS, CHUNK_SECONDS = 500, 2.0  # a file is written after so many runs, or so long after the file before [s]
@@ -148,14 +147,14 @@ class Dataset:
 
     def records(self) -> list[dict[str, Any]]:
         """Every finished run once, in the order of the files; OptionError if one cannot be read."""
-        return [record_of(row) for row in {key_of(row): row for row in parts.rows(self.files())}.values()]
+        return [parts.record_of(row) for row in {parts.key_of(row): row for row in parts.rows(self.files())}.values()]
 
     def compact(self) -> None:
         """Write what has been added; rewrite all rows as one file if a run is there twice."""
         self.flush()
         files = self.files()
         rows = parts.rows(files)
-        known = {key_of(row): row for row in rows}
+        known = {parts.key_of(row): row for row in rows}
         if len(known) < len(rows):
             try:
                 parts.add(self.runs, list(known.values()))
@@ -171,7 +170,7 @@ class Dataset:
             whether that has begun to go wrong; what cannot be written is kept for the next time.
         """
         if record is not None:
-            self._kept.append(row_of(record))
+            self._kept.append(parts.row_of(record))
         before = self._failing
         if (len(self._kept) >= CHUNK_RUNS and not before) or self._now() - self._tried >= CHUNK_SECONDS:
             with suppress(OptionError):
@@ -226,17 +225,13 @@ def wished(asked: Iterable[Mapping[str, Any]]) -> int:
 
 def _flaw(manifest: Mapping[str, Any]) -> str | None:
     """Name the first part of a manifest that is not what a sweep writes."""
-
-    def fits(name: str, found: Any) -> bool:
-        if name == "version":
-            return isinstance(found, str)
-        if name == "asked":
-            wishes = isinstance(found, list) and all(map(_is_wish, found))
-            return wishes and sum(len(w["methods"]) * sum(map(len, w["noise"].values())) for w in found) <= MOST_POINTS
-        return isinstance(found, dict) and (name == "settings" or _all([*found.values()], str))
-
-    names = ("version", "settings", "scenes", "libraries", "asked")
-    return next((name for name in names if not fits(name, manifest.get(name))), None)
+    kinds: dict[str, Any] = {"version": str, "settings": dict, "scenes": dict, "libraries": dict, "asked": list}
+    for name, kind in kinds.items():
+        found = manifest.get(name)
+        if not isinstance(found, kind) or (name in ("scenes", "libraries") and not _all([*found.values()], str)):
+            return name
+    points = (len(wish["methods"]) * sum(map(len, wish["noise"].values())) for wish in manifest["asked"])
+    return None if all(map(_is_wish, manifest["asked"])) and sum(points) <= MOST_POINTS else "asked"
 
 
 def _is_wish(wish: Any) -> bool:

@@ -23,7 +23,6 @@ from sim.systems import source
 
 KEPT = 4  # scenes and trees that a process keeps at hand
 GRIDS = 1  # likewise; one among bodies that move takes 0.2 GB, and runs come by scene and noise
-
 Frozen = tuple[tuple[str, Any], ...]
 
 _rehearsed: set[tuple[Any, ...]] = set()

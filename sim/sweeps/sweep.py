@@ -32,7 +32,6 @@ from sim.sweeps.runs import Frozen, Job, Task, frozen
 from sim.text import counted
 
 MOST_RUNS = 1_000_000  # jobs and records of so many fit into some gigabytes
-
 Record = dict[str, Any]
 
 
@@ -235,10 +234,25 @@ def sweep(
     if done:
         print(f"{len(done)} of {counted(len(asked), 'run')} are there already", file=sys.stderr)
     workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
-    places = len({job.place for job in waiting if job.needs_tree})
-    warned = False
+    with engine.interruptible() as stop:
+        for record in _records(waiting, list(done.values()), stop, workers, scheduler, dataset):
+            done[key_of(record)] = record
+    if stop.asked:
+        if dataset is not None:
+            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}; the same command goes on"
+            print(kept, file=sys.stderr)
+        signal.raise_signal(stop.number)  # whoever heeds signals says how this ends
+        raise KeyboardInterrupt
+    return [done[key_of(job.identity)] for job in jobs]
+
+
+def _records(
+    jobs: Sequence[Job], done: Sequence[Record], stop: engine.Stop, workers: int, scheduler: str | None,
+    dataset: Dataset | None,
+) -> Iterator[Record]:  # fmt: skip
+    """Records of jobs as they come, next to those that are done already; the dataset has them all in the end."""
+    places, warned = {job.place for job in jobs if job.needs_tree}, False
     with ExitStack() as stack:
-        stop = stack.enter_context(engine.interruptible())
         near = dataset.folder if dataset else None
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=TREES, dir=near)))
         if scheduler is not None:
@@ -248,24 +262,16 @@ def sweep(
         else:  # this thread if one is enough and nothing must be kept
             crew = engine.Crew(stop) if workers == 1 and dataset is None else engine.Pool(workers, stop)
         stack.enter_context(crew)
-        progress = stack.enter_context(Progress(len(asked), list(done.values()), places))
+        progress = stack.enter_context(Progress(len(jobs) + len(done), done, len(places)))
         if dataset is not None:
             stack.callback(dataset.compact)
-        for record, grown in driven(waiting, crew, None if scheduler else folder):
-            if record is not None:
-                done[key_of(record)] = record
+        for record, grown in driven(jobs, crew, None if scheduler else folder):
             if dataset is not None and dataset.add(record):
-                progress.write(
-                    f"{dataset.folder} cannot be written; finished runs are kept for another try", sys.stderr
-                )
+                told = f"{dataset.folder} cannot be written; finished runs are kept for another try"
+                progress.write(told, sys.stderr)
             progress.add(record, grown)
+            if record is not None:
+                yield record
             if stop.asked == 1 and not warned:
                 progress.write("stopping: the runs under way are waited for; Ctrl-C again ends them", sys.stderr)
                 warned = True
-    if stop.asked:
-        if dataset is not None:
-            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}; the same command goes on"
-            print(kept, file=sys.stderr)
-        signal.raise_signal(stop.number)  # whoever heeds signals says how this ends
-        raise KeyboardInterrupt
-    return [done[key_of(job.identity)] for job in jobs]

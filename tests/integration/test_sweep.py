@@ -31,13 +31,10 @@ def test_equal_seeds_meet_equal_noise_in_the_dataset_as_in_memory(tmp_path):
     stored, direct = tmp_path / "stored.json", tmp_path / "direct.json"
     assert main([*words, "-o", str(tmp_path / "sweep"), "--json", str(stored), "--jobs", "2"]) == 0
     assert main([*words, "--json", str(direct), "--jobs", "1"]) == 0
-
-    def results(file: Path) -> list[dict]:
-        return [{name: one.get(name) for name in RESULTS} for one in json.loads(file.read_text())]
-
-    assert results(stored) == results(direct)
-    assert len(results(direct)) == 16
-    labels = [row["scene"] for row in results(direct)]
+    kept, found = ([{n: r.get(n) for n in RESULTS} for r in json.loads(f.read_text())] for f in (stored, direct))
+    assert kept == found
+    assert len(found) == 16
+    labels = [row["scene"] for row in found]
     assert labels == sorted(labels, key=["slit", "other"].index)
 
 

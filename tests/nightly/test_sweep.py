@@ -33,7 +33,6 @@ def once(folder, write, add=parts.add):
 dataset.CHUNK_RUNS, dataset.CHUNK_SECONDS, parts.add = 20, float("inf"), once
 sys.exit(cli.main(sys.argv[1:]))
 """  # a sweep that is told to stop as soon as its first 20 runs are written
-AS_A_TERMINAL = STOPPED.format(signals="os.killpg(0, signal.SIGINT)  # to all processes")
 
 
 def written(folder: Path) -> int:
@@ -81,7 +80,8 @@ def test_a_sweep_that_is_killed_again_and_again_ends_with_the_same_rows(long_swe
 @pytest.mark.thorough
 def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sweep, tmp_path):
     words, expected = long_sweep
-    with started(*words, "-o", str(tmp_path / "sweep"), program=("-c", AS_A_TERMINAL)) as process:
+    as_a_terminal = STOPPED.format(signals="os.killpg(0, signal.SIGINT)")  # to all processes
+    with started(*words, "-o", str(tmp_path / "sweep"), program=("-c", as_a_terminal)) as process:
         _, told = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "under way are waited for" in told
@@ -107,9 +107,7 @@ def test_ctrl_c_twice_and_sigterm_end_it_at_once_and_keep_what_was_finished(sign
     assert 20 <= len(rows(tmp_path / "sweep")) <= 22
 
 
-def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_method_without_one(
-    tmp_path, monkeypatch, capsys
-):
+def test_a_tree_that_does_not_fit_is_refused_first_and_asked_of_no_method_without_one(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("letter.npz").write_text("dear")
     assert main(["plan", "slit", "--vertices", "100", "-o", "slit.npz"]) == 0
@@ -133,18 +131,17 @@ def test_a_tree_that_does_not_fit_is_refused_before_any_run_and_asked_of_no_meth
 
 
 def test_a_scene_that_has_changed_is_refused_and_one_that_moved_is_not(tmp_path, capsys):
-    folder = tmp_path / "there"
-    folder.mkdir()
-    scene = tmp_path / "wall.xml"
+    scene, moved = tmp_path / "wall.xml", tmp_path / "there" / "wall.xml"
     scene.write_text(WALL)
+    moved.parent.mkdir()
     words = ["--methods", "passive", "--seeds", "0:1", *QUICK, "-o", str(tmp_path / "sweep")]
     assert main(["sweep", str(scene), *words]) == 0
-    scene.rename(folder / "wall.xml")
-    assert main(["sweep", str(folder / "wall.xml"), *words]) == 0
+    scene.rename(moved)
+    assert main(["sweep", str(moved), *words]) == 0
     assert written(tmp_path / "sweep") == 1
-    (folder / "wall.xml").write_text(WALL.replace('size="0.1 2.1', 'size="0.2 2.1'))
+    moved.write_text(WALL.replace('size="0.1 2.1', 'size="0.2 2.1'))
     capsys.readouterr()
-    assert main(["sweep", str(folder / "wall.xml"), *words]) == 2
+    assert main(["sweep", str(moved), *words]) == 2
     assert "another wall" in capsys.readouterr().err
     assert written(tmp_path / "sweep") == 1
 
@@ -170,7 +167,6 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
 def test_no_process_outlives_a_parent_that_is_killed(tmp_path):
     script, marks = tmp_path / "parent.py", tmp_path / "marks"
     script.write_text(PARENT)
