@@ -13,7 +13,8 @@
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py risk        predicted probability of a collision against the exact law, held for a
                                             physics step, at random states of random scenes; --part moving;
-                                            --part tradeoff: cost against collisions of drives at many margins
+                                            --part tradeoff: cost against collisions of drives at many margins;
+                                            --part promise: drives with --risk 0.01 through random scenes
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
@@ -36,7 +37,7 @@ PARTS = {
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
-    "risk": (None, "moving", "tradeoff"),
+    "risk": (None, "moving", "tradeoff", "promise"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
 

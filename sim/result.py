@@ -40,15 +40,20 @@ def passages_json(tree: HomologyTree, references: Sequence[Reference]) -> dict[s
 
 
 def plan_json(
-    scenario: Scenario, tree: HomologyTree, references: Sequence[Reference], seconds: float
-) -> dict[str, Any]:
+    scenario: Scenario, tree: HomologyTree, references: Sequence[Reference], seconds: float,
+    collision: CollisionProbability | None = None,
+) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `plan`; `seconds` is the wall time of tree and references, without compiling."""
     return {
         "scene": scenario.loaded.scene.name, "robot": scenario.loaded.robot, "vertices": tree.size,
         "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
-        "passages": passages_json(tree, references),
+        "passages": passages_json(tree, references), **_risk(collision),
     }  # fmt: skip
+
+
+def _risk(collision: CollisionProbability | None) -> dict[str, Any]:
+    return {"collision_probability": None if collision is None else collision._asdict()}
 
 
 def convergence_json(
@@ -91,9 +96,14 @@ def run_json(
     collision: CollisionProbability | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `run`, with the probability of a collision that its first plan predicts."""
-    risk = {"collision_probability": None if collision is None else collision._asdict()}
     grow = scenario.settings.grow if scenario.settings.real_time else scenario.settings.grow or 0
-    return {**settings_json(scenario), "grow": grow, **result, **risk, **_windings_json(scenario, references)}
+    return {
+        **settings_json(scenario),
+        "grow": grow,
+        **result,
+        **_risk(collision),
+        **_windings_json(scenario, references),
+    }
 
 
 def estimate_json(
@@ -115,7 +125,7 @@ def estimate_json(
         "samples": lambda e: sum(part.size for part in e.parts),
     }
     found = {name: [None if e is None else of(e) for e in estimates] for name, of in figures.items()}
-    risks = {"collision_probability": [None if one is None else one._asdict() for one in collisions]}
+    risks = {"collision_probability": [_risk(one)["collision_probability"] for one in collisions]}
     return {**exact, **found, **risks, **_windings_json(scenario, references)}
 
 

@@ -22,7 +22,7 @@ from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
-from sim.scenario.prepared import deviation
+from sim.scenario.prepared import deviation, predicted
 from sim.systems import POSE, typed
 from sim.text import counted, say
 
@@ -144,11 +144,14 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = planned(scenario)
     seconds = notice().clock() - began
+    collision = next(iter(predicted(scenario, tree=tree)), None)
     notice().finish()
-    found = plan_json(scenario, tree, references, seconds) | watched
+    found = plan_json(scenario, tree, references, seconds, collision) | watched
     print(tables.class_table(references, scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
+    if collision is not None:
+        say(f"predicted at the start: {tables.chance(collision)}")
     if arguments.output:
         with replaced(arguments.output, "tree") as stream:
             tree_file.save(tree, stream)

@@ -152,13 +152,17 @@ class Scenario:
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, self.settings.classes or Settings().classes))
 
+    @property
+    def predicts_collisions(self) -> bool:
+        """Whether the noise acts on the position and samples are judged along their steps."""
+        return self.problem.dynamics.noisy_position and self.settings.exit == "bridge"
+
     def collisions(self, plan: Plan | None, margin: float = 0.0) -> CollisionProbability | None:
         """Predict the probability of a collision from a plan on, with a wider margin by so much [m].
 
-        None: there are no samples, or the noise does not act on the position, for which nothing is predicted.
+        None: there are no samples, or nothing is predicted (`predicts_collisions`).
         """
-        noisy = self.problem.dynamics.noisy_position
-        if plan is None or plan.estimate is None or not noisy or self.settings.exit != "bridge":
+        if plan is None or plan.estimate is None or not self.predicts_collisions:
             return None
         return collision_probability(
             self.problem, plan.estimate, step=self.physics_step, margin=self.margin + margin, classes=plan.classes

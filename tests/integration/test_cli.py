@@ -53,6 +53,7 @@ def test_plan_writes_the_classes_cheapest_first_and_prints_a_row_for_each(figure
     assert plan.keys() >= PLAN
     assert (plan["scene"], plan["robot"], plan["vertices"]) == ("slit", "puck", 500)
     assert plan["passages"] == {"open": 3, "unused": []}
+    assert 0.003 < plan["collision_probability"]["probability"] < 0.012  # 0.76 % of runs of the exact law
     assert [obstacle["geoms"] for obstacle in plan["obstacles"]] == [["upper wall"], ["lower wall"]]
     np.testing.assert_allclose([obstacle["marker"] for obstacle in plan["obstacles"]], [[3.4, 2.8], [3.4, 2.2]])
     ids = [c["id"] for c in plan["classes"]]

@@ -142,7 +142,8 @@ def test_a_rehearsal_leaves_everything_as_it_was_and_one_that_cannot_be_prevents
     again = scenario.grown_tree()
     assert scenario.space.collision.calls - calls == 2 * grown
     for name, one in (("first", tree), ("again", again)):
-        tree_file.save(one, tmp_path / name)
+        with (tmp_path / name).open("wb") as stream:
+            tree_file.save(one, stream)
     assert (tmp_path / "again").read_bytes() == (tmp_path / "first").read_bytes()
     monkeypatch.setattr(Scenario, "steering", lambda self: 1 / 0)  # a user's own that fails
     rehearse(scenario, driving=True)

@@ -12,7 +12,7 @@ from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import prepare
-from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, predicted
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, RESERVE, predicted
 from sim.scenario.scenario import WIDER
 from sim.sweeps.runs import settled
 from sim.sweeps.sweep import Grid
@@ -75,8 +75,8 @@ def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goa
     tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
     assert tree.limit == WIDER[0]
     assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
-    tree_file.save(tree, tmp_path / "tree")
-    assert tree_file.load(tmp_path / "tree", scenario.space, scenario.steering()).limit == WIDER[0]
+    tree_file.save(tree, file := str(tmp_path / "tree.npz"))
+    assert tree_file.load(file, scenario.space, scenario.steering()).limit == WIDER[0]
     asked = scenario.with_settings(limit=2.0 * NARROW)
     with pytest.raises(NoReference, match=r"<= 0\.002"):
         asked.references(asked.grown_tree())
@@ -134,8 +134,8 @@ def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_pat
     margins = []
     for risk in (0.05, 0.01, 0.001):
         scenario = prepare(gap(tmp_path, 0.3), given={"noise": 0.2, "risk": risk})
-        (found,) = predicted(scenario) or ()
-        assert found.most <= risk
+        (found,) = predicted(scenario)
+        assert RESERVE * found.most <= risk
         margins.append(scenario.margin)
     assert margins == sorted(margins)
     assert margins[0] < margins[-1] < 0.03
