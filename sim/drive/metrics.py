@@ -143,8 +143,7 @@ class Frame(TimedPlan):
     @property
     def state(self) -> Array:
         """State at the end of the period, (n,)."""
-        end: Array = self.advance.states[-1]
-        return end
+        return np.asarray(self.advance.states[-1])
 
 
 class EpisodeMetrics:

@@ -51,14 +51,6 @@ def test_displacement_without_control_has_covariance_b_b_t(tmp_path, robot, b, a
     assert np.all(np.abs(measured - expected) < 3 * error)
 
 
-def test_equal_seeds_give_equal_noise_whatever_is_done_with_it(tmp_path):
-    rng = np.random.default_rng(5)
-    expected = [np.sqrt(STEP) * rng.standard_normal(2) for _ in range(30)]
-    for which, b, control in ((0, 0.3, hold(0.0, 0.0)), (1, QUIET, hold(1.0, -2.0))):
-        advances = driven(pair(tmp_path, "puck", b)[which], control, 5, 3)
-        np.testing.assert_array_equal(np.concatenate([a.noise for a in advances]), expected)
-
-
 @pytest.mark.parametrize("period", [0.003, 0.0, -0.01, 0.0101, np.nan, np.inf])
 def test_a_period_that_is_no_multiple_of_the_physics_step_is_refused_with_both(period):
     loaded = load("slit")
