@@ -183,9 +183,6 @@ class Planner:
 
     Planner and plant share four fields, of one writer each: plans in the order of their beginnings that have `arrived`
     for the plant; states of periods that were `driven` and the last one `seen`, with its time, for the planner.
-
-    Args:
-        grow: vertices per period at most; None: as many as there is time for.
     """
 
     def __init__(self, policy: Policy, clock: Clock, period: float, grow: int | None) -> None:
@@ -198,10 +195,7 @@ class Planner:
         self._after: deque[float] = deque(maxlen=RECENT)  # time that plans took once their samples were drawn [s]
 
     def first(self, x: Array) -> TimedPlan:
-        """Return a plan at x (n,) for the beginning of a run, made in a period from that of one without a clock.
-
-        Guides go on from those of the last plan, and the first ones are what takes long: the run waits for them.
-        """
+        """Return a plan at x (n,) for a run's beginning; guides, which take long, go on from a plan without a clock."""
         self.policy.begin(x)
         self.policy.plan(x)
         self.seen, self.origin = (0.0, x), self.clock.now() + self.period

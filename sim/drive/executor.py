@@ -37,27 +37,21 @@ Clearance = Callable[[Array], Array]  # centres (k, 2) -> free distance (k,) [m]
 
 
 class ClearanceChecker:
-    """Clearance of a robot among static and moving obstacles.
+    """Clearance of a robot among static and moving obstacles; without one of static ones, by FCL objects of its own.
 
     Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
     last disc does not bound it well enough.
-
-    Args:
-        clearance: of static obstacles; None: by FCL objects of its own, since these move when they are queried.
     """
 
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
         self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
-        self.crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
+        self._crowd = MovingObstacles(scene.movers, scene.footprint)
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
     def at(self, x: Array, now: float, enough: float = inf) -> float:
         """Return the clearance at x (n,) and a time [s], 0 or less in a collision; a bound from `enough` on [m]."""
-        free = self._static(x, enough)
-        if self.crowd is None:
-            return free
-        moving = self.crowd.surely(x, now)
-        return min(free, moving if moving >= enough else self.crowd.clearance(x[:2], now))
+        free, moving = self._static(x, enough), self._crowd.surely(x, now)
+        return min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now))
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
@@ -67,7 +61,7 @@ class ClearanceChecker:
             lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
         ):
             return True
-        return self.crowd is not None and self.crowd.meets(before[:2], begin, x[:2], now)
+        return self._crowd.meets(before[:2], begin, x[:2], now)
 
     def _static(self, x: Array, enough: float = inf) -> float:
         free, at_x, at_y = self._disc
@@ -102,10 +96,7 @@ class Advance:
 class Plant:
     """A robot by its stochastic equation alone, which is driven on in physics steps, judged and paid for.
 
-    Args:
-        clearance: of static obstacles; None: by FCL objects of its own.
-        period: control period [s], a whole number of physics steps.
-        physics_step: its length [s].
+    The control period [s] is a whole number of physics steps [s]; the clearance is that of static obstacles, if known.
     """
 
     def __init__(
@@ -144,9 +135,7 @@ class Plant:
     def advance(self, control_at: Control, rng: np.random.Generator) -> Advance:
         """Drive for one period, or to the goal or a collision if that comes first.
 
-        Args:
-            control_at: queried at every physics step, so that it may react to the state between plans.
-            rng: gives the period's increments, in the order of the steps.
+        The control is queried at every physics step; `rng` gives the period's increments, in the order of the steps.
         """
         h, problem, checker, x, scene = self.physics_step, self._problem, self._checker, self.state, self._problem.scene
         (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center

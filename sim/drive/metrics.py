@@ -37,18 +37,13 @@ STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
 
 
 class Length:
-    """The length of a path that goes on, from its start at x (n,).
-
-    Attributes:
-        noisy: with all its noise [m].
-        total: without it [m]; at least the distance of its ends, at most the noisy length.
-    """
+    """The length of a path that goes on, from its start at x (n,)."""
 
     def __init__(self, x: Array) -> None:
         self._first = self._begun = [float(x[0]), float(x[1])]  # of the path, and of the chord
         self._problem: Problem | None = None  # whose noise the last states had
         self._steps, self._chords = 0, 0.0  # of the chord that has begun, and length of complete ones [m]
-        self.noisy = self.total = 0.0
+        self.noisy = self.total = 0.0  # with its noise, and without: between the distance of its ends and that [m]
 
     def add(self, problem: Problem, states: Array, step: float, noisy: float) -> None:
         """Go on through states (k, n) of a problem, `step` seconds apart, over a path of `noisy` metres."""
