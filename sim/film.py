@@ -28,7 +28,7 @@ from sim.drive.episode import Frame
 from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
-from sim.mjcf.edits import dress, has_sky
+from sim.mjcf.edits import dress
 from sim.mjcf.obstacles import Mocap
 
 Picture = NDArray[np.uint8]  # (height, width, 3)
@@ -88,7 +88,7 @@ class Film:
         model.vis.quality.numslices, model.vis.quality.numstacks = SLICES, STACKS
         model.mat_reflectance[:] = 0.0
         dress(model)
-        self._sky = has_sky(model)
+        self._sky = bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
         try:
             self._gl = (mujoco if CHOSEN else importlib.import_module(BACKEND)).GLContext(wide, high)
             self._gl.make_current()

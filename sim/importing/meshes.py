@@ -39,21 +39,18 @@ _INSIDE = ("node", "instance_node", "instance_geometry")  # of a COLLADA scene
 def read_mesh(source: Path) -> World:
     """Read a mesh as a world of its convex parts, by CoACD where its own faces leave parts that are not convex."""
     parts, rough = split(source)
-    parts = _by_coacd(source) if rough else parts
+    if rough:
+        need = f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
+        with refused(need, "", ImportError, most=0, kind=OptionError):
+            import coacd
+        mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
+        coacd.set_log_level("error")
+        with refused(f"{source}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++
+            found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
+        parts = [np.asarray(corners, dtype=float) for corners, _ in found]
     x, y, _ = np.vstack(parts).T
     solids = tuple(part_solid(f"part {number}", np.eye(4), one) for number, one in enumerate(parts, 1))
     return World(kind="mesh", solids=solids, ground=np.array([x.min(), x.max(), y.min(), y.max()]))
-
-
-def _by_coacd(source: Path) -> list[Array]:
-    need = f"{source}: convex parts of this mesh need CoACD; install it with `pip install 'pirrht[decompose]'`"
-    with refused(need, "", ImportError, most=0, kind=OptionError):
-        import coacd
-    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(_read(source)))
-    coacd.set_log_level("error")
-    with refused(f"{source}: CoACD finds no convex parts (", ")", Exception):  # of a library in C++
-        found = coacd.run_coacd(coacd.Mesh(mesh.vertices, mesh.faces))  # closes what is open, on a coarse grid
-    return [np.asarray(corners, dtype=float) for corners, _ in found]
 
 
 def split(path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), *, hull: bool = False) -> tuple[list[Array], float]:

@@ -108,12 +108,6 @@ def _values(path: Path) -> dict[str, Any]:
     return values
 
 
-def _name(value: Any) -> str:
-    if not isinstance(value, str):
-        raise TypeError
-    return value
-
-
 def _number(value: Any, low: float = -FARTHEST, high: float = FARTHEST) -> float:
     if isinstance(value, bool) or not low <= float(value) <= high:
         raise ValueError
@@ -129,7 +123,7 @@ def _origin(value: Any) -> Array:
 
 
 _KEYS: dict[str, tuple[Callable[[Any], Any], str]] = {  # how a value is read, and what it must be
-    "image": (_name, "the name of a file"),
+    "image": (str.__str__, "the name of a file"),
     "resolution": (lambda v: _number(v, FINEST, COARSEST), f"the side of a cell in metres, {FINEST:g} to {COARSEST:g}"),
     "origin": (_origin, f"[x, y, yaw] of the lower left corner, none beyond {FARTHEST:g}"),
     "occupied_thresh": (_number, "a number"),

@@ -84,22 +84,20 @@ def loosen(spec: mujoco.MjSpec) -> None:
     for body in spec.worldbody.bodies:
         body.mocap = body.mocap or not list(body.joints)
     for number, geom in enumerate(list(spec.worldbody.geoms)):
-        if geom.type != mujoco.mjtGeom.mjGEOM_PLANE and (geom.contype or geom.conaffinity):
-            _move(spec, geom, geom.name or f"geom{number}")
+        if geom.type == mujoco.mjtGeom.mjGEOM_PLANE or not (geom.contype or geom.conaffinity):
+            continue
+        name = geom.name or f"geom{number}"
+        body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
+        own = body.add_geom(**{attribute: getattr(geom, attribute) for attribute in _KEPT})
+        for turn in _TURNS:
+            setattr(own.alt, turn, getattr(geom.alt, turn))
+        spec.delete(geom)
+        own.name, body.pos, own.pos = name, own.pos, [0.0, 0.0, 0.0]
+        if own.fromto[0] == own.fromto[0]:  # not a number where it has no ends
+            body.pos = np.reshape(own.fromto, (2, 3)).mean(axis=0)
+            own.fromto = own.fromto - np.tile(body.pos, 2)
     goal = spec.worldbody.add_body(name=GOAL, mocap=True).add_geom(name=GOAL, type=mujoco.mjtGeom.mjGEOM_CYLINDER)
     goal.size, goal.rgba, goal.contype, goal.conaffinity = [0.1, 0.01, 0.0], [0.25, 0.65, 0.35, 0.7], 0, 0
-
-
-def _move(spec: mujoco.MjSpec, geom: mujoco.MjsGeom, name: str) -> None:
-    body = spec.worldbody.add_body(name=PREFIX + name, mocap=True)
-    own = body.add_geom(**{attribute: getattr(geom, attribute) for attribute in _KEPT})
-    for turn in _TURNS:
-        setattr(own.alt, turn, getattr(geom.alt, turn))
-    spec.delete(geom)
-    own.name, body.pos, own.pos = name, own.pos, [0.0, 0.0, 0.0]
-    if own.fromto[0] == own.fromto[0]:  # not a number where it has no ends
-        body.pos = np.reshape(own.fromto, (2, 3)).mean(axis=0)
-        own.fromto = own.fromto - np.tile(body.pos, 2)
 
 
 def dress(model: mujoco.MjModel) -> None:
@@ -116,11 +114,6 @@ def dress(model: mujoco.MjModel) -> None:
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
         head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
-
-
-def has_sky(model: mujoco.MjModel) -> bool:
-    """Whether there is something behind everything."""
-    return bool(np.any(model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX))
 
 
 def _plain(rgba: Array) -> Array:
