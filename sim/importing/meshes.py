@@ -54,13 +54,9 @@ def read_mesh(source: Path) -> World:
 
 
 def split(path: Path, scale: Sequence[float] = (1.0, 1.0, 1.0), *, hull: bool = False) -> tuple[list[Array], float]:
-    """Split a mesh into convex parts, or take its hull where that is asked for.
+    """Split a mesh into convex parts, or take its hull where that is asked for; SceneError if it is no mesh.
 
-    Returns:
-        corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
-
-    Raises:
-        SceneError: it is unreadable, of another format, or without triangles.
+    Returns corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
     """
     triangles = _read(path) * scale
     if not len(triangles):

@@ -42,12 +42,7 @@ _NOTES = {
 
 
 def read_sdf(path: Path, folders: Sequence[Path], without: Sequence[str]) -> World:
-    """Read the obstacles of the one world, or of the models without a world, in an SDF file.
-
-    Args:
-        folders: where included models and meshes are searched for, before the folders around the file.
-        without: names of models to leave out.
-    """
+    """Read the obstacles of an SDF file, with folders to search and names of models to leave out."""
     with refused(f"{path}: poses refer to each other in too long a chain; shorten it", "", RecursionError, most=0):
         return _Reader(read_world(path, folders), path, frozenset(without)).world()
 
@@ -242,7 +237,9 @@ class _Reader(Frames):
             size = np.concatenate([self._measure(collision, shape, *one) for one in _SHAPES[shape.tag]])
             solids = [Solid(name, shape.tag, size * _HALVES.get(shape.tag, 1.0), pose)]
         for solid in solids:
-            if 0 < solid.top <= LOWEST:
+            up, vertices = solid.pose[2, :3], solid.vertices
+            reach = np.abs(up) @ solid.size if solid.shape == "box" else np.inf
+            if 0 < solid.pose[2, 3] + (reach if vertices is None else (vertices @ up).max()) <= LOWEST:
                 self._noted["low"][name] = 0.0
             else:
                 yield solid

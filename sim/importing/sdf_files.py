@@ -50,11 +50,7 @@ def parse(path: Path, what: str) -> ET.Element:
 
 
 def read_world(path: Path, folders: Sequence[Path]) -> ET.Element:
-    """Read the world element of a file, or its models as a world, with everything that it includes.
-
-    Args:
-        folders: searched for models and meshes before those around the file.
-    """
+    """Read the world of a file, or its models as one, with all that it includes from folders or from around it."""
     root = parse(path, "an SDF world file")
     known = root.tag in ("sdf", "gazebo")
     worlds, models = (root.findall(tag) if known else [] for tag in ("world", "model"))

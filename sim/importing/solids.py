@@ -22,13 +22,6 @@ class Solid:
     pose: Array  # (4, 4) in the world
     vertices: Array | None = None  # (v, 3) of a convex mesh, in its own frame [m]
 
-    @property
-    def top(self) -> float:
-        """The highest point of a box or mesh [m]; infinite for other shapes."""
-        up = self.pose[2, :3]
-        reach = np.abs(up) @ self.size if self.shape == "box" else np.inf
-        return float(self.pose[2, 3] + (reach if self.vertices is None else (self.vertices @ up).max()))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class World:

@@ -39,9 +39,8 @@ def read_obstacles(
 ) -> dict[int, Obstacle]:
     """The geoms that would collide with the robot and reach into its height range `span` [m], in their order.
 
-    Args:
-        robot: mask of the robot's geoms, (ngeom,).
-        faults: takes moving bodies, flexes, planes that are no floor, height fields, and meshes without volume.
+    `robot` masks its own geoms (ngeom,). Faults are what moves or deforms, planes off the floor, height fields, and
+    meshes without volume.
     """
     faults.of(_refuse_turns, model)
     faults.of(_refuse_moving, model, robot)

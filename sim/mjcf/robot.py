@@ -49,8 +49,7 @@ class Robot:
 def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:
     """The robot of that name or path, with its footprint changed to `radius` > 0 [m] and its system if they are given.
 
-    Args:
-        margin: by which the footprint is larger than that, and than what collides [m].
+    By the margin [m] the footprint is larger than that, and than what collides.
     """
     path = find("robot", which)
     spec = parse(path)
@@ -234,9 +233,7 @@ def _wrong_actuator(model: mujoco.MjModel, states: Sequence[str], system: str) -
 def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command: Array) -> None:
     """Refuse states that the robot of a joined model does not have, and velocities that do not change as they must.
 
-    Args:
-        system: what errors call the dynamics.
-        command: (nu, k) M of ctrl = M @ twist.
+    Errors call the dynamics as `system` says; `command` (nu, k) is M of ctrl = M @ twist.
     """
     able = () if rolls(model) else (*VELOCITIES, *(SPEED if model.nq > 2 else ()))
     has = POSE if rolls(model) else (*POSE[: model.nq], *able)

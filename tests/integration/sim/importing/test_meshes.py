@@ -16,21 +16,15 @@ WALLS = [[(0, 0, 0), (4, 0.2, 1)], [(0, 0.3, 0), (0.2, 4, 1)]]
 
 
 @pytest.fixture
-def angle(tmp_path: Path) -> Path:
-    """Two walls as one mesh."""
-    trimesh.util.concatenate([trimesh.creation.box(bounds=wall) for wall in WALLS]).export(tmp_path / "angle.obj")
-    return tmp_path / "angle.obj"
-
-
-@pytest.fixture
 def ring(tmp_path: Path) -> Path:
     """A torus so large that planes of its own faces do not cut it into a hundred convex parts."""
     trimesh.creation.torus(100.0, 3.0, major_sections=200, minor_sections=6).export(tmp_path / "ring.obj")
     return tmp_path / "ring.obj"
 
 
-def test_each_part_is_an_obstacle_where_it_was(angle, tmp_path):
-    imported = import_world(angle, tmp_path / "scene.xml", decompose=True, **TASK)
+def test_each_part_is_an_obstacle_where_it_was(tmp_path):
+    trimesh.util.concatenate([trimesh.creation.box(bounds=wall) for wall in WALLS]).export(tmp_path / "angle.obj")
+    imported = import_world(tmp_path / "angle.obj", tmp_path / "scene.xml", decompose=True, **TASK)
     scene = load(imported.path).scene
     assert (imported.geoms, imported.obstacles) == (2, 2)
     np.testing.assert_allclose([*scene.lower, *scene.upper], [0, 0, 4, 4], atol=1e-6)

@@ -75,7 +75,6 @@ HIGH = body("b", SOLID, "2 0 1")
 CUSTOM = '"pirrht_motion_b"'
 REFUSED = [  # world, custom, words of the message
     (DISC, rows("b", "0 2 0 0  2 3 0 0  1 4 0 0"), (CUSTOM, "row 3", "1 s after one at 2 s")),
-    (DISC, rows("b", "0 2 0 0  1 3 0 0  1 4 0 0"), (CUSTOM, "row 3")),
     (DISC, rows("b", "0 2 0 0  1 3 0"), (CUSTOM, "7 numbers", "t x y yaw")),
     (DISC, rows("b", "0 2 0 0  1 inf 0 0"), (CUSTOM, "row 2", "finite")),
     (DISC, rows("b", "0 2 0 0  1 nan 0 0"), ("pirrht_motion_b", "nan")),
