@@ -159,11 +159,9 @@ class Film:
         self._gl._context = None  # or it would complain when the process ends
 
     def _pictures(self, progress: Callable[[int], None]) -> Iterator[Picture]:
-        moving = self.length - round(HOLD * RATE)
+        moving, last = self.length - round(HOLD * RATE), self._picture(np.inf)
         for k in range(self.length):
-            if k <= moving:
-                picture = self._picture(k / RATE if k < moving else np.inf)
-            yield picture
+            yield self._picture(k / RATE) if k < moving else last
             progress(1)
 
     def _picture(self, time: float) -> Picture:

@@ -4,9 +4,8 @@ And of moving obstacles their outlines at some moments, and the tubes that they 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,8 +89,7 @@ def lift(points: Array, z: float | Array) -> Floats:
     return out
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fan:
+class Fan(NamedTuple):
     """Sampled paths of one class, or of those that died."""
 
     strips: Floats  # (k, l, 3)
@@ -204,8 +202,7 @@ def outline(obstacle: Obstacle) -> Array:
     return np.asarray(seen[ConvexHull(seen).vertices])
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Tube:
+class Tube(NamedTuple):
     """Tube that one solid of a moving obstacle sweeps while it moves without a jump."""
 
     times: Array  # (k,) at which the obstacle is where its outline is [s]; in between corners go straight
@@ -224,8 +221,7 @@ class Tube:
         return interpolated(self.rings.reshape(len(self.times), -1), self.times, np.array([time])).reshape(-1, 2)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outline:
+class Outline(NamedTuple):
     """Predicted outline of a solid of a moving obstacle."""
 
     after: float  # a moment [s]
@@ -239,8 +235,7 @@ def foreseen(movers: Sequence[Mover], now: float) -> list[Outline]:
     for mover in movers:
         moments = [(0.0, 1.0), *fading(mover, now)]
         for rings in outlines(mover, now + np.array([after for after, _ in moments]), ROUGH):
-            closed = np.concatenate([rings, rings[:, :1]], axis=1)
-            found += [Outline(after=a, strength=s, ring=ring) for (a, s), ring in zip(moments, closed, strict=True)]
+            found += [Outline(a, s, np.vstack([one, one[:1]])) for (a, s), one in zip(moments, rings, strict=True)]
     return found
 
 
@@ -257,8 +252,7 @@ def tubes(mover: Mover, begin: float, end: float, corners: int = CORNERS) -> lis
     """Sweep a moving obstacle from one time to another [s], solid by solid, cut where it jumps; round ones coarsely."""
     rows, shift = mover.motion.rows, mover.motion.offset
     period = float(rows[-1, 0]) if mover.motion.repeat else np.inf
-    first, last = np.floor((begin + shift) / period), np.ceil((end + shift) / period)
-    laps = np.arange(first + 1, last) * period - shift if mover.motion.repeat else np.empty(0)
+    laps = np.arange(np.floor((begin + shift) / period) + 1, np.ceil((end + shift) / period)) * period - shift
     cuts = [begin, *laps[(laps > begin) & (laps < end)], end]
     found = []
     for low, high in zip(cuts[:-1], cuts[1:], strict=True):
