@@ -35,7 +35,7 @@ FAINT, STRONG = 0.08, 0.6  # opacity of samples, of the least and of the greates
 SPACING = 0.15  # of points on edges that turn [m]
 WIDE, HIGH = 36, 30  # characters of a line of the legend, and lines of one of its columns
 ENDINGS = (".png", ".pdf", ".svg")
-MOST = 8  # moments
+MOST, SHOWN = 8, 16  # moments on a map, and classes in a figure of lengths
 APART = 0.022  # from each other that numbers are at least, over the width of the map
 
 
@@ -177,10 +177,9 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
     edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
-    labels = []
-    for reference in references:
-        words = wrap(", ".join(passing(reference, tree.homology)), WIDE)
-        labels.append("\n  ".join([f"{title(reference.id)}: {reference.cost:.2f}", *words]))
+    sides = [wrap(", ".join(passing(reference, tree.homology)), WIDE) for reference in references]
+    costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
+    labels = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
     classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
@@ -189,15 +188,13 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
     _save(axes, path, "--png")
 
 
-def draw_convergence(
-    path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference], *, at_most: int = 16
-) -> None:
+def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], references: Sequence[Reference]) -> None:
     """Write the lengths of the best path per class (`sim.result.convergence_json`) against the iteration (Fig. 3a)."""
     axes = pyplot("--convergence").Figure(figsize=(8.0, 4.8), layout="constrained").subplots()
     colors = ClassColors(reference.id for reference in references)
     final = {reference.id: reference.length for reference in references}
     iterations, end = convergence["iterations"], convergence["iterations"][-1]
-    shown = [name for name in final if name in convergence["lengths"]][:at_most]
+    shown = [name for name in final if name in convergence["lengths"]][:SHOWN]
     for name in shown:
         lengths, look = np.array(convergence["lengths"][name]), {"color": rgb(colors[name]), "lw": 1.6}
         label = f"{title(name)}: {lengths[-1]:.2f} m, shortened {final[name]:.2f}"

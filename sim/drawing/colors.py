@@ -20,13 +20,9 @@ from sim.drawing.strokes import interpolated, knots_of
 Color = tuple[int, int, int]  # red, green, blue, 0..255
 
 # Cyan, magenta, teal, orange, blue, red: they stay apart for colour-blind eyes and read on dark as on white ground.
-PALETTE: tuple[Color, ...] = (
-    (51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17),
-)  # fmt: skip
+PALETTE = ((51, 187, 238), (238, 51, 119), (0, 153, 136), (238, 119, 51), (0, 119, 187), (204, 51, 17))
 # Charcoal, plum, olive, mint, sand, slate: of methods, none of which is the colour of a class.
-METHODS: tuple[Color, ...] = (
-    (68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204),
-)  # fmt: skip
+METHODS = ((68, 68, 68), (170, 51, 119), (153, 153, 51), (136, 204, 170), (170, 136, 85), (102, 102, 204))
 # What is mixed into the palette in turn, and its share: late comers must not be taken for the first classes.
 TINTS = (((0, 0, 0), 0.0), ((255, 255, 255), 0.5), ((0, 0, 0), 0.35), ((128, 128, 128), 0.7))
 EARLY = 3 * len(PALETTE)  # colours that look like no other: the palette, its tints and its shades
