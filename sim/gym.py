@@ -29,7 +29,6 @@ from pirrht.outcome import Outcome
 from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
-from sim.options import scene_options
 from sim.scenario import prepare
 from sim.settings import BY_SCENE, BY_SETTING
 from sim.sweeps import runs, scores
@@ -69,14 +68,11 @@ class Drive(gymnasium.Env[Array, Array]):
         if strange := {name for name, value in options.items() if value is not None} - ARGUMENTS:
             fit = ", ".join(sorted({*ARGUMENTS, "penalty", "bound"}))
             raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment; those are {fit}")
-        given = {name: options[name] for name in SETTINGS if options.get(name) is not None}
-        task, noise = scene_options(options), given.get("noise")
-        self.job = Job(
-            scene=str(scene), method="", noise=noise, seed=0, task=runs.frozen(task), given=runs.frozen(given)
-        )
+        given = dict.fromkeys(BY_SCENE) | {name: value for name, value in options.items() if value is not None}
+        self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, given=runs.frozen(given))
         self._asked: float | None = None  # when an action was asked for, on the clock [s]
         self.frame: Frame | None = None  # the last period
-        self.scenario = s = prepare(scene, **task, given=given)
+        self.scenario = s = prepare(scene, given=given)
         self._plant, d = s.plant(), s.problem.dynamics
         self._fall = s.problem.phi if np.isfinite(s.problem.phi) else penalty
         self.observation_space = Box(-np.inf, np.inf, (d.n,), np.float64)

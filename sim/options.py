@@ -106,14 +106,10 @@ def options_of(command: str) -> list[Option]:
     return sorted(own, key=lambda option: ("", *GROUPS).index(option.group))
 
 
-def scene_options(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Select what `sim.scenario.prepare` takes of scene and robot, by field of `SceneOptions`."""
-    return {name: given.get(name) for name in BY_SCENE}
-
-
-def settings(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Select settings of a run, by field of `Settings`, as a command was given them."""
-    return {name: given.get(name) for name, option in BY_SETTING.items() if command in option.commands}
+def of_run(command: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Select what `prepare` takes, by field of `SceneOptions` and `Settings`, as a command was given it."""
+    known = BY_SCENE | BY_SETTING
+    return {name: given.get(name) for name, option in known.items() if command in option.commands}
 
 
 def completed(command: str, given: Mapping[str, Any], scene: Mapping[str, float]) -> dict[str, Any]:

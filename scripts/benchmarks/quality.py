@@ -299,10 +299,9 @@ def drives(options: argparse.Namespace) -> Table:
 def _jobs(method: str, preset: str | None, given: dict[str, Any], seeds: int) -> list[Any]:
     from sim.sweeps.runs import Job
 
-    task = tuple({"robot": None, "radius": None, "start": None, "goal": None, "preset": preset}.items())
-    shared = tuple({"plan_seed": 0, **given}.items())
+    shared = tuple({"plan_seed": 0, "preset": preset, **given}.items())
     return [
-        Job(scene="slit", method=method, noise=noise, seed=seed, task=task, given=shared)
+        Job(scene="slit", method=method, noise=noise, seed=seed, given=shared)
         for noise in NOISES
         for seed in range(seeds)
     ]

@@ -52,9 +52,9 @@ def _row(
     """Drive one method with one margin, or the one that keeps a risk."""
     given = {"noise": noise, "risk": risk}
     scenario = prepare(scene, margin=margin, given=given)
-    shared, task = frozen({"plan_seed": 0}), frozen({"margin": scenario.margin})
+    shared = frozen({"plan_seed": 0, "margin": scenario.margin})
     drives = options.seeds if risk is not None or method == "optimal" else max(1, options.seeds // 3)
-    jobs = [Job(scene=scene, method=method, noise=noise, seed=k, task=task, given=shared) for k in range(drives)]
+    jobs = [Job(scene=scene, method=method, noise=noise, seed=k, given=shared) for k in range(drives)]
     ends = list(sweep(jobs, jobs_at_once=options.workers))
     collided = sum(one["outcome"] == "collision" for one in ends)
     low, high = binomtest(collided, drives).proportion_ci(method="wilson")

@@ -89,12 +89,12 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             "at rest (`pirrht estimate --at` takes any state)"
         )
     notice()
-    settings, driven = options.settings(command, given), command not in ("plan", "estimate")
-    scenario = prepare(arguments.scene, given=settings, loose=loose, driven=driven, **options.scene_options(given))
+    driven = command not in ("plan", "estimate")
+    scenario = prepare(arguments.scene, given=options.of_run(command, given), loose=loose, driven=driven)
     if numbers == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     for name in ("predict", "speed_limit"):
-        if settings[name] is not None and not scenario.moving:
+        if given[name] is not None and not scenario.moving:
             say(f"--{name.replace('_', '-')} changes nothing here: nothing moves in this scene")
     say("\n".join(scenario.loaded.notes))
     scene, moved = scenario.loaded.scene, deviation(scenario.problem, 1.0)

@@ -43,17 +43,20 @@ def prepare(
     """Load a scene and decide everything that a run needs.
 
     Args:
-        given: settings by field of `Settings`, None where the scene, the preset or the robot decides.
+        given, options: fields of `SceneOptions` and `Settings`, None where the scene, the preset or the robot decides;
+            `system` is MODULE:NAME or one that is registered.
         loose: whether static obstacles can be moved (`sim.mjcf.load`).
         driven: whether a robot that its plant cannot drive is refused.
-        options: fields of `SceneOptions`; `system` is MODULE:NAME or one that is registered.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
     """
-    given = given or {}
-    _refuse_unknown(options, given)
-    task = SceneOptions(**options)
+    given = {**(given or {}), **options}
+    for name in given.keys() - {*BY_SCENE, *BY_SETTING}:
+        like = get_close_matches(name, [*BY_SCENE, *BY_SETTING], n=1)
+        fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted([*BY_SCENE, *BY_SETTING]))}"
+        raise OptionError(f"prepare: {name!r} is no option; {fit}")
+    task = SceneOptions(**{name: given.get(name) for name in BY_SCENE})
     system = None if task.system is None else chosen(task.system)
     read = partial(load, scene, loose=loose, **{name: getattr(task, name) for name in BY_SCENE} | {"system": system})
     loaded = read()
@@ -82,19 +85,6 @@ def prepare(
     if driven:
         scenario.plant()
     return scenario
-
-
-def _refuse_unknown(options: Mapping[str, Any], given: Mapping[str, Any]) -> None:
-    """Refuse names that are no arguments or no settings; OptionError offers the one that is meant, or all."""
-    for where, names, known, others, what in (
-        ("prepare", options, BY_SCENE, BY_SETTING, "argument but a setting: prepare(..., given={{{!r}: ...}})"),
-        ("given", given, BY_SETTING, BY_SCENE, "setting but an argument: prepare(..., {}=...)"),
-    ):
-        for name in names.keys() - known.keys():
-            like = get_close_matches(name, known, n=1)
-            fit = f"did you mean {like[0]}" if like else f"those are {', '.join(sorted(known))}"
-            meant = what.format(name) if name in others else f"{what.split()[0]}; {fit}"
-            raise OptionError(f"{where}: {name!r} is no {meant}")
 
 
 def default_margin(scenario: Scenario) -> float:

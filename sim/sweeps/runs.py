@@ -37,20 +37,19 @@ class Job:
     method: str
     noise: float | None  # None: what the scene asks for
     seed: int
-    task: Frozen  # robot, system, radius, margin, start, goal, preset
-    given: Frozen  # settings that all runs share
+    given: Frozen  # scene options and settings that all runs share
     label: str = ""  # what tables call the scene; empty: as `scene`
     digest: str = ""  # of the files of scene and robot; empty: not looked at
 
     @property
-    def place(self) -> tuple[str, Frozen, Frozen]:
+    def place(self) -> tuple[str, Frozen]:
         """Key of runs that share one tree."""
-        return self.scene, self.task, self.given
+        return self.scene, self.given
 
     @property
     def point(self) -> tuple[Any, ...]:
         """Key of runs that differ in their seed only; the scene comes first."""
-        return self.scene, self.noise, self.method, self.task, self.given
+        return self.scene, self.noise, self.method, self.given
 
     @property
     def needs_tree(self) -> bool:
@@ -174,30 +173,30 @@ def grown(job: Job) -> Planned:
 
 
 @lru_cache(KEPT)
-def _prepared(scene: str, task: Frozen, given: Frozen) -> Scenario:
-    return prepare(scene, **dict(task), given=dict(given))
+def _prepared(scene: str, given: Frozen) -> Scenario:
+    return prepare(scene, given=dict(given))
 
 
 @lru_cache(KEPT)
-def digest(scene: str, task: Frozen, given: Frozen) -> str:
+def digest(scene: str, given: Frozen) -> str:
     """Names the content of a place's files of scene and robot, wherever they lie, as this process first read them."""
-    scenario = _prepared(scene, task, given)
+    scenario = _prepared(scene, given)
     content = hashlib.sha256()
-    for file in (scenario.loaded.path, find("robot", dict(task).get("robot") or scenario.loaded.robot)):
+    for file in (scenario.loaded.path, find("robot", dict(given).get("robot") or scenario.loaded.robot)):
         content.update(hashlib.sha256(file.read_bytes()).digest())
-    content.update(source(dict(task).get("system")))
+    content.update(source(dict(given).get("system")))
     return content.hexdigest()[:16]
 
 
 @lru_cache(KEPT)
-def _received(scene: str, task: Frozen, given: Frozen, tree: bytes | str) -> HomologyTree:
+def _received(scene: str, given: Frozen, tree: bytes | str) -> HomologyTree:
     """One tree per scene: it depends neither on noise nor on the method."""
-    s = _prepared(scene, task, given)
+    s = _prepared(scene, given)
     file = tree if isinstance(tree, str) else BytesIO(tree)
     return tree_file.load(file, s.space, s.steering(), classes=s.settings.classes)
 
 
 @lru_cache(GRIDS)
-def _solved(scene: str, task: Frozen, given: Frozen, noise: float) -> Any:
+def _solved(scene: str, given: Frozen, noise: float) -> Any:
     """One grid per scene and noise."""
-    return _prepared(scene, task, given).with_settings(noise=noise).optimal().desirability
+    return _prepared(scene, given).with_settings(noise=noise).optimal().desirability

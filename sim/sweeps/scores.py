@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from pirrht.errors import OptionError
-from sim.settings import BY_SCENE
 from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.parts import key_of
@@ -57,14 +56,11 @@ def kept(folder: Path, job: Job, identities: Sequence[Record], again: bool) -> I
 def _agreed(dataset: Dataset, job: Job) -> dict[str, Any]:
     """The settings of a folder, which must mean the same task and plant; those of the job if it holds no sweep yet."""
     if not dataset.file.exists():
-        given = {name: value for name, value in job.given if name != "noise"}  # it is each run's own
-        return {**dict(job.task), **given, "plan_seed": 0}
+        known = {name: value for name, value in job.given if name != "noise"}  # it is each run's own
+        return {**known, "plan_seed": 0}
     settings: dict[str, Any] = dataset.manifest()["settings"]
-    values = runs.frozen(settings)
-    task = tuple({name: dict(values).get(name) for name in BY_SCENE}.items())
-    theirs = replace(job, task=task, given=tuple(one for one in values if one[0] not in BY_SCENE))
     here = _meaning(job)
-    for name, asked in _meaning(theirs).items():
+    for name, asked in _meaning(replace(job, given=runs.frozen(settings))).items():
         if asked != here[name]:
             raise OptionError(
                 f"{dataset.folder} was made with --{name.replace('_', '-')} {asked} and these drives are with "

@@ -43,8 +43,7 @@ class Grid:
     methods: tuple[str, ...]
     noises: tuple[float | None, ...]  # None: what the scene asks for
     seeds: range
-    task: Frozen
-    given: Frozen
+    given: Frozen  # scene options and settings
 
     def __post_init__(self) -> None:
         for option, values in (("SCENE", self.scenes), ("--methods", self.methods), ("--noise", self.noises)):
@@ -65,7 +64,7 @@ class Grid:
         stems = [printable(scene if scene in scene_names() else Path(scene).stem) for scene in self.scenes]
         risky = dict(self.given).get("risk") is not None
         return [
-            Job(scene=scene, method=method, noise=noise, seed=seed, task=self.task, given=given, label=label)
+            Job(scene=scene, method=method, noise=noise, seed=seed, given=given, label=label)
             for scene, stem in zip(self.scenes, stems, strict=True)
             for label in [stem if stems.count(stem) == 1 else printable(scene)]
             for noise in self.noises
@@ -77,7 +76,7 @@ class Grid:
     @property
     def settings(self) -> dict[str, Any]:
         """Settings that all runs share and results depend on, by option."""
-        return {name: value for name, value in (*self.task, *self.given) if name in IDENTIFYING}
+        return {name: value for name, value in self.given if name in IDENTIFYING}
 
 
 def parse(words: Mapping[str, Any]) -> Grid:
@@ -90,7 +89,7 @@ def parse(words: Mapping[str, Any]) -> Grid:
     Raises:
         OptionError: an unknown method, seeds or noise that are no numbers, a value twice, too many runs.
     """
-    given = options.settings("sweep", words)
+    given = options.of_run("sweep", words)
     names = tuple(name.strip() for name in words["methods"].split(","))
     for name in names:
         if name not in METHODS:
@@ -107,7 +106,6 @@ def parse(words: Mapping[str, Any]) -> Grid:
         methods=names,
         noises=tuple(noises) or (None,),
         seeds=seeds_of(words["seeds"]),
-        task=frozen(options.scene_options(words)),
         given=frozen(given),
     )
 

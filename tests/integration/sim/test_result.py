@@ -124,7 +124,7 @@ def test_the_times_of_a_sweeps_runs_hold_no_compiling(monkeypatch: pytest.Monkey
     monkeypatch.setattr(runs, "rehearse", compile_for)
     monkeypatch.setattr(runs, "time", SimpleNamespace(perf_counter=lambda: wall.now))
     given = runs.frozen({"vertices": 60, "samples": 11, "max_time": 0.02})  # of no other test's runs
-    job = runs.Job(scene="slit", method="pi-rrht", noise=0.1, seed=0, task=(), given=given)
+    job = runs.Job(scene="slit", method="pi-rrht", noise=0.1, seed=0, given=given)
     planned = runs.grown(job)
     records = [runs.drive(job, planned) for _ in range(2)]
     assert wall.now == 180.0  # once for the tree, once for the kind of run

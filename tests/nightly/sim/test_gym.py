@@ -37,9 +37,8 @@ def test_a_name_is_enough_to_import_us():
 
 def test_scores_are_records_of_a_sweep():
     records = gym.score(ahead, scene="slit", noise=0.02, seeds=range(3), method="steering wheel")
-    task = tuple((name, None) for name in ("robot", "radius", "start", "goal", "preset"))
     given = (("plan_seed", 0), ("vertices", 60), ("samples", 10), ("max_time", 0.02))
-    job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, task=task, given=given)
+    job = runs.Job(scene="slit", method="single", noise=0.02, seed=0, given=given)
     sweeps = runs.drive(job, runs.grown(job)) | {"scene_digest": runs.digest(*job.place)}
     for seed, record in enumerate(records):
         assert record.keys() == sweeps.keys()

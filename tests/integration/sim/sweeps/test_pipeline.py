@@ -24,7 +24,7 @@ TREE = b"wood"
 
 def jobs(scenes: int, methods: tuple[str, ...] = ("pi-rrht", "passive"), seeds: int = 3) -> list[Job]:
     grid = product([f"s{k}" for k in range(scenes)], methods, range(seeds))
-    return [Job(scene=scene, method=m, noise=0.1, seed=seed, task=(), given=()) for scene, m, seed in grid]
+    return [Job(scene=scene, method=m, noise=0.1, seed=seed, given=()) for scene, m, seed in grid]
 
 
 class Simulated:

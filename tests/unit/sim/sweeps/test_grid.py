@@ -45,7 +45,7 @@ def test_every_combination_is_one_job_in_the_order_of_the_text(methods, noises, 
 
 
 def test_as_many_runs_as_memory_holds_are_asked_for_at_most():
-    kept = {"scenes": ("slit",), "methods": ("pi-rrht",), "noises": (None,), "task": (), "given": ()}
+    kept = {"scenes": ("slit",), "methods": ("pi-rrht",), "noises": (None,), "given": ()}
     Grid(seeds=range(MOST_RUNS), **kept)
     for seeds in (range(MOST_RUNS + 1), range(10**12), range(10**30)):
         with pytest.raises(OptionError, match=f"{MOST_RUNS} at most.*-o DIR takes the others later"):
