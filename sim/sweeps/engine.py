@@ -123,7 +123,7 @@ class Crew:
         chunks: dict[Future[list[Any]], list[Any]] = {}
         suspects: deque[Any] = deque()  # the first is tried alone, and leaves the queue when that is over
         deaths = 0  # of the first suspect
-        while self.stop.asked < 2 and (chunks or ((agenda or suspects) and not self.stop.asked)):
+        while self.stop.asked < 2:
             workers = self.workers
             room = 1 if suspects else workers * self.ahead
             while len(chunks) < room and (suspects or agenda) and not self.stop.asked:
@@ -131,6 +131,8 @@ class Crew:
                 others = {tasks[0].point for tasks in chunks.values()} if self.ahead == 1 else ()
                 tasks = [suspects[0]] if suspects else agenda.take(workers, self.most, others)
                 chunks[self.submit(work, tasks)] = tasks
+            if not chunks:
+                return
             ended = wait(chunks, TICK, FIRST_COMPLETED).done
             if not ended:
                 self.check()

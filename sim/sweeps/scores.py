@@ -13,7 +13,6 @@ from sim.sweeps import runs
 from sim.sweeps.dataset import Dataset
 from sim.sweeps.parts import key_of
 from sim.sweeps.runs import Job
-from sim.text import counted
 
 PLANT = ("max_time", "plant", "phi", "speed", "rho")  # settings by which drives of any controller must agree
 Record = Mapping[str, Any]
@@ -39,8 +38,7 @@ def kept(folder: Path, job: Job, identities: Sequence[Record], again: bool) -> I
         known = {key_of(record) for record in dataset.records()}
         twice = [one for one in identities if key_of(one) in known]
         if twice and not again:
-            first = f"method {twice[0]['method']!r}, seed {twice[0]['seed']}"
-            held = f"{counted(len(twice), 'of these runs', 'of these runs')} already ({first})"
+            held = f"{len(twice)} of these runs already (method {twice[0]['method']!r}, seed {twice[0]['seed']})"
             raise OptionError(f"{folder} holds {held}; give them another name, or again=True to replace them")
         seeds = np.unique([int(one["seed"]) for one in identities])
         stretches = np.split(seeds, np.flatnonzero(np.diff(seeds) > 1) + 1)

@@ -83,8 +83,7 @@ def test_a_sweep_has_the_same_rows_as_on_this_machine_though_a_worker_dies(local
 
 
 def test_a_scheduler_that_is_gone_costs_one_line_and_what_was_finished_stays(local):
-    tasks = [Task("a", number) for number in range(200)]
-    done = []
+    tasks, done = [Task("a", number) for number in range(200)], []
     with Cluster(local.address, Stop()) as cluster, pytest.raises(PirrhtError, match="the scheduler is gone"):  # noqa: PT012
         for result in cluster.run(slow, Agenda(tasks), lambda task, why: None):
             done += [] if result is None else [result[1]]

@@ -39,9 +39,8 @@ def test_processes_do_linear_algebra_in_one_thread_each_unless_told_otherwise(mo
 
 
 def test_one_wish_to_stop_waits_for_what_is_under_way(tmp_path):
-    stop = Stop()
+    stop, done = Stop(), []
     tasks = [Task(str(number), number, str(tmp_path)) for number in range(5)]
-    done = []
     with Pool(2, stop) as pool:
         for result in pool.run(held, Agenda(tasks), lambda task, why: None):
             if stop.asked == 0 and len(list(tmp_path.iterdir())) == 2:
