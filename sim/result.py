@@ -97,13 +97,8 @@ def run_json(
 ) -> dict[str, Any]:  # fmt: skip
     """The public JSON of `run`, with the probability of a collision that its first plan predicts."""
     grow = scenario.settings.grow if scenario.settings.real_time else scenario.settings.grow or 0
-    return {
-        **settings_json(scenario),
-        "grow": grow,
-        **result,
-        **_risk(collision),
-        **_windings_json(scenario, references),
-    }
+    settings = settings_json(scenario) | {"grow": grow}
+    return {**settings, **result, **_risk(collision), **_windings_json(scenario, references)}
 
 
 def estimate_json(

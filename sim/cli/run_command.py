@@ -35,9 +35,8 @@ def run(arguments: argparse.Namespace) -> int:
     from sim.recording.viewer import Look
 
     sinks, scenario = _sinks(arguments), scenario_of(arguments)
-    samples, lift = arguments.record_samples, arguments.record_lift
-    look = Look(hz=arguments.record_hz, samples=samples, truth=arguments.truth, lift=lift)
-    look.check(scenario.space)
+    drawn = {name: getattr(arguments, f"record_{name}") for name in ("hz", "samples", "lift")}
+    (look := Look(truth=arguments.truth, **drawn)).check(scenario.space)
     film = recorder = None
     if arguments.video is not None or arguments.png is not None:
         from sim.film import Film

@@ -115,7 +115,6 @@ FALLEN = ["--start", "3.4", "2.5", "--noise", "1", "--guide", "open-loop", *SMAL
     [
         (SHORT, {"outcome": "timeout", "steps": 5, "time": pytest.approx(0.05)}),
         (FALLEN, {"outcome": "collision", "min_clearance": 0.0}),
-        (["--method", "single", *SHORT], {"method": "single", "steps": 5}),
         (["--method", "passive", *SHORT], {"method": "passive", "steps": 5, "classes": []}),
     ],
 )

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 from repository import environment
@@ -32,11 +33,9 @@ def test_contexts_clean_up_while_a_signal_unwinds(number, capsys):
     ignored, left = signal.signal(signal.SIGHUP, signal.SIG_DFL), []  # under nohup
 
     def command() -> int:
-        with unwinding():
-            try:
-                signal.raise_signal(number)
-            finally:
-                left.append("cleaned up")
+        with unwinding(), ExitStack() as stack:
+            stack.callback(left.append, "cleaned up")
+            signal.raise_signal(number)
         return 0
 
     before = [signal.getsignal(n) for n in numbers]
