@@ -24,7 +24,7 @@ from pirrht.errors import OptionError
 from pirrht.estimation.sampler import PathIntegral
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, ClassColors, Color, mix, rgb, title
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
-from sim.drive.episode import Frame
+from sim.drive.metrics import Frame
 from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance

@@ -12,7 +12,7 @@ from pirrht.estimation.estimate import OTHER
 from pirrht.estimation.sampler import PathIntegral
 from sim.drawing import strokes
 from sim.drawing.colors import ClassColors, Color, title
-from sim.drive.episode import Frame
+from sim.drive.metrics import Frame
 from sim.scenario import Scenario
 
 POINTS = 9000  # of samples in a panel

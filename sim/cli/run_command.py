@@ -18,7 +18,7 @@ from pirrht.outcome import Outcome
 from sim.cli import tables
 from sim.cli.plan_command import Progress, notice, planned, report_prediction, scenario_of
 from sim.drawing.colors import title
-from sim.drive.episode import Frame
+from sim.drive.metrics import Frame
 from sim.files import path_text, write_json
 from sim.rehearsal import rehearse
 from sim.result import run_json, settings_json

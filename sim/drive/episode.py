@@ -35,8 +35,6 @@ from pirrht.geometry.field import clearance
 from sim.drive.executor import Advance, Plant
 from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan, ending
 
-__all__ = ["Frame", "run"]
-
 MOST_VERTICES = 1_000_000  # of a tree that grows during a run: some GiB of memory
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
 SHARE = 0.7  # of a period, at most, is for references and samples; then they are weighed, and the tree grows
@@ -149,9 +147,7 @@ def _by_clock(
                 thread.join()
 
 
-def _drive(
-    plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Generator, max_time: float
-) -> Iterator[Period]:  # fmt: skip
+def _drive(plant: Plant, planner: Planner, law: TimedPlan, rng: np.random.Generator, until: float) -> Iterator[Period]:
     """Drive period by period as the clock goes, until the run ends."""
     clock, origin, arrived = planner.clock, planner.origin, planner.arrived
     for step in count():
@@ -174,7 +170,7 @@ def _drive(
         advance = plant.advance(control, rng)
         planner.driven.append(advance.states)
         yield replace(met, plan=replace(met.plan, state=start)), advance, np.array(late)
-        if ending(advance, begin, max_time) is not None:
+        if ending(advance, begin, until) is not None:
             return
 
 

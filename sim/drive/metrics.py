@@ -185,7 +185,15 @@ class EpisodeMetrics:
         self.min_clearance = min(self.min_clearance, clearance, advance.clearance)
         outcome, driven = ending(advance, begin, self._max_time), self._driven.winding()
         news = self._count(plan, begin)
-        self._time(made, begin, late)
+        missed = made.plan_seconds > self._period
+        if late is not None:
+            self._late.append(late)
+            missed = made.begin < begin - GRACE
+            if not missed and last is not None:
+                parts = () if plan.estimate is None else plan.estimate.parts
+                self._ready.append((sum(part.size for part in parts), made.slack))
+        self.plan_seconds.append(made.plan_seconds)
+        self.deadline_misses += missed
         if outcome is not None:
             self.outcome = outcome.name.lower()
             news.append(f"{self.outcome} at {self.time:.2f} s")
@@ -234,18 +242,6 @@ class EpisodeMetrics:
             self.class_reversals += self._decided not in (None, plan.decided)
             self._decided = plan.decided
         return news
-
-    def _time(self, made: TimedPlan, begin: float, late: Array | None) -> None:
-        """Take the wall times of a period that began at a time [s] into account."""
-        self.plan_seconds.append(made.plan_seconds)
-        missed = made.plan_seconds > self._period
-        if late is not None:
-            self._late.append(late)
-            missed = made.begin < begin - GRACE
-            if not missed and self.last is not None:
-                parts = () if made.plan.estimate is None else made.plan.estimate.parts
-                self._ready.append((sum(part.size for part in parts), made.slack))
-        self.deadline_misses += missed
 
     @property
     def step_ms(self) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from sim.drive.episode import Frame
+    from sim.drive.metrics import Frame
 
 Values = Callable[["Frame"], Iterable[Any]]
 

@@ -33,7 +33,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import OTHER
 from sim.drawing.colors import DRIVEN, ClassColors, Color, title
 from sim.drawing.strokes import lift
-from sim.drive.episode import Frame
+from sim.drive.metrics import Frame
 from sim.mjcf.obstacles import Mocap
 from sim.recording.columns import COMPONENTS, cells
 from sim.recording.geoms import RobotPoses

@@ -16,8 +16,9 @@ from trees import grown
 
 from pirrht import Controller, FreeSpace, Problem, Sampling, SingleIntegrator, StraightLine
 from pirrht.steering.in_time import InTime
-from sim.drive.episode import Frame, run
+from sim.drive.episode import run
 from sim.drive.executor import Executor
+from sim.drive.metrics import Frame
 from sim.mjcf import load
 from sim.recording.recorder import Look, Recorder, Sinks
 

@@ -8,8 +8,9 @@ import pytest
 from thoroughly import first
 
 from pirrht import Controller, FreeSpace, HomologyTree, Outcome, Problem, Sampling, SingleIntegrator, StraightLine
-from sim.drive.episode import Frame, run
+from sim.drive.episode import run
 from sim.drive.executor import Executor
+from sim.drive.metrics import Frame
 from sim.mjcf import load
 
 PERIOD = 0.04

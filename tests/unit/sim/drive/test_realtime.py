@@ -15,9 +15,9 @@ from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from sim.cli import main
 from sim.drive import episode
-from sim.drive.episode import BEHIND, IDLE, MOST_PIECES, Clock, Frame, Planner
+from sim.drive.episode import BEHIND, IDLE, MOST_PIECES, Clock, Planner
 from sim.drive.executor import Plant
-from sim.drive.metrics import TimedPlan
+from sim.drive.metrics import Frame, TimedPlan
 from sim.recording.subject import Stream
 from sim.scenario import Scenario, prepare
 
