@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from doors import door
 from numba.core import event
 
 from pirrht.control.plan import Plan
@@ -95,6 +96,25 @@ def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     assert known["path_length"] < known["noisy_path_length"]
     assert main([*words, "--samples", "400"]) == 1
     assert "effective samples" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("stays", [False, True])
+def test_the_robot_waits_for_who_stands_in_the_door_as_far_as_it_can_see(tmp_path, capsys, stays):
+    file, result = door(tmp_path, stays=stays), tmp_path / "run.json"
+    words = "--noise 0.05 --period 0.05 --samples 100 --vertices 600 --predict velocity --json"
+    status = main(["run", file, *words.split(), str(result)])
+    drive, shown = json.loads(result.read_text()), capsys.readouterr()
+    assert (status, drive["outcome"]) == ((1, "timeout") if stays else (0, "goal"))
+    assert drive["min_clearance"] > 0.0
+    begin, end = drive["blocked"][0][0], drive["blocked"][-1][1]
+    assert 0.0 < begin < 2.5
+    assert end == pytest.approx(7.0, abs=0.1) if stays else 5.5 < end < 8.0
+    assert drive["blocked_time"] == pytest.approx(sum(b - a for a, b in drive["blocked"]))
+    assert drive["fallbacks"] == pytest.approx(drive["blocked_time"] / 0.05)
+    said = shown.out + shown.err
+    assert f"blocked at {begin:.2f} s: no " in said
+    assert "; braking" in said
+    assert stays or "going on" in said
 
 
 def test_compiling_is_not_reported_as_planning(monkeypatch: pytest.MonkeyPatch, capsys):
