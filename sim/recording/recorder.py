@@ -25,6 +25,7 @@ from pirrht.estimation.sampler import PathIntegral
 from pirrht.exact.desirability import Desirability
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import CLOCKED
+from sim.drive.metrics import Frame
 from sim.files import SHOWN, Draft, path_text, takes_as_it_comes
 from sim.mjcf import Loaded
 from sim.recording import viewer
