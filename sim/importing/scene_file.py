@@ -30,8 +30,8 @@ _OPTIONS = {
     **{"period": "0.1", "dt": "0.1", "samples": "300", "limit": "0.8", "vertices": "2000"},
     **{"classes": "16", "phi": "1000", "max_time": "60"},
 }
-# Kinds of files; what ends otherwise is a world.
 _SUFFIXES = {"motions": dynabarn.SUFFIXES, "map": ros_map.SUFFIXES, "mesh": meshes.SUFFIXES}
+_KINDS = {suffix: kind for kind, suffixes in _SUFFIXES.items() for suffix in suffixes}  # all others are worlds
 _MATERIALS = {"box": "crate", "mesh": "crate", "cylinder": "drum", "capsule": "log"}  # others are boulders
 
 
@@ -69,8 +69,7 @@ def import_world(
         SceneError: something cannot be taken over, start, goal or workspace are missing or do not fit, or the target
             cannot be written. It is then as it was.
     """
-    kind = next((kind for kind, suffixes in _SUFFIXES.items() if source.suffix.lower() in suffixes), "world")
-    kind = "motions" if motion else kind
+    kind = "motions" if motion else _KINDS.get(source.suffix.lower(), "world")
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     content = content_of(source, what)
     if target.suffix.lower() != ".xml":

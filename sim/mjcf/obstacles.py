@@ -156,10 +156,8 @@ def _height_range(obstacle: Obstacle) -> tuple[float, float]:
     half = {
         Kind.BOX: np.abs(up) @ size,
         Kind.CYLINDER: size[0] * np.hypot(up[0], up[1]) + size[1] * abs(up[2]),
-        Kind.SPHERE: size[0],
-        Kind.CAPSULE: size[0] + size[1] * abs(up[2]),
         Kind.ELLIPSOID: np.linalg.norm(up * size),
-    }[obstacle.kind]
+    }.get(obstacle.kind, size[0] + size[1] * abs(up[2]))  # a sphere is a capsule without length
     return middle - float(half), middle + float(half)
 
 
