@@ -33,7 +33,7 @@ from pirrht.control.policy import Policy
 from pirrht.exact.desirability import Desirability
 from pirrht.geometry.field import clearance
 from sim.drive.executor import Advance, Plant
-from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan, ending
+from sim.drive.metrics import EpisodeMetrics, Frame, Risk, TimedPlan, ending
 
 MOST_VERTICES = 1_000_000  # of a tree that grows during a run: some GiB of memory
 SWITCH = 2e-5  # a thread gives the interpreter to one that waits for it after this time [s]
@@ -71,7 +71,7 @@ class Stopped(Exception):
 
 def run(
     plant: Plant, policy: Policy, start: Array, rng: np.random.Generator, *, max_time: float, grow: int | None = None,
-    clock: Clock | None = None, grid: Desirability | None = None,
+    clock: Clock | None = None, grid: Desirability | None = None, risk: Risk | None = None,
 ) -> Generator[Frame]:  # fmt: skip
     """Drive from start until the goal, a collision or max_time [s]; NoReference if already the start has none.
 
@@ -80,9 +80,10 @@ def run(
             many as there is time for.
         clock: goes on while plans are made; None: the plant waits for them.
         grid: the exact solution, with which every control is compared.
+        risk: predicts the probability of a collision from a plan on.
     """
     plant.reset(start)
-    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid)
+    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid, risk=risk)
     if clock is None:
         periods: Generator[Any] = _in_turn(plant, policy, rng, grow or 0)
     else:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import dist, inf, sqrt
 from typing import Any
 
@@ -22,6 +23,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy, RunState
 from pirrht.estimation.estimate import OTHER, Estimate
+from pirrht.estimation.risk import CollisionProbability
 from pirrht.exact.desirability import Desirability
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -34,6 +36,8 @@ from sim.drive.result import FIGURES
 CHORD = 2.5  # times lambda / q: 0.05 s at the point's b = 0.1, 0.45 s at 0.3
 GRACE = 1e-9  # by which sums of periods may miss the time [s]
 STRETCH = 1.0  # weak plans that are less apart than this are reported once [s]
+
+Risk = Callable[[Plan], CollisionProbability | None]
 
 
 class Length:
@@ -135,6 +139,11 @@ class Frame(TimedPlan):
         """Simulated time at the end of the period [s]."""
         return self.time + self.advance.time
 
+    @cached_property
+    def collision(self) -> CollisionProbability | None:
+        """Predicted probability of a collision from its start on, if one is predicted."""
+        return self.metrics.risk(self.plan)
+
     @property
     def state(self) -> Array:
         """State at the end of the period, (n,)."""
@@ -144,13 +153,16 @@ class Frame(TimedPlan):
 class EpisodeMetrics:
     """Figures of a run from x (n,) so far, in SI units: those of the JSON of `run`; `FIGURES` describes them.
 
-    The task is a policy or scenario, with `problem`, `space` and `homology`; the grid is the exact solution.
+    The task is a policy or scenario, with `problem`, `space` and `homology`; the grid is the exact solution, and `risk`
+    predicts the probability of a collision from a plan on.
     """
 
     def __init__(
-        self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None
+        self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None,
+        risk: Risk | None = None,
     ) -> None:  # fmt: skip
         self._task, self._period, self._max_time, self._grid = task, period, max_time, grid
+        self.risk = risk or (lambda _: None)
         self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
         self.path_length = self.noisy_path_length = self.blocked_time = 0.0
         self.min_clearance, self._doubted = inf, -inf  # time of the last weak plan [s]

@@ -216,7 +216,7 @@ def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
         live: have the time cursor follow the data; else it waits at the first plan, which shows the choice.
     """
     scene = subject.space.scene
-    tabs = [_drive(subject), _why(truth=subject.look.truth)]
+    tabs = [_drive(subject), _why(subject)]
     if subject.moves:
         high = hypot(*(scene.goal.center - scene.start[:2]))  # of the straight path at the best speed
         growing = [*GROWING, *(entity(f"{TIMES}/bodies", mover.name) for mover in scene.movers)]
@@ -254,7 +254,7 @@ def _drive(subject: Subject) -> rrb.Container:
     return rrb.Vertical(upper, rrb.Horizontal(*_words(), column_shares=[5, 3]), row_shares=[5, 3], name="Drive")
 
 
-def _why(*, truth: bool) -> rrb.Container:
+def _why(subject: Subject) -> rrb.Container:
     """Plot values of the classes and the robot's control, with both in words; with a truth the errors."""
     classes = rrb.Vertical(
         _series("weight", "Class weights (shares of psi)", "RightTop", SHARE),
@@ -264,11 +264,14 @@ def _why(*, truth: bool) -> rrb.Container:
         row_shares=[3, 2, 2, 2],
     )
     control = [_series("control", "Control", "LeftTop")]
-    if truth:
+    if subject.look.truth:
         control = [_series("optimum/control", "Distance from the optimal control", "RightTop"),
                    _series("optimum/value", "Value less the exact one [cost]", "RightBottom")]  # fmt: skip
+    noisy = subject.path_integral.problem.dynamics.noisy_position
+    risk = [_series("risk", "Probability of a collision from here on")] if noisy else []
     robot = rrb.Vertical(
         _series("clearance", "Clearance [m]"),
+        *risk,
         *control,
         _series("cost", "Running cost [cost]", "RightBottom"),
     )

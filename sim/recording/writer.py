@@ -8,6 +8,7 @@
 /spacetime    the run with time upward, where obstacles move; described in `plan_view.py`
 /why/weight, /why/ess, /why/arriving   shares, effective samples, and share of samples that arrive: of all other classes
               and of each of a few
+/why/risk     predicted probability of a collision: of all paths, and of each of those classes
 /why/value    v of all paths, one standard error below and above, of each of those classes, and if known the exact one
 /why/clearance, /why/control, /why/cost   clearance, u, and the cost so far without and with the value
 /why/optimum  control: standard error of u, and |u - u*|; value: the error with its standard error around it
@@ -62,6 +63,7 @@ class Row:
         self.states = np.vstack([plan.state, frame.advance.states])  # at its start and after each physics step
         self.cells = cells(frame)  # its values at `/steps`, by component
         self.arriving = arriving(estimate, plan.ids) if estimate else {}  # share of the samples of each class
+        self.risks = frame.collision.classes if frame.collision else {}  # given the class
         self.ids, self.plan_seconds = plan.ids, frame.plan_seconds
         self.outcome, self.news = frame.outcome, frame.news
         self.plan = plan if drawn else None
@@ -224,6 +226,7 @@ class Plots:
                 ("weight", [max(0.0, sum(weights.values()) - sum(share)), *share, *spare]),
                 ("ess", [sizes.get(OTHER, 0.0), *(sizes.get(name, 0.0) for name in names), *spare]),
                 ("arriving", [inf, *(r.arriving.get(name, inf) for name in names), *spare]),
+                ("risk", [*(r.cells["collision"] or [inf]), *(r.risks.get(name, inf) for name in names), *spare]),
                 ("value", [value, *band, *by_class, *spare, *exact]),
                 ("clearance", r.cells["clearance"]),
                 ("control", r.cells["control"]),
@@ -260,6 +263,7 @@ class Plots:
             self._style(path, titles, colors, widths)
         titles = ["all paths" if name == OTHER else name for name in titles]
         colors = [PLAIN if name == OTHER else self._colors[name] for name in every]
+        self._style("risk", titles, colors, widths)
         names_of_value = [titles[0], BAND, BAND, *titles[1:], *self._exact]
         colors = [colors[0], PLAIN, PLAIN, *colors[1:], *(OPTIMUM for _ in self._exact)]
         self._style("value", names_of_value, colors, [2.5, 0.8, 0.8, *widths[1:], *(1.2 for _ in self._exact)])

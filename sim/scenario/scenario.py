@@ -277,5 +277,5 @@ class Scenario:
         s = self.settings
         return episode.run(
             plant, driver, self.start if start is None else start, rng or self.plant_rng(), max_time=s.max_time,
-            grow=s.grow, clock=Clock() if s.real_time else None, grid=grid,
+            grow=s.grow, clock=Clock() if s.real_time else None, grid=grid, risk=self.collisions,
         )  # fmt: skip

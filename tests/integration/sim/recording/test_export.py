@@ -48,6 +48,8 @@ def test_columns_hold_what_the_frames_held(drive, table):
     same("cost length", [(f.cost, f.length) for f in frames])
     same("vertices", [f.vertices for f in frames])
     same("clearance", [f.clearance for f in frames])
+    assert 0.0 < table["collision"][0] < 0.1
+    same("collision collision_error", [(f.collision.probability, f.collision.error) for f in frames])
     same("value value_error", [(e.value, e.value_error) for e in estimates])
     same("control_error_1 control_error_2", [e.control_error for e in estimates])
     same("exact_value exact_control_1 exact_control_2", [(9.0, 0.5, -0.5)] * len(frames))

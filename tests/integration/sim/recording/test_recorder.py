@@ -28,7 +28,7 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     assert np.allclose(np.array(robot["Transform3D:translation"])[-1, 0, :2], frames[-1].state, atol=1e-6)
     assert robot["step"] == [0, *range(len(frames) + 1)]  # it is placed before there is anything to see
     assert [text for line in table["/log"]["TextLog:text"] for text in line] == news
-    plots = ("weight", "value", "ess", "arriving", "clearance", "control", "cost")
+    plots = ("weight", "value", "ess", "arriving", "risk", "clearance", "control", "cost")
     for path in ("/world/path", *(f"/why/{name}" for name in plots)):
         assert len(table[path]["step"]) == len(frames), path
     assert len(table["/timing/plan"]["Scalars:scalars"]) == len(frames)
