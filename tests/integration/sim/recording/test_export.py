@@ -8,6 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from drives import Drive
 
+from pirrht import collision_probability
 from sim.cli import main
 from sim.drive.metrics import Truth
 from sim.recording import export
@@ -19,8 +20,8 @@ FAKE = Truth(value=9.0, control=np.array([0.5, -0.5]))
 def drive(tmp_path_factory):
     file, drive = tmp_path_factory.mktemp("export") / "slit.rrd", Drive()
     with drive.recorder(file, truth=True) as recorder:
-        frames = []
-        for frame in drive.frames():
+        frames, problem = [], drive.controller.problem
+        for frame in drive.frames(risk=lambda plan: collision_probability(problem, plan.estimate, step=0.002)):
             frames.append(replace(frame, truth=FAKE))
             recorder.log(frames[-1])
     return file, frames
