@@ -219,7 +219,6 @@ class Live:
 
             self.close()
             self._space = space
-            sinks = [Sinks(connect=url) for url in self._urls if url]
-            self._recorders = [_recorder(world.scenario, world.driver, one) for one in sinks]
+            self._recorders = [_recorder(world.scenario, world.driver, Sinks(connect=url)) for url in self._urls if url]
         for recorder in self._recorders:
             recorder.log(frame)

@@ -72,6 +72,12 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("sweep slit --methods mppi --draws antithetic", "--draws: the method mppi has no such choice", ""),
     ("run slit --between gain", "--between is 'gain'; it must be one of classes, hold", ""),
     ("run slit --exit endpoint --steps fitted", "--steps fitted goes with --exit bridge", ""),
+    ("run slit --dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps", "raise --dt"),
+    ("run slit --noise 100", "a path of", "lower --noise or raise --dt"),
+    ("run slit --max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods", "lower the one"),
+    ("run slit --grow 9000", "--grow 9000 adds up to", "lower one of them"),
+    ("run slit --classes 10000 --limit 100", "GiB of memory", "lower --samples or --classes"),
+    ("run slit --method mppi --horizon 9000 --dt 0.01", "a path of", "lower --horizon or raise --dt"),
     ("run slit --method mppi --horizon 0.05", "--horizon is 0.05; it must be at least a step, --dt 0.1", ""),
 ]
 QUICK = "--vertices 30 --samples 4"

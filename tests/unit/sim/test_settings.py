@@ -91,22 +91,6 @@ def test_a_plan_that_fits_into_no_memory_is_refused_before_it_is_made(slit, name
     check_size(large, 64 * GIB)
 
 
-@pytest.mark.parametrize(
-    ("words", "what"),
-    [
-        ("--dt 0.00001", "--dt 1e-05: a path of 9.8 s has 9.8e+05 steps"),
-        ("--noise 100", "lower --noise or raise --dt"),
-        ("--max-time 80000 --period 0.002", "--max-time 80000 is 4e+07 periods"),
-        ("--grow 9000", "--grow 9000 adds up to"),
-        ("--classes 10000 --limit 100", "GiB of memory"),
-        ("--method mppi --horizon 9000 --dt 0.01", "lower --horizon or raise --dt"),
-    ],
-)
-def test_what_would_never_end_is_refused_with_what_to_change(words, what, capsys):
-    assert main(["run", "slit", *words.split()]) == 2
-    assert what in capsys.readouterr().err
-
-
 def test_what_one_of_several_methods_uses_is_not_refused():
     refuse_unused({"guide": "feedback", "horizon": 2.0, "consistency": None}, ["pi-rrht", "mppi"])
     refuse_unused({"guide": "open-loop", "draws": "independent"}, ["mppi"])
