@@ -61,11 +61,7 @@ class Recording:
 
 
 def read(file: Path) -> Recording:
-    """Read a recording.
-
-    Raises:
-        OptionError: the file is not there, is no recording, or holds no run or several.
-    """
+    """Read a recording; an OptionError if it is not there, is none, or holds no run or several."""
     if (why := why_unreadable(file)) is not None:
         raise OptionError(f"{path_text(file)} {why}; name a recording, FILE.rrd")
     settings: dict[str, Any] = {}
@@ -149,11 +145,7 @@ def _by_place(column: Column, recording: Recording) -> Table:
 
 
 def write(file: Path, columns: Table, recording: Recording) -> None:
-    """Write the table of a recording with its description; the ending of the file tells the format.
-
-    Raises:
-        OptionError: the file cannot be written.
-    """
+    """Write a recording's table, described, in the format of the file's ending; an OptionError if that fails."""
     ids, about = {title(name): name for name in recording.classes}, {}
     for name in columns:
         c = next(c for c in COLUMNS if re.fullmatch(c.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name))

@@ -44,11 +44,7 @@ def see_through(model: mujoco.MjModel, opacity: Array, marked: Mask, color: Colo
 
 
 def solids(model: mujoco.MjModel, chosen: Mask, body: str | None = None) -> dict[str, rr.AsComponents]:
-    """Chosen geoms (ngeom,) as they are at zero joint positions, by entity path: one per kind, one per mesh.
-
-    Args:
-        body: in whose frame they are; None: the world's.
-    """
+    """Chosen geoms (ngeom,) at zero joint positions, in the frame of a body or the world, by kind or mesh."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     if body is not None:
@@ -130,10 +126,7 @@ def on_floor(grid: Desirability, space: FreeSpace, time: float) -> rr.AsComponen
 
 
 def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> NDArray[np.uint8]:
-    """The value seen from above, north being up, (height, width, 3): pale at the goal, in bands darker with the value.
-
-    Of a robot with a heading it is that of the best heading.
-    """
+    """The value from above, north being up, (height, width, 3): pale at the goal, in bands darker with the value."""
     scene, extent = space.scene, space.scene.upper - space.scene.lower
     shape = np.maximum(1, np.rint(pixels * extent / extent.max())).astype(int)
     middles = [low + size * (np.arange(n) + 0.5) / n for low, size, n in zip(scene.lower, extent, shape, strict=True)]

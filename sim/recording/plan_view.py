@@ -33,6 +33,7 @@ LIFTED, LIFTED_POINTS = 6, 32  # references drawn in a lifted tree, the cheapest
 THREADS, BEADS = 24, 12  # samples in space and time at most, and points of each
 TICKS = 8  # seconds that are named, at most
 BODY, WALL, ARRIVAL = (*MOVER, 20), (*BORDER, 12), (*GOAL, 16)  # see-through
+NO_FAN = Fan(strips=np.empty((0, 2, 3), np.float32), moments=np.empty((0, 2)), opacity=np.empty(0))
 
 
 class Pictures:
@@ -82,13 +83,11 @@ class Pictures:
             everything = self._subject.look.samples == "all"
             integral = self._subject.path_integral
             fans = strokes.fans(integral, plan.estimate, plan.classes, points=most, everything=everything)
-        for name in sorted(self._fans - fans.keys()):
-            self._strips(_fan_path(name), [], [], 0.006)
-        for name, fan in fans.items():
-            dead = name == DEAD
+        for name in [*sorted(self._fans - fans.keys()), *fans]:
+            fan, dead = fans.get(name, NO_FAN), name == DEAD
             opacity = np.full(len(fan.strips), 0.5) if dead else 0.25 + 0.75 * fan.opacity
             shades = fade(DEAD_COLOR if dead else self._colors[name], FLOOR, opacity)
-            self._strips(_fan_path(name), fan.strips, shades, 0.006)
+            self._strips(str(rr.new_entity_path(["world", "samples", name])), fan.strips, shades, 0.006)
         self._fans = set(fans)
         return fans
 
@@ -194,7 +193,3 @@ class Pictures:
 def _at(points: Array, time: float) -> Array:
     """Points (k, 2) [m] at a time [s], (k, 3)."""
     return np.column_stack([points, np.full(len(points), time)])
-
-
-def _fan_path(name: str) -> str:
-    return str(rr.new_entity_path(["world", "samples", name]))

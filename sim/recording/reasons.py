@@ -31,11 +31,7 @@ Names = tuple[str, ...]
 
 
 def touched(space: FreeSpace, names: Names, movers: Sequence[Mover], places: Array, times: Array) -> list[str]:
-    """Name what is nearest to a robot at places (k, 2) [m] and times (k,) [s], as obstacles are taken to move.
-
-    Args:
-        names: of the static solids, in the order of the scene.
-    """
+    """Name what is nearest at places (k, 2) [m] and times (k,) [s]: a solid by `names`, a mover or the border."""
     scene, collision = space.scene, space.collision
     gaps = [np.minimum(places - scene.lower, scene.upper - places).min(axis=1) + scene.robot_radius]
     gaps += [collision.obstacle_distance(k, places) for k in range(len(names))]
@@ -86,10 +82,7 @@ def reasons(
 ) -> list[Reason]:  # fmt: skip
     """One for each class of a plan, in the order of its references; none in a fallback.
 
-    Args:
-        solids: names of the static solids, in the order of the scene.
-        ways: the classes in words (`words_of`).
-        exact: share of psi of each class by the grid, if there is one.
+    `solids` names static solids in the order of the scene, `ways` the classes (`words_of`); `exact` are shares of psi.
     """
     estimate, temperature = plan.estimate, path_integral.temperature
     if estimate is None or not plan.ids:
@@ -100,14 +93,13 @@ def reasons(
     drawn, found = sum(part.size for part in estimate.parts), []
     for reference, name in zip(plan.references, plan.ids, strict=True):
         weight, size = estimate.class_weights.get(name, 0.0), estimate.class_ess.get(name, 0.0)
-        reason = Reason(
+        found.append(Reason(
             name=name, way=ways[name], cost=reference.cost, weight=weight, late=late.get(name, 0.0),
             value=estimate.value - temperature * log(weight) if weight > 0.0 else inf,
             error=temperature * sqrt(max(0.0, 1.0 / size - 1.0 / drawn)) if size > 0.0 else inf,
             dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
             exact=None if exact is None else exact.get(name, 0.0), where=where.get(name, ""),
-        )  # fmt: skip
-        found.append(reason)
+        ))  # fmt: skip
     return found
 
 

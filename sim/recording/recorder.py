@@ -42,7 +42,6 @@ NAP = 0.02  # pause of a thread that has nothing to do [s]
 GRACE = 2.0  # for a viewer to take the last rows [s]
 PATIENCE = 10.0  # after which a file that takes nothing is given up, and a viewer is queried again [s]
 ATTEMPT = 0.5  # of a flush to a file [s]
-PROBE = bytes(1 << 16)
 DEFAULT = Look()
 
 
@@ -101,13 +100,13 @@ class ToViewer:
     def _work(self) -> None:
         try:
             self._write()
-            self._done.set()
         except Exception as error:  # the control thread reports it, or goes on without the viewer
             self._failure = error
             rr.unregister_shutdown()
             self.abandon()
-            self._done.set()
-            threading.Event().wait()  # letting go of a stream waits for whoever reads it: where nobody does, for ever
+        self._done.set()
+        if self._failure is not None:  # letting go of a stream waits for whoever reads it: where nobody does, for ever
+            threading.Event().wait()
 
     def _write(self) -> None:
         opened = False
@@ -224,7 +223,7 @@ def _probe(file: Path) -> None:
     with tempfile.TemporaryFile(dir=file.parent, buffering=0) as probe:
         probe.seek(file.stat().st_size)
         for _ in range(2):  # the first one may be cut
-            probe.write(PROBE)
+            probe.write(bytes(1 << 16))
 
 
 def _set_aside(file: Path) -> Path:
@@ -240,20 +239,11 @@ def _set_aside(file: Path) -> Path:
 
 
 class Recorder:
-    """Takes the frames of a run and records them.
+    """Takes the frames of a run and records them, with its settings as properties and `grid` shown on the floor.
 
-    Args:
-        tree: grown; None for methods without one.
-        settings: of the run; kept as properties of the recording.
-        grid: the exact solution, shown on the floor.
-
-    Attributes:
-        server: that serves browsers, if there is one.
-        live: whether a viewer shows the run.
-
-    Raises:
-        OptionError: the file cannot be written, no viewer listens at the URL or none can be started, or an obstacle
-            to lift a tree by is not there.
+    `tree` is None for methods without one. `server` serves browsers, if there is one; `live` is whether a viewer shows
+    the run. An OptionError reports a file that cannot be written, a viewer that does not listen or start, and an
+    obstacle to lift a tree by that is not there.
     """
 
     def __init__(
@@ -273,14 +263,13 @@ class Recorder:
             grid.shares(grid.problem.dynamics.state_of(grid.space.scene.start), samples=1)
         self._interval, self._due = 1.0 / look.hz, 0.0
         self.server = viewer.Server.start() if sinks.serve else None
-        served = None if self.server is None else self.server.url
-        urls = (sinks.connect, viewer.spawn() if sinks.view else None, served)
+        urls = (sinks.connect, viewer.spawn() if sinks.view else None, self.server and self.server.url)
         self._sinks = [ToViewer(subject, url) for url in urls if url is not None]
         self.live = bool(self._sinks)
-        self._sinks += [ToFile(subject, file) for file in (sinks.file,) if file is not None]
+        if sinks.file is not None:
+            self._sinks.append(ToFile(subject, sinks.file))
 
     def __enter__(self) -> Recorder:
-        """The recorder itself."""
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
@@ -294,11 +283,7 @@ class Recorder:
         return sum(sink.dropped for sink in self._sinks)
 
     def log(self, frame: Frame) -> None:
-        """Record a control step.
-
-        Raises:
-            OptionError: the file can no longer be written.
-        """
+        """Record a control step; an OptionError if the file can no longer be written."""
         drawn = frame.time >= self._due - 1e-9 or frame.outcome is not None
         if drawn:
             self._due = max(self._due + self._interval, frame.time)

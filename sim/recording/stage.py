@@ -212,8 +212,7 @@ class Following:
 def layout(subject: Subject, *, live: bool) -> rrb.Blueprint:
     """Tabs Drive, Why, About, where obstacles move Space-time, and if a tree is lifted, Tree.
 
-    Args:
-        live: have the time cursor follow the data; else it waits at the first plan, which shows the choice.
+    If live, the time cursor follows the data; else it waits at the first plan, which shows the choice.
     """
     scene = subject.space.scene
     tabs = [_drive(subject), _why(subject)]

@@ -99,12 +99,7 @@ class Subject:
 
 
 def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
-    """Names for solids: those given, unless they are missing or used twice.
-
-    Args:
-        given: in the file, empty where there is none.
-        number: of the obstacle that a solid belongs to, by place in `given`.
-    """
+    """Names for solids: those given, unless empty or used twice; else by the obstacle's number, by place in `given`."""
     spare = [f"obstacle {number[i]}" if i in number else SPARE for i in range(len(given))]
     unique = {name for name in given if name and given.count(name) == 1}
     return [name.replace("_", " ") if name in unique else other for name, other in zip(given, spare, strict=True)]
@@ -120,10 +115,9 @@ def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
 
 
 class Stream:
-    """One recording with the timelines `step` and `sim_time`: equal data makes equal chunks in the same order.
+    """One recording with the timelines `step` and `sim_time`: equal data makes equal chunks.
 
-    Args:
-        orderly: keep chunks in the order in which they were logged, which files need to be compared.
+    An orderly one keeps them in the order in which they were logged, which files need to be compared.
     """
 
     def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:

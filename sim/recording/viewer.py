@@ -51,10 +51,9 @@ def probe(url: str, *, timeout: float = 1.0) -> None:
     try:
         socket.create_connection((host, port), timeout).close()
     except OSError as error:
-        raise OptionError(
-            f"--connect {url}: no viewer listens there ({error.strerror or error}); start one with "
-            f"`rerun --bind 127.0.0.1 --port {port}`, or record to a file"
-        ) from None
+        start = f"start one with `rerun --bind 127.0.0.1 --port {port}`, or record to a file"
+        why = error.strerror or error
+        raise OptionError(f"--connect {url}: no viewer listens there ({why}); {start}") from None
 
 
 def _binary() -> Path:
@@ -67,9 +66,8 @@ def _binary() -> Path:
 def check_installed(option: str) -> None:
     """Make sure that Rerun's viewer is there; the OptionError names the option that needs it."""
     if not os.access(_binary(), os.X_OK):
-        raise OptionError(
-            f"{option}: there is no viewer at {_binary()}; install rerun-sdk anew, or use --record FILE.rrd"
-        )
+        what = f"there is no viewer at {_binary()}"
+        raise OptionError(f"{option}: {what}; install rerun-sdk anew, or use --record FILE.rrd")
 
 
 def check_display(what: str = "--view", remedy: str = "use --record FILE.rrd and open it elsewhere") -> None:
@@ -131,14 +129,12 @@ def _await(process: subprocess.Popen[bytes], ports: Sequence[int], what: str) ->
             waiting.pop(0)
         except OSError:
             time.sleep(0.05)
-    if not waiting:
-        return
-    if process.poll() is None:
+    if waiting and process.poll() is None:
         process.stdin.close() if process.stdin is not None else process.terminate()
         raise OptionError(f"{what} did not come up within {PATIENCE:g} s; use --record FILE.rrd")
-    raise OptionError(
-        f"{what} ended at once (exit status {process.returncode}); run `rerun` to see why, or use --record FILE.rrd"
-    )
+    if waiting:
+        why = f"ended at once (exit status {process.returncode}); run `rerun` to see why"
+        raise OptionError(f"{what} {why}, or use --record FILE.rrd")
 
 
 def _url(port: int) -> str:
@@ -194,23 +190,18 @@ class Sinks:
 
     def check(self) -> None:
         """Make sure, without touching anything, that each can be had; the OptionError reports why one cannot."""
-        if self.file is not None:
-            _check_file(self.file)
+        if (file := self.file) is not None:
+            name = f"--record {path_text(file)}"
+            if takes_as_it_comes(file) and not os.path.samefile(file, os.devnull):
+                what = "a pipe" if file.is_fifo() else "no file to write a recording to"
+                way = "give the path of a file, or let a viewer follow with --connect or --serve"
+                raise OptionError(f"{name} is {what}; {way}")
+            check_writable(file, "--record")
+            if file.suffix not in ("", ".rrd"):
+                raise OptionError(f"{name}: viewers know recordings by their ending; call it {file.stem}.rrd")
         if self.connect is not None:
             probe(self.connect)
         if self.view:
             check_display()
         if self.view or self.serve:
             check_installed("--view" if self.view else "--serve")
-
-
-def _check_file(file: Path) -> None:
-    name = f"--record {path_text(file)}"
-    if takes_as_it_comes(file) and not os.path.samefile(file, os.devnull):
-        what = "a pipe" if file.is_fifo() else "no file to write a recording to"
-        raise OptionError(
-            f"{name} is {what}; give the path of a file, or let a viewer follow with --connect or --serve"
-        )
-    check_writable(file, "--record")
-    if file.suffix not in ("", ".rrd"):
-        raise OptionError(f"{name}: viewers know recordings by their ending; call it {file.stem}.rrd")
