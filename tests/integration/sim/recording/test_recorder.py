@@ -21,7 +21,7 @@ def recorded(tmp_path_factory):
     return file, *record(file)
 
 
-def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded):
+def test_a_whole_recording_of_bounded_size_has_scene_key_plan_and_argument_on_two_timelines(recorded):
     file, frames, news = recorded
     table = columns(file)
     robot = table["/world/robot"]
@@ -40,6 +40,11 @@ def test_the_scene_the_plan_and_the_argument_are_there_on_two_timelines(recorded
     timelines = {name for chunk in RrdReader(str(file)).stream() for name in chunk.timeline_names}
     assert timelines == {"step", "sim_time"}
     assert RrdReader(str(file)).blueprints()
+    (key,) = static(file, "/key", "TextDocument:text")
+    assert static(file, "/world/scene/names", "Points3D:labels") == ["goal", "1 upper wall", "2 lower wall"]
+    assert all(f"**{sign}** {name}" in key for sign, name in ((1, "upper wall"), (2, "lower wall")))
+    assert rerun("rrd", "verify", file).returncode == 0
+    assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
     for when, text in zip(table["/why/page"]["sim_time"], table["/why/page"]["TextDocument:text"], strict=True):
         assert f"Plan and samples of {when.total_seconds():.2f} s" in text[0]
         assert "between upper wall and lower wall" in text[0].lower()
@@ -56,12 +61,6 @@ def test_two_runs_of_one_seed_differ_in_wall_time_only(recorded, tmp_path):
     assert result.returncode == 0, result.stderr[-2000:]
 
 
-def test_a_closed_recording_is_whole_and_its_size_within_bounds(recorded):
-    file, frames, _ = recorded
-    assert rerun("rrd", "verify", file).returncode == 0
-    assert file.stat().st_size <= STATIC_BYTES + 450_000 * frames[-1].end_time
-
-
 def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side():
     drive = Drive()
     homology = drive.space.homology
@@ -76,10 +75,9 @@ def test_a_lifted_reference_begins_at_its_signature_and_ends_at_the_goals_side()
 
 def test_a_tree_is_lifted_by_what_tells_the_shortest_classes_apart():
     drive = Drive()
-    x = drive.scene.start[:2]
-    lengths = drive.tree.lengths(x)
+    lengths = drive.tree.lengths(drive.scene.start[:2])
     first, second, *_ = sorted(lengths, key=lambda winding: lengths[winding])
-    found = telling(drive.tree, x)
+    found = telling(drive.tree, drive.scene.start[:2])
     assert first[found[0]] != second[found[0]]
     assert sorted(found) == [0, 1]
 
@@ -102,28 +100,14 @@ def test_meshes_have_entity_paths_of_their_own_whatever_their_names():
         assert len(path.replace("\\\\", "").replace("\\/", "").split("/")) == 2  # `meshes` and one part, escaped
 
 
-def test_a_key_names_what_the_map_numbers(recorded):
-    (key,) = static(recorded[0], "/key", "TextDocument:text")
-    names = static(recorded[0], "/world/scene/names", "Points3D:labels")
-    assert names == ["goal", "1 upper wall", "2 lower wall"]
-    assert all(f"**{sign}** {name}" in key for sign, name in ((1, "upper wall"), (2, "lower wall")))
-
-
-def laid_out(drive, *, live=False, **look):
-    integral = drive.controller.path_integral
-    subject = Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=Look(**look), settings={})
-    return layout(subject, live=live)
-
-
-def test_a_file_opens_at_its_first_plan_and_a_viewer_follows():
-    states = {live: laid_out(Drive(), live=live).time_panel.play_state for live in (False, True)}
-    assert states == {False: "paused", True: "following"}
-
-
-def test_where_bodies_move_time_upward_takes_the_place_of_the_tree_unless_that_is_asked_for():
+def test_a_file_opens_at_its_first_plan_a_viewer_follows_and_time_upward_takes_the_place_of_an_unasked_tree():
     moving = Moving("closing_door")
-    for drive, look, tabs in (
-        (moving, {}, ["Space-time"]), (moving, {"lift": (1,)}, ["Space-time", "Tree"]), (Drive(), {}, ["Tree"])
+    for drive, lift, tabs in (
+        (moving, None, ["Space-time"]), (moving, (1,), ["Space-time", "Tree"]), (Drive(), None, ["Tree"])
     ):  # fmt: skip
-        found = [tab.name for tab in laid_out(drive, **look).root_container.contents]
-        assert found == ["Drive", "Why", *tabs, "About"]
+        integral, look = drive.controller.path_integral, Look(lift=lift)
+        subject = Subject(loaded=drive.loaded, tree=drive.tree, path_integral=integral, look=look, settings={})
+        for live, state in ((False, "paused"), (True, "following")):
+            found = layout(subject, live=live)
+            assert [tab.name for tab in found.root_container.contents] == ["Drive", "Why", *tabs, "About"]
+            assert found.time_panel.play_state == state

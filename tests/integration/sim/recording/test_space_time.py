@@ -4,22 +4,22 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from drives import Drive, Moving, columns, timed
+from drives import Moving, columns, timed
 from plants import body, moving_scene, rows
 
 from pirrht.arrays import Array
 from sim.drawing.colors import ClassColors
 from sim.drawing.strokes import MOMENTS, outline
 from sim.drawing.strokes import timed as in_time
+from sim.drive.episode import Frame
 from sim.recording.plan_view import Pictures
 from sim.recording.reasons import reasons, words_of
 from sim.recording.subject import Subject
 from sim.recording.viewer import Look
 
 MAX_TIME = 0.6
-
-
 ROUNDING = 0.5 / 256 + 1e-6
+RISE = 1.0  # m/s: the best speed sqrt(2 q / r) of q = 1, r = 2
 
 
 @pytest.fixture(scope="module")
@@ -34,13 +34,10 @@ def recorded(tmp_path_factory):
     return columns(file), drive, frames
 
 
-def pictured(known: dict[str, list], frames: list) -> list:
-    """The frames of the pictures of an entity."""
-    return [frames[step] for step in known["step"]]
-
-
-def strips(cells: list) -> list[Array]:
-    return [np.array(strip, dtype=float) for strip in cells]
+def pictures(known: dict[str, list], frames: list) -> list[tuple[Frame, list[Array]]]:
+    """The strips of an entity, with the frame of each picture."""
+    cells = zip(known["step"], known["LineStrips3D:strips"], strict=True)
+    return [(frames[step], [np.array(strip, dtype=float) for strip in strips]) for step, strips in cells]
 
 
 def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
@@ -52,18 +49,12 @@ def test_samples_that_hit_a_moving_obstacle_are_reported_to_have_hit_it():
     assert {reason.where for reason in found} - {""} == {"crosser"}
 
 
-def rise(drive: Drive) -> float:
-    """Meters of a second."""
-    return float(np.sqrt(2.0 * 1.0 / 2.0))  # the best speed of q = 1, r = 2
-
-
 def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
     table, drive, frames = recorded
     known = table["/world/foreseen"]
     assert len(known["step"]) == 1 + round(5 * MAX_TIME)
     (mover,) = drive.scene.movers
-    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
-        drawn = strips(cells)
+    for frame, drawn in pictures(known, frames):
         times = [after for after in MOMENTS if frame.time + after - MOMENTS[0] < mover.motion.last]
         assert len(drawn) == len(times)
         for ring, after in zip(drawn, times, strict=True):
@@ -73,15 +64,13 @@ def test_outlines_on_the_map_are_where_the_body_is_going_to_be(recorded):
 
 def test_braids_are_the_references_of_all_classes_with_their_times_upward(recorded):
     table, drive, frames = recorded
-    known = table["/spacetime/braids"]
     goal = drive.scene.goal
-    for frame, cells in zip(pictured(known, frames), known["LineStrips3D:strips"], strict=True):
-        drawn = strips(cells)
+    for frame, drawn in pictures(table["/spacetime/braids"], frames):
         assert len(drawn) == len(frame.plan.references)
         for line, reference in zip(drawn, frame.plan.references, strict=True):
             way = in_time(reference, frame.time)
-            np.testing.assert_allclose(line[0], [*frame.plan.state, rise(drive) * frame.time], atol=ROUNDING)
-            assert line[-1, 2] == pytest.approx(rise(drive) * way[-1, 2], abs=ROUNDING)
+            np.testing.assert_allclose(line[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
+            assert line[-1, 2] == pytest.approx(RISE * way[-1, 2], abs=ROUNDING)
             assert way[-1, 2] - frame.time == pytest.approx(reference.trajectory.durations.sum())
             assert np.linalg.norm(line[-1, :2] - goal.center) <= goal.radius + 0.02
             assert np.all(np.diff(line[:, 2]) >= 0.0)
@@ -90,31 +79,27 @@ def test_braids_are_the_references_of_all_classes_with_their_times_upward(record
 def test_the_tube_of_a_body_is_where_it_is_at_every_time(recorded):
     table, drive, _ = recorded
     (mover,) = drive.scene.movers
-    known = table["/spacetime/bodies/door"]
-    corners = np.vstack([np.array(cell) for cell in known["Mesh3D:vertex_positions"]])
+    corners = np.vstack([np.array(cell) for cell in table["/spacetime/bodies/door"]["Mesh3D:vertex_positions"]])
     heights = np.unique(corners[:, 2])
     assert heights[0] == 0.0
-    assert heights[-1] >= rise(drive) * 4.0
+    assert heights[-1] >= RISE * 4.0
     for z in heights:
-        (solid,) = mover.at(z / rise(drive))
+        (solid,) = mover.at(z / RISE)
         ring = corners[corners[:, 2] == z][:, :2]
-        true = outline(solid)
-        gap = np.linalg.norm(ring[:, None] - true, axis=2).min(axis=1)
-        assert gap.max() < 2 * ROUNDING
+        assert np.linalg.norm(ring[:, None] - outline(solid), axis=2).min(axis=1).max() < 2 * ROUNDING
 
 
 def test_the_thread_is_the_driven_path_in_time_and_now_is_at_its_end(recorded):
-    table, drive, frames = recorded
+    table, _, frames = recorded
     known = table["/spacetime/path"]
     assert known["step"] == list(range(len(frames)))
-    for frame, cells in zip(frames, known["LineStrips3D:strips"], strict=True):
-        (piece,) = strips(cells)
-        np.testing.assert_allclose(piece[0], [*frame.plan.state, rise(drive) * frame.time], atol=ROUNDING)
-        end = [*frame.advance.states[-1], rise(drive) * frame.end_time]
+    for frame, (piece,) in pictures(known, frames):
+        np.testing.assert_allclose(piece[0], [*frame.plan.state, RISE * frame.time], atol=ROUNDING)
+        end = [*frame.advance.states[-1], RISE * frame.end_time]
         np.testing.assert_allclose(piece[-1], end, atol=ROUNDING)
     heights = [cell[0][2] for cell in table["/spacetime/now"]["Transform3D:translation"]]
     times = [frame.time for frame in frames] + [frames[-1].end_time]
-    np.testing.assert_allclose(heights, rise(drive) * np.array(times), atol=1e-5)
+    np.testing.assert_allclose(heights, RISE * np.array(times), atol=1e-5)
 
 
 def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_path):
@@ -128,5 +113,25 @@ def test_a_drive_that_takes_longer_lets_the_tubes_go_on_where_they_ended(tmp_pat
     for time in (1.3, 1.9, 3.2):
         shown.reach(time)
     tubes = [picture for path, picture in logged if path == "/spacetime/bodies/b"]
-    spans = [np.array(one.vertex_positions.as_arrow_array().to_pylist())[:, 2] / rise(drive) for one in tubes]
+    spans = [np.array(one.vertex_positions.as_arrow_array().to_pylist())[:, 2] / RISE for one in tubes]
     assert [(span.min(), span.max()) for span in spans] == [(0.0, 2.0), (2.0, 4.0)]
+
+
+def test_a_moving_body_has_its_pose_at_every_step_and_at_the_end(tmp_path):
+    world = body("spin", 'type="box" size=".3 .1 .2"', "2 2 0.1")
+    custom = rows("spin", "0 2 2 0  0.15 2.5 2 2  0.3 2 2 0", repeat=True)
+    drive, file, frames = Moving(moving_scene(tmp_path, world, custom)), tmp_path / "drive.rrd", []
+    with drive.recorder(file) as recorder:
+        for frame in timed(drive.frames(0.4)):
+            recorder.log(frame)
+            frames.append(frame)
+    times = [frame.time for frame in frames] + [frames[-1].end_time]
+    table = columns(file)["/world/scene/movers/spin"]
+    known = {name: cells[1:] for name, cells in table.items()}  # the first one places it
+    assert known["step"] == list(range(len(times)))
+    poses = drive.scene.movers[0].motion.pose(np.array(times))
+    places = np.array([place[0] for place in known["Transform3D:translation"]])
+    np.testing.assert_allclose(places, np.column_stack([poses[:, :2], np.full(len(times), 0.1)]), atol=1e-6)
+    x, y, z, w = np.array([one[0] for one in known["Transform3D:quaternion"]]).T
+    np.testing.assert_allclose(2.0 * np.arctan2(z, w), poses[:, 2], atol=1e-6)
+    assert not np.any([x, y])

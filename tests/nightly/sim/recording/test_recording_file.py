@@ -5,7 +5,7 @@ import subprocess
 import sys
 
 import pytest
-from drives import Drive, record, rerun
+from drives import Drive, rerun
 from integration.sim.recording.test_recording_file import SHORT
 from repository import environment
 from thoroughly import first
@@ -74,24 +74,14 @@ def test_a_full_disk_costs_one_line_and_exit_status_2(tmp_path, capsys):
         subprocess.run(["umount", "--lazy", str(small)], check=True)  # a helper may still be at its end there
 
 
-def test_an_old_recording_is_replaced_and_nothing_is_left_beside_it(tmp_path):
-    file, link = tmp_path / "a.rrd", tmp_path / "link.rrd"
+def test_an_interrupted_run_replaces_what_was_there_by_a_whole_recording_of_what_it_drove(tmp_path):
+    file, link, drive = tmp_path / "a.rrd", tmp_path / "link.rrd", Drive()
     file.write_bytes(b"old")
     link.symlink_to(file)
-    frames, _ = record(link)
-    assert link.is_symlink()
-    assert len(export.read(file).steps) == len(frames)
-    assert sorted(tmp_path.iterdir()) == [file, link]
-    assert rerun("rrd", "verify", file).returncode == 0
-
-
-def test_a_run_that_is_interrupted_leaves_a_whole_recording_of_what_it_drove(tmp_path):
-    file, drive = tmp_path / "a.rrd", Drive()
-    file.write_bytes(b"old")
     frames = drive.frames()
 
     def interrupted() -> None:
-        with drive.recorder(file) as recorder:
+        with drive.recorder(link) as recorder:
             for _ in range(6):
                 recorder.log(next(frames))
             raise KeyboardInterrupt
@@ -99,5 +89,6 @@ def test_a_run_that_is_interrupted_leaves_a_whole_recording_of_what_it_drove(tmp
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert [step for step, _, _ in export.read(file).steps] == list(range(6))
-    assert list(tmp_path.iterdir()) == [file]
+    assert link.is_symlink()
+    assert sorted(tmp_path.iterdir()) == [file, link]
     assert rerun("rrd", "verify", file).returncode == 0

@@ -1,6 +1,6 @@
 """Bodies in a recording: what is drawn only changes no motion, a script makes the meshes, nothing is at the origin."""
 
-import importlib.util
+import runpy
 from pathlib import Path
 
 import mujoco
@@ -16,14 +16,6 @@ from sim.recording import geoms
 
 DRAWN = ["unicycle", "car", "rover", "diffdrive", "puck", "hover"]
 MESHES = models_folder() / "robots" / "meshes"
-
-
-@pytest.fixture(scope="module")
-def script():
-    spec = importlib.util.spec_from_file_location("robot_meshes", ROOT / "scripts" / "robot_meshes.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def bare(path: Path) -> mujoco.MjSpec:
@@ -52,9 +44,9 @@ def test_what_is_drawn_only_changes_no_bit_of_the_motion(robot):
     np.testing.assert_array_equal(*ends)
 
 
-def test_meshes_are_what_the_script_makes_and_small(script, tmp_path):
-    script.main(tmp_path)
-    assert {f.name for f in MESHES.iterdir()} == {f"{name}.stl" for name in script.MESHES}
+def test_meshes_are_what_the_script_makes_and_small(tmp_path):
+    runpy.run_path(str(ROOT / "scripts" / "robot_meshes.py"))["main"](tmp_path)
+    assert {f.name for f in MESHES.iterdir()} == {f.name for f in tmp_path.iterdir()}
     for made in tmp_path.iterdir():
         kept = MESHES / made.name
         assert kept.stat().st_size < 45_000
