@@ -10,7 +10,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from sim.mjcf.library import compile_spec, delete, listed
 from sim.mjcf.obstacles import MOTION, moved_geoms
@@ -102,20 +101,16 @@ def loosen(spec: mujoco.MjSpec) -> None:
 
 def dress(model: mujoco.MjModel) -> None:
     """Give a model looks where it has none."""
+    plain, bare = (np.all(np.isclose(rgba, PLAIN), axis=-1) for rgba in (model.site_rgba, model.geom_rgba))
     for site, name in ((i, model.site(i).name) for i in range(model.nsite)):
         if name == "workspace":
             model.site_rgba[site, 3], model.site_matid[site] = 0.0, -1
-        elif name in SITES and model.site_matid[site] < 0 and _plain(model.site_rgba[site]):
+        elif name in SITES and model.site_matid[site] < 0 and plain[site]:
             model.site_rgba[site] = SITES[name]
-    bare, flat = (model.geom_matid < 0) & _plain(model.geom_rgba), model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    bare, flat = (model.geom_matid < 0) & bare, model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     motions = [name for i in range(model.nnumeric) if (name := model.numeric(i).name).startswith(MOTION)]
     moving = moved_geoms(model, [name.removeprefix(MOTION) for name in motions])
     model.geom_rgba[bare] = np.select([flat[bare, None], moving[bare, None]], [FLOOR, MOVING], WALL)
     head = model.vis.headlight
     if model.nlight == 0 and np.allclose([head.ambient[0], head.diffuse[0], head.specular[0]], DARK):
         head.ambient[:], head.diffuse[:], head.specular[:] = LIGHT
-
-
-def _plain(rgba: Array) -> Array:
-    """Whether colours (..., 4) are the ones that nobody chose."""
-    return np.asarray(np.all(np.isclose(rgba, PLAIN), axis=-1))

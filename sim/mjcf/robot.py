@@ -58,7 +58,12 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
         if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
             raise SceneError('no body "robot" in the worldbody with a sphere geom "footprint", as it plans; write them')
-        moved = _named_system(spec) if system is None else system
+        called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
+        if system is None and called not in names():
+            found, wanted = f'"{called}"', " or ".join(f'"{known}"' for known in names())
+            must = f"{'missing' if called is None else found}; write {wanted}, or choose a system with --system"
+            raise SceneError(f'custom text "pirrht_dynamics" is {must}')
+        moved = named(str(called)) if system is None else system
         if radius is not None:
             _resize(spec, body, foot, radius)
         if margin > 0.0:
@@ -110,15 +115,6 @@ def _widen(body: mujoco.MjsBody, foot: mujoco.MjsGeom, margin: float) -> None:
         body.add_geom(name="inner footprint", **{name: getattr(foot, name) for name in _INNER})
         foot.contype, foot.conaffinity, foot.mass, foot.density = 0, 0, 0.0, 0.0
     foot.size = np.asarray(foot.size) + margin * np.array([1.0, 0.0, 0.0])
-
-
-def _named_system(spec: mujoco.MjSpec) -> System:
-    name = next((str(t.data) for t in spec.texts if t.name == "pirrht_dynamics"), None)
-    if name is None or name not in names():
-        found = "missing" if name is None else f'"{name}"'
-        wanted = " or ".join(f'"{known}"' for known in names())
-        raise SceneError(f'custom text "pirrht_dynamics" is {found}; write {wanted}, or choose a system with --system')
-    return named(name)
 
 
 def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
