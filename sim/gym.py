@@ -139,7 +139,7 @@ def score(
             that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
         seeds: one run each, whole numbers from 0 on.
         method: its name in tables and reports.
-        environment: a wrapped `Drive`; without it one of `options` is made.
+        environment: a wrapped `Drive`; else one of `options` is made.
         into: folder of a sweep (`pirrht sweep -o`) that the runs are added to for `pirrht report`; made if there is
             none. Task, plant and time limit must be the sweep's.
         again: replace runs of the same method, scene, noise and seed there; without it they are refused at once.

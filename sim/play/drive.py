@@ -70,10 +70,8 @@ def build(scenario: Scenario, before: World) -> World:
 class Live(Policy):
     """The policy that decides now; the newest world that was requested is built, one at a time, and takes over.
 
-    Args:
-        tell: takes a line on what could not be planned.
-        latency: simulated time after a request at which its world is waited for, so that it takes over at a time that
-            does not depend on the machine [s]; None: it takes over when it is ready.
+    It does so a latency [s] of simulated time after its request, so that this does not depend on the machine, or
+    without one when it is ready. `tell` takes a line on what could not be planned.
     """
 
     tree, run, path_integral, homology = (
@@ -237,8 +235,7 @@ class Play:
     Args:
         scenario: loaded loose.
         script: events by the times of the first run.
-        real_time: against the clock, and changed worlds take over when they are ready; else step by step, and they do
-            after `LATENCY`, so that results do not depend on the machine.
+        real_time: against the clock, and changed worlds take over when they are ready; else after `LATENCY`.
         tell: takes a line on whatever happens.
     """
 
