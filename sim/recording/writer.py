@@ -221,12 +221,13 @@ class Plots:
             weights, sizes = (dict(zip(r.cells["classes"], r.cells[kind], strict=True)) for kind in ("weights", "ess"))
             share, value = [weights.get(name, 0.0) for name in names], r["value"]
             by_class = [value - self._temperature * log(w) if w > 0 else inf for w in share]
+            risks = [r.risks.get(n, inf) if w >= HEAVY else inf for n, w in zip(names, share, strict=True)]
             exact, band = r.cells["exact_value"], _band(value, r["value_error"])
             for path, line in (
                 ("weight", [max(0.0, sum(weights.values()) - sum(share)), *share, *spare]),
                 ("ess", [sizes.get(OTHER, 0.0), *(sizes.get(name, 0.0) for name in names), *spare]),
                 ("arriving", [inf, *(r.arriving.get(name, inf) for name in names), *spare]),
-                ("risk", [*(r.cells["collision"] or [inf]), *(r.risks.get(name, inf) for name in names), *spare]),
+                ("risk", [*(r.cells["collision"] or [inf]), *risks, *spare]),
                 ("value", [value, *band, *by_class, *spare, *exact]),
                 ("clearance", r.cells["clearance"]),
                 ("control", r.cells["control"]),
