@@ -200,7 +200,7 @@ class Live:
         self._space: Any = None
         self._urls = [arguments.connect, viewer.spawn() if arguments.view else None]
         if arguments.serve:
-            self._server = viewer.Server.start()
+            self._server = viewer.Server()
             self._urls.append(self._server.url)
             tqdm.write(WATCH.format(self._server.page))
 

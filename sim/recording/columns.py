@@ -34,11 +34,6 @@ class Column:
     def __post_init__(self) -> None:
         object.__setattr__(self, "component", self.component or self.name.removesuffix("_K").removesuffix(":ID"))
 
-    @property
-    def by_class(self) -> bool:
-        """Return whether it stands for one column per class."""
-        return self.name.endswith(":ID")
-
     def places(self, states: Sequence[str], width: int) -> dict[str, int]:
         """Return the names of its columns, and the place of each among values that are `width` at most.
 
@@ -88,18 +83,18 @@ def _states(prefix: str, when: str, turned: str, values: Values) -> list[Column]
     ]
 
 
-START, END = "at its start", "at its end"
 COLUMNS = (
     Column("step", "1", "number of the control step, from 0", kind=int),
     Column("time", "s", "simulated time at its start"),
     Column("duration", "s", "simulated time it took", lambda f: [f.advance.time]),
-    *_states("", START, f"{START}, counter-clockwise from x", lambda f: f.plan.state),
+    *_states("", "at its start", "at its start, counter-clockwise from x", lambda f: f.plan.state),
     Column("control_K", CONTROL, "u at its start: velocity of a point, steering of a car, acceleration of a mass, "
            "speed and turn rate of a rover", lambda f: f.plan.control),
     Column("noise_K", "sqrt(s)", "sum of the Brownian increments over the step",
            lambda f: f.advance.noise.sum(axis=0)),
     # Other steps end where the next one begins.
-    *_states("end_", END, END, lambda f: f.state if f.outcome is not None and len(f.advance.states) else ()),
+    *_states("end_", "at its end", "at its end",
+             lambda f: f.state if f.outcome is not None and len(f.advance.states) else ()),
     Column("cost", "cost", "integral of q + u'Ru/2 from the start of the run to the end of the step",
            lambda f: [f.cost]),
     Column("length", "m", "driven up to the end of the step, without the path's noise (path_length)",

@@ -119,7 +119,7 @@ def table(recording: Recording) -> Table:
         if column.values is None:
             columns[column.name] = np.array(known[column.name])
         else:
-            columns |= (_by_class if column.by_class else _by_place)(column, recording)
+            columns |= (_by_class if column.name.endswith(":ID") else _by_place)(column, recording)
     return columns
 
 
@@ -150,7 +150,7 @@ def write(file: Path, columns: Table, recording: Recording) -> None:
     for name in columns:
         c = next(c for c in COLUMNS if re.fullmatch(c.name.replace("_K", r"_\d+").replace(":ID", ":.+"), name))
         about[name] = {"unit": c.unit, "text": c.text}
-        if c.by_class:
+        if c.name.endswith(":ID"):
             about[name]["class"] = ids[name.partition(":")[2]]
     with replaced(file, "--output") as stream:
         if file.suffix == ".npz":

@@ -42,7 +42,7 @@ class Pictures:
     def __init__(self, stream: Stream, subject: Subject, colors: ClassColors) -> None:
         self._stream, self._subject, self._colors = stream, subject, colors
         self._fans: set[str] = set()
-        self._now = (0, 0.0)
+        self._now, self._sizes = (0, 0.0), list[float]()  # moment and square roots of weights of the plan drawn
         self._reached = 0.0  # until when there are tubes [s]
 
     def draw(self, plan: Plan, step: int, time: float) -> None:
@@ -55,7 +55,8 @@ class Pictures:
         if plan.estimate is not None:
             heavy = [name for name in heaviest if weights.get(name, 0.0) >= NAMED]
             labels = {name: f"{title(name)}   {share(weights[name])}" for name in heavy}
-        self._references(plan, lines, weights)
+        self._sizes = [weights.get(name, 0.0) ** 0.5 for name in plan.ids]
+        self._references(plan, lines)
         self._label("/world/names", labels, plan, [strokes.even(line, LIFTED_POINTS) for line in lines])
         self._means(plan, [name for name in heaviest if weights.get(name, 0.0) >= HEAVY][:MEANS])
         fans = self._samples(plan)
@@ -66,7 +67,7 @@ class Pictures:
         why = reasons(plan, subject.path_integral, subject.solids, words, exact)
         self._log("/why/page", rr.TextDocument(page(plan, why, time), media_type=rr.MediaType.MARKDOWN))
         if subject.moves:
-            self._draw_in_time(plan, fans, labels, weights)
+            self._draw_in_time(plan, fans, labels)
 
     def _label(self, path: str, labels: Mapping[str, str], plan: Plan, lines: Sequence[Array | Floats]) -> None:
         """Log the labels of classes on their lines (k, 2) or (k, 3) [m]."""
@@ -103,9 +104,8 @@ class Pictures:
         strips = [lift(means[name], 0.065 + 0.001 * k) for k, name in enumerate(names)]
         self._strips("/world/ways", strips, colors, radii)
 
-    def _references(self, plan: Plan, lines: Sequence[Array], weights: Mapping[str, float]) -> None:
-        colors = [self._colors[name] for name in plan.ids]
-        radii = [0.008 + 0.024 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
+    def _references(self, plan: Plan, lines: Sequence[Array]) -> None:
+        colors, radii = [self._colors[name] for name in plan.ids], [0.008 + 0.024 * size for size in self._sizes]
         self._strips("/world/references", [lift(line, 0.05) for line in lines], colors, radii)
         few = plan.references[:LIFTED]
         chosen = [(r, strokes.even(line, LIFTED_POINTS)) for r, line in zip(few, lines, strict=False)]
@@ -117,15 +117,13 @@ class Pictures:
             places = [line[i] for line, i in zip(raised, strokes.apart(raised), strict=True)]
             self._names(f"{path}/names", places, texts, colors[: len(few)])
 
-    def _draw_in_time(
-        self, plan: Plan, fans: Mapping[str, Fan], labels: Mapping[str, str], weights: Mapping[str, float]
-    ) -> None:
+    def _draw_in_time(self, plan: Plan, fans: Mapping[str, Fan], labels: Mapping[str, str]) -> None:
         """Log moving obstacles as predicted, and the plan with time upward."""
         lines = [at_most(strokes.timed(one, plan.time), KNOTS) for one in plan.references]
         self.reach(max([self._now[1], *(float(line[-1, 2]) for line in lines)]))
         braids = [self.raised(line) for line in lines]
-        radii = [0.018 + 0.03 * weights.get(name, 0.0) ** 0.5 for name in plan.ids]
-        self._strips(f"{TIMES}/braids", braids, [self._colors[name] for name in plan.ids], radii)
+        colors, radii = [self._colors[name] for name in plan.ids], [0.018 + 0.03 * size for size in self._sizes]
+        self._strips(f"{TIMES}/braids", braids, colors, radii)
         self._label(f"{TIMES}/names", labels, plan, braids)
         alive = {name: fan for name, fan in fans.items() if name != DEAD}
         heavy = slice(-max(1, THREADS // max(1, len(alive))), None)

@@ -262,7 +262,7 @@ class Recorder:
         if grid is not None:  # compile what draws optimal paths before a run would have to wait for it
             grid.shares(grid.problem.dynamics.state_of(grid.space.scene.start), samples=1)
         self._interval, self._due = 1.0 / look.hz, 0.0
-        self.server = viewer.Server.start() if sinks.serve else None
+        self.server = viewer.Server() if sinks.serve else None
         urls = (sinks.connect, viewer.spawn() if sinks.view else None, self.server and self.server.url)
         self._sinks = [ToViewer(subject, url) for url in urls if url is not None]
         self.live = bool(self._sinks)

@@ -85,22 +85,19 @@ def spawn() -> str:
     return _url(port)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Server:
-    """A viewer for browsers of this machine, and the data that it shows; both end with this process."""
+    """A viewer for browsers of this machine, and the data that it shows; both end with this process.
 
-    page: str  # address for the browser
-    url: str  # where data goes to
-    process: subprocess.Popen[bytes]
+    It serves on Rerun's usual ports if they are free; an OptionError where it does not come up.
+    """
 
-    @classmethod
-    def start(cls) -> Server:
-        """Serve, on Rerun's usual ports if they are free; an OptionError where the server does not come up."""
+    def __init__(self) -> None:
         data, web = _free_port(DATA_PORT), _free_port(WEB_PORT)
         options = ["--serve-web", "--port", str(data), "--web-viewer-port", str(web), "--server-memory-limit", "1GB"]
-        process = _start(options, guard=(sys.executable, "-I", "-c", GUARD), stdin=subprocess.PIPE)
-        _await(process, [data, web], "--serve: the server")
-        return cls(page=f"http://127.0.0.1:{web}/?url={quote(_url(data), safe='')}", url=_url(data), process=process)
+        self.process = _start(options, guard=(sys.executable, "-I", "-c", GUARD), stdin=subprocess.PIPE)
+        _await(self.process, [data, web], "--serve: the server")
+        self.url = _url(data)  # where data goes to
+        self.page = f"http://127.0.0.1:{web}/?url={quote(self.url, safe='')}"  # address for the browser
 
     def stay(self) -> None:
         """Serve until the user has seen enough (Ctrl-C) or the server ends."""

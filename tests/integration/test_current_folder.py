@@ -61,7 +61,7 @@ def test_viewer_server_and_repair_import_nothing_from_there(project: Path, monke
     with monkeypatch.context() as patch:
         patch.setattr(subprocess, "Popen", lambda command, **_: started.append(command))
         viewer.spawn()
-        viewer.Server.start()
+        viewer.Server()
     for command in started:
         ran = subprocess.Popen([*command, "--version"], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         assert ran.stdout is not None

@@ -152,7 +152,7 @@ def test_usage_statistics_of_everything_started_are_off(monkeypatch):
     monkeypatch.setattr(viewer, "_await", lambda *_: None)
     monkeypatch.setattr(viewer, "check_display", lambda: None)
     viewer.spawn()
-    viewer.Server.start()
+    viewer.Server()
     assert len(started) == 2
     for command, environment in started:
         assert environment["CI"] == "1"
