@@ -52,7 +52,7 @@ class ToViewer:
 
     def __init__(self, subject: Subject, target: Any) -> None:
         self.dropped, self._target = 0, target  # URL, or path of a file
-        self.stream = subject.stream(orderly=self.lossless)
+        self.stream = subject.stream()
         self._blueprint = layout(subject, live=not self.lossless)
         self._writer = Writer(self.stream, subject)  # what it writes is kept in memory until the target is open
         self.rows: deque[Row] = deque()  # appending takes no lock that the control thread could wait for

@@ -63,12 +63,12 @@ class Subject:
             return ()
         return telling(self.tree, self.path_integral.problem.dynamics.state_of(self.space.scene.start))
 
-    def stream(self, *, orderly: bool) -> Stream:
+    def stream(self) -> Stream:
         """Begin a stream; equal are application ids of equal layouts, and recording ids of equal settings and seed."""
         scene, truth = self.space.scene.name, ("truth",) if self.look.truth else ()
         application = " ".join(map(str, ("pirrht", scene, *truth, *(k + 1 for k in self.lift))))
         text = json.dumps(dict(self.settings), sort_keys=True, default=str)
-        return Stream(application, f"{scene}-{hashlib.sha256(text.encode()).hexdigest()[:12]}", orderly=orderly)
+        return Stream(application, f"{scene}-{hashlib.sha256(text.encode()).hexdigest()[:12]}")
 
     @cached_property
     def solids(self) -> tuple[str, ...]:
@@ -115,19 +115,12 @@ def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:
 
 
 class Stream:
-    """One recording with the timelines `step` and `sim_time`: equal data makes equal chunks.
+    """One recording with the timelines `step` and `sim_time`: equal data makes equal chunks in the same order."""
 
-    An orderly one keeps them in the order in which they were logged, which files need to be compared.
-    """
-
-    def __init__(self, application: str, recording_id: str, *, orderly: bool) -> None:
-        self._orderly = orderly
-        self.native = rr.RecordingStream(
-            application,
-            recording_id=recording_id,
-            send_properties=False,  # they would hold the wall time
-            batcher_config=rr.ChunkBatcherConfig.NEVER(),  # chunks end where we say, not where a clock does
-        )
+    def __init__(self, application: str, recording_id: str) -> None:
+        never = rr.ChunkBatcherConfig.NEVER()  # chunks end where we say, not where a clock does
+        options = {"send_properties": False, "batcher_config": never}  # properties would hold the wall time
+        self.native = rr.RecordingStream(application, recording_id=recording_id, **options)
         self.native.set_log_time_enabled(False)
 
     def static(self, path: str, *together: rr.AsComponents) -> None:
@@ -159,5 +152,4 @@ class Stream:
 
     def cut(self) -> None:
         """Keep chunks in order: those that wait together leave in any; a flush in between is not waited for."""
-        if self._orderly:
-            self.native.flush(timeout_sec=0)
+        self.native.flush(timeout_sec=0)

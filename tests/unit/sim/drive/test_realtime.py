@@ -237,7 +237,7 @@ def test_moving_obstacles_set_out_when_the_run_does_and_not_when_it_was_rehearse
 def test_recordings_give_way_to_plans(monkeypatch):
     asked: list[float] = []
     monkeypatch.setattr(IDLE, "wait", asked.append)
-    stream = Stream("test", "way", orderly=True)
+    stream = Stream("test", "way")
     stream.columns("/number", [(0, 0.0)], rr.Scalars.columns(scalars=[1.0]))
     stream.log("/number", 1, 0.1, rr.Scalars(2.0))
     assert len(asked) == 2
