@@ -103,6 +103,11 @@ def test_actions_beyond_the_bound_are_clipped():
     np.testing.assert_array_equal(free.step(np.array([0.5, -0.5]))[0], bound.step(np.array([3.0, -9.0]))[0])
 
 
+def test_an_environment_has_the_margin_that_keeps_its_risk():
+    margin = Drive("slit", noise=0.2, risk=0.01).scenario.margin
+    assert margin == prepare("slit", noise=0.2, risk=0.01).margin > 0.005
+
+
 def test_what_cannot_be_is_refused():
     for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
         with pytest.raises(OptionError):
