@@ -11,7 +11,7 @@ from pirrht.planner.tree import HomologyTree
 from pirrht.systems.unicycle import Unicycle
 from sim import gym
 from sim.mjcf.robot import control_limits
-from sim.scenario import Scenario
+from sim.scenario import Scenario, prepare
 
 FIGURES = ("time", "cost", "path_length", "noisy_path_length", "steps", "min_clearance")
 
@@ -104,7 +104,7 @@ def test_actions_beyond_the_bound_are_clipped():
 
 
 def test_an_environment_has_the_margin_that_keeps_its_risk():
-    margin = Drive("slit", noise=0.2, risk=0.01).scenario.margin
+    margin = gym.Drive("slit", noise=0.2, risk=0.01).scenario.margin
     assert margin == prepare("slit", noise=0.2, risk=0.01).margin > 0.005
 
 
