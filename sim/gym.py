@@ -41,7 +41,15 @@ except ImportError:
     raise OptionError("environments need Gymnasium; install it with `pip install 'pirrht[gym]'`") from None
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
-SETTINGS = ("noise", "period", "max_time", "plant", "phi", "risk", "risk_infeasible")  # of a run, that an environment has
+SETTINGS = (
+    "noise",
+    "period",
+    "max_time",
+    "plant",
+    "phi",
+    "risk",
+    "risk_infeasible",
+)  # of a run, that an environment has
 ARGUMENTS = {*BY_SCENE, *SETTINGS} - {"preset"}
 SEED = BY_SETTING["seed"]
 

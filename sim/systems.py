@@ -116,10 +116,10 @@ class System:
         """Return the `pirrht.Steering` of a problem."""
         if self.steering is not None:
             return self._made("steering", problem)
-        from pirrht.steering.straight_line import Tracked
+        from pirrht.steering.straight_line import StraightLine, Tracked
 
         try:
-            return Tracked.of(problem, self.pace)
+            return StraightLine.of(problem) if problem.dynamics.even else Tracked.of(problem, self.pace)
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
 
@@ -131,14 +131,15 @@ class System:
         if self.home is not None:
             return self._made("home", problem)
         d, goal, steering = problem.dynamics, problem.scene.goal, self.steered(problem)
-        if self.steering is not None and (d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()):
+        tracked = self.steering is None and not d.even
+        if not tracked and (d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()):
             return None
         ends = np.asarray(steering.roots(goal.center))
 
         def terminal_cost(states: Array) -> Array:
             off = states[:, :2] - goal.center
             away = np.hypot(*off.T)
-            if self.steering is None:
+            if tracked:
                 return np.asarray(steering.cost_per_meter * np.maximum(away - goal.radius, 0.0))
             heads = np.repeat(ends[None], len(states), axis=0)
             heads[:, :, :2] += (off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None])[:, None]

@@ -46,7 +46,10 @@ class DDPGuidance:
     def __init__(
         self, problem: Problem, world: PredictedWorld, *, sways: bool, tuning: ProposalTuning = TUNING
     ) -> None:
-        assert self.suits(problem)
+        if not self.suits(problem):
+            raise OptionError(
+                "a point without drift among static obstacles takes StraightLine.of(problem) as its steering"
+            )
         d, setup = problem.dynamics, world.setup
         kind = kind_of(problem, setup.world.moving.kernels)
         self.problem, self.world, self.tuning, self.gated = problem, world, tuning, kind.gated

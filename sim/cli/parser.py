@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from typing import Any, NoReturn
 
 import pirrht
@@ -16,6 +17,7 @@ from sim.settings import DRIVES, PRESETS, SPECIAL, Option
 from sim.systems import System, named, names, typed
 from sim.text import table
 
+ALIKE = 0.8  # likeness of an option that may have been meant
 METHODS_TEXT = "methods:\n" + "\n".join(f"  {name:<11} {text}" for name, text in METHODS.items())
 PRESETS_TEXT = "presets:\n" + "\n".join(f"  {name:<9} {text}" for name, (text, _, _) in PRESETS.items())
 ORDER = "Precedence: command line, preset, scene (custom numerics pirrht_NAME), robot."
@@ -57,7 +59,11 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
     words = sys.argv[1:] if argv is None else argv
     arguments, unknown = parser(everything="--help-all" in words).parse_known_args(words)
     if unknown:
-        raise OptionError(f"unrecognized arguments: {' '.join(unknown)}; see `pirrht {arguments.command} --help`")
+        near = get_close_matches(unknown[0], [option.flag for option in options_of(arguments.command)], 1, ALIKE)
+        meant = f" (did you mean {near[0]}?)" if near else ""
+        raise OptionError(
+            f"unrecognized arguments: {' '.join(unknown)}{meant}; see `pirrht {arguments.command} --help`"
+        )
     for option in options_of(arguments.command):
         if (value := getattr(arguments, option.dest)) is not None:
             option.check(value)

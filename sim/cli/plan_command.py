@@ -150,6 +150,8 @@ def plan(arguments: argparse.Namespace) -> int:
     print(tables.class_table(references, scenario.homology))
     say(f"{tree.size} vertices, {tree.node_count} nodes, {found['fcl_calls']} FCL calls, {seconds:.2f} s")
     say(tables.passages_line(found["passages"]))
+    if scenario.settings.risk is not None:
+        say(tables.odds(scenario))
     if collision is not None:
         say(f"predicted at the start: {tables.chance(collision)}")
     if arguments.output:

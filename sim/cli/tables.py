@@ -15,6 +15,7 @@ from sim.drive.metrics import EpisodeMetrics, Truth
 from sim.scenario import Scenario
 from sim.text import counted, say, table
 
+LEAST_SHARE = 1e-4  # probability of a collision below which it is not stated [%]
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
 LONE_ESS = 1.5  # effective samples of a class of which no more than one has any weight
@@ -123,7 +124,8 @@ def odds(scenario: Scenario) -> str:
 
 def chance(collision: CollisionProbability) -> str:
     """State the predicted probability of a collision."""
-    return f"probability of a collision {100 * collision.probability:.2g} % +- {100 * collision.error:.1g} %"
+    share, error = 100.0 * collision.probability, 100.0 * collision.error
+    return f"probability of a collision {f'{share:.2g} % +- {error:.2g}' if share > LEAST_SHARE else f'below {LEAST_SHARE:g}'} %"
 
 
 def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) -> None:

@@ -162,7 +162,8 @@ class Scenario:
 
         None: there are no samples, or nothing is predicted (`predicts_collisions`).
         """
-        if plan is None or plan.estimate is None or not self.predicts_collisions:
+        mppi = self.settings.method == "mppi"  # another law, whose samples meet no walls on their way
+        if plan is None or plan.estimate is None or mppi or not self.predicts_collisions:
             return None
         return collision_probability(
             self.problem, plan.estimate, step=self.physics_step, margin=self.margin + margin, classes=plan.classes

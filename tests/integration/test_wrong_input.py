@@ -61,6 +61,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("warm tank", "tank", "puck"),
     ("fly slit", "'fly'", "plan"),
     ("", "COMMAND", "--help"),
+    ("run slit --nose 0.2", "unrecognized arguments: --nose 0.2 (did you mean --noise?); see `pirrht run --help`", ""),
     ("run slit --plan-seed 3", "unrecognized arguments: --plan-seed 3; see `pirrht run --help`", ""),
     ("sweep slit --seeds -3:2", "--seeds: expected one argument; see `pirrht sweep --help`", ""),
     ("run slit --consistency 0.5", "--consistency is of the method best-class alone", ""),

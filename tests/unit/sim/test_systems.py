@@ -161,6 +161,13 @@ def test_the_way_home_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
     assert named("unicycle").way_home(prepare("slit", robot="unicycle").problem) is None
 
 
+def test_a_point_without_drift_plans_as_the_built_in_one_without_a_steering():
+    bare = System(name="bare", dynamics=lambda settings: SingleIntegrator(b=settings.noise), R=2 * np.eye(2))
+    own, built_in = (prepare("slit", system=one, noise=0.2, vertices=300, margin=0.0) for one in (bare, None))
+    one, other = (s.controller(s.grown_tree()).plan(s.start) for s in (own, built_in))
+    np.testing.assert_array_equal(one.control, other.control)
+
+
 def test_a_scene_sets_what_a_system_has_of_its_own_only_if_it_is_meant_for_it(folder):
     own = raft(own=("noise", "max_time"), defaults={"noise": 0.7, "max_time": 3.0, "samples": 5})
     slit = load("slit")
