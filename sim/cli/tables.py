@@ -125,7 +125,8 @@ def odds(scenario: Scenario) -> str:
 def chance(collision: CollisionProbability) -> str:
     """State the predicted probability of a collision."""
     share, error = 100.0 * collision.probability, 100.0 * collision.error
-    return f"probability of a collision {f'{share:.2g} % +- {error:.2g}' if share > LEAST_SHARE else f'below {LEAST_SHARE:g}'} %"
+    known = f"{share:.2g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
+    return f"probability of a collision {known}"
 
 
 def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) -> None:
