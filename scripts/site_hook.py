@@ -18,7 +18,6 @@ FORMULAS = {  # of docstrings, and in LaTeX
     "lambda R^-1 = s s'": r"\lambda R^{-1} = s s^\top",
     "lambda R^-1 G' grad log psi": r"\lambda R^{-1} G^\top \nabla \log \psi",
     "lambda R^-1 G'": r"\lambda R^{-1} G^\top",
-    "u + s dw/dt": r"u + s \, dw/dt",
     "dx = u dt + b dw": r"dx = u \, dt + b \, dw",
     "dtheta = u/rho dt + b dw": r"d\theta = \frac{u}{\rho} \, dt + b \, dw",
     "v = -lambda log psi": r"v = -\lambda \log \psi",
