@@ -25,7 +25,7 @@ from sim.recording.reasons import page, reasons, share, shares_of, words_of
 from sim.recording.stage import BORDER, CONTROL, FLOOR, GOAL, TIMES, VALUE, entity
 from sim.recording.subject import Stream, Subject
 
-SAMPLE_POINTS, CLASS_POINTS = 3100, 300  # of all samples of a picture, less so many for each class: 50 kB together
+SAMPLE_POINTS, CLASS_POINTS = 2500, 300  # of all samples of a picture, less so many for each class: 45 kB together
 REFERENCE_POINTS, KNOTS = 64, 48  # of a reference on the map, and of a braid, at most
 NAMED = 0.005  # share of psi from which a class bears its name on the map
 MEANS, HEAVY = 6, 0.01  # classes whose mean path is drawn: at most, and from this share on
