@@ -8,7 +8,6 @@ from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control import proposals as of_tree
 from pirrht.control.blocked import Brake, blocked_plan
-from pirrht.control.held import off_walls
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
@@ -97,7 +96,7 @@ class Controller(Policy):
         run, settings, x = self.run, self.settings, self._state(x)
         self._update_prediction(x, TimeBudget(left, settings.tuning))
         gap = settings.tuning.off_walls * self.space.scene.robot_radius
-        x = off_walls(self.path_integral.setup.world, x, run.now, gap)
+        x = self.path_integral.setup.world.off_walls(x, run.now, gap)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
             references = of_tree.extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)

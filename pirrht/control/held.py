@@ -11,7 +11,6 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Law
-from pirrht.geometry.world import World
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
@@ -40,16 +39,3 @@ class HeldLaw:
         G = self.walls.problem.dynamics.G_c(x)[:2]
         excess = self.step * float(away @ G @ u) - most
         return u if excess <= 0.0 else u - np.linalg.pinv(G) @ away * (excess / self.step)
-
-
-def off_walls(world: World, x: Array, t: float, gap: float) -> Array:
-    """Return the nearest state to x (n,) from which plans can begin at t [s], `gap` [m] off walls.
-
-    It is x itself unless noise has carried the robot into the safety margin.
-    """
-    for _ in range(4):  # a second wall may be near
-        if world.clearance(x[0], x[1], t) > 0.0:
-            break
-        c, nx, ny, *_ = world.walls(x[0], x[1], t)[0]
-        x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
-    return x

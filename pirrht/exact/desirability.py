@@ -23,7 +23,7 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array, IntArray
-from pirrht.control.held import HeldLaw, off_walls
+from pirrht.control.held import HeldLaw
 from pirrht.control.plan import Law, Plan
 from pirrht.control.policy import Policy
 from pirrht.control.settings import TUNING as CONTROL
@@ -238,7 +238,7 @@ class Optimal(Policy):
 
         def optimal(state: Array, since: float = 0.0) -> Array:
             t = now + since
-            return self.desirability.control(off_walls(world, state, t, gap), t)
+            return self.desirability.control(world.off_walls(state, t, gap), t)
 
         law: Law = optimal
         if self.held is not None and d.noisy_position:

@@ -166,6 +166,18 @@ class World(NamedTuple):
         rows = np.vstack([static[static[:, 0] < within], self.moving.walls(x, y, t, within)])
         return rows[np.argsort(rows[:, 0], kind="stable")]
 
+    def off_walls(self, x: Array, t: float, gap: float) -> Array:
+        """Return the nearest state to x (n,) from which plans can begin at t [s], `gap` [m] off walls.
+
+        It is x itself unless noise has carried the robot into the safety margin.
+        """
+        for _ in range(4):  # a second wall may be near
+            if self.clearance(x[0], x[1], t) > 0.0:
+                break
+            c, nx, ny, *_ = self.walls(x[0], x[1], t)[0]
+            x = np.concatenate([x[:2] + (gap - c) * np.array([nx, ny]), x[2:]])
+        return x
+
     def certify(self, ax: float, ay: float, bx: float, by: float, s: float = 0.0, t: float = 0.0) -> int:
         """Return FREE, UNSURE or BLOCKED for a straight step from (ax, ay) [m] at s [s] to (bx, by) at t."""
         static = int(certify_segment(self.field, ax, ay, bx, by))

@@ -37,6 +37,15 @@ def test_a_held_control_throws_no_farther_off_a_wall_than_some_deviations(planne
         assert -STEP * plan.at(x, 0.0)[1] <= THROW * NOISE * np.sqrt(STEP) + 1e-9
 
 
+def test_the_exact_law_throws_no_farther_off_a_wall_either_and_turns_back_within_the_margin(planned):
+    scenario, top = planned[0], wall_below(planned[0], 3.0)
+    optimal = scenario.optimal()
+    for off in (1e-4, -0.004):
+        optimal.begin(x := np.array([3.0, top - off]))
+        thrown = -STEP * optimal.plan(x).at(x, 0.0)[1]
+        assert 1.5 < thrown / (NOISE * np.sqrt(STEP)) <= THROW + 1e-9
+
+
 def test_a_plan_that_noise_has_carried_into_the_margin_begins_where_that_ends(planned):
     scenario, controller, _ = planned
     controller.begin(x := np.array([3.0, wall_below(scenario, 3.0) + 0.005]))
