@@ -83,7 +83,8 @@ def run(
         risk: predicts the probability of a collision from a plan on.
     """
     plant.reset(start)
-    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid, risk=risk)
+    metrics = EpisodeMetrics(policy, plant.state, period=plant.period, max_time=max_time, grid=grid)
+    metrics.risk = risk or metrics.risk
     if clock is None:
         periods: Generator[Any] = _in_turn(plant, policy, rng, grow or 0)
     else:

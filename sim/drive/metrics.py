@@ -158,11 +158,10 @@ class EpisodeMetrics:
     """
 
     def __init__(
-        self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None,
-        risk: Risk | None = None,
+        self, task: Any, x: Array, *, period: float, max_time: float, grid: Desirability | None = None
     ) -> None:  # fmt: skip
         self._task, self._period, self._max_time, self._grid = task, period, max_time, grid
-        self.risk = risk or (lambda _: None)
+        self.risk: Risk = lambda _: None
         self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
         self.path_length = self.noisy_path_length = self.blocked_time = 0.0
         self.min_clearance, self._doubted = inf, -inf  # time of the last weak plan [s]

@@ -24,7 +24,7 @@ class Cluster(Crew):
         OptionError: Dask is missing, nobody answers at the address, or workers have another version.
     """
 
-    inline = False
+    inline, remote = False, True
     ahead, most = 2, CHUNK_TASKS
     tries, death = 1, "the workers died"  # the scheduler has tried it on several
 

@@ -82,7 +82,7 @@ class Agenda:
 class Crew:
     """Who does the work, as a context: this thread, one task after the other. Subclasses have other workers."""
 
-    inline = True
+    inline, remote = True, False  # whether it works on this thread; on other machines
     workers, ahead, most = 1, 1, 1  # chunks of a worker that are under way, tasks of a chunk
     broken: tuple[type[BaseException], ...] = ()  # raised by the chunks of a process that has died
     tries, death = 1, ""  # processes that a task may end with nothing else under way, and the error of its record then

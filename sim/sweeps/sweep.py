@@ -233,7 +233,13 @@ def sweep(
         print(f"{len(done)} of {counted(len(asked), 'run')} are there already", file=sys.stderr)
     workers = min(jobs_at_once or len(os.sched_getaffinity(0)), max(1, len(waiting)))
     with engine.interruptible() as stop:
-        for record in _records(waiting, list(done.values()), stop, workers, scheduler, dataset):
+        if scheduler is not None:
+            from sim.sweeps.cluster import Cluster
+
+            crew: engine.Crew = Cluster(scheduler, stop)
+        else:  # this thread if one is enough and nothing must be kept
+            crew = engine.Crew(stop) if workers == 1 and dataset is None else engine.Pool(workers, stop)
+        for record in _records(waiting, list(done.values()), stop, crew, dataset):
             done[key_of(record)] = record
     if stop.asked:
         if dataset is not None:
@@ -245,25 +251,18 @@ def sweep(
 
 
 def _records(
-    jobs: Sequence[Job], done: Sequence[Record], stop: engine.Stop, workers: int, scheduler: str | None,
-    dataset: Dataset | None,
+    jobs: Sequence[Job], done: Sequence[Record], stop: engine.Stop, crew: engine.Crew, dataset: Dataset | None
 ) -> Iterator[Record]:  # fmt: skip
     """Records of jobs as they come, next to those that are done already; the dataset has them all in the end."""
     places, warned = {job.place for job in jobs if job.needs_tree}, False
     with ExitStack() as stack:
         near = dataset.folder if dataset else None
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=TREES, dir=near)))
-        if scheduler is not None:
-            from sim.sweeps.cluster import Cluster
-
-            crew: engine.Crew = Cluster(scheduler, stop)
-        else:  # this thread if one is enough and nothing must be kept
-            crew = engine.Crew(stop) if workers == 1 and dataset is None else engine.Pool(workers, stop)
         stack.enter_context(crew)
         progress = stack.enter_context(Progress(len(jobs) + len(done), done, len(places)))
         if dataset is not None:
             stack.callback(dataset.compact)
-        for record, grown in driven(jobs, crew, None if scheduler else folder):
+        for record, grown in driven(jobs, crew, None if crew.remote else folder):
             if dataset is not None and dataset.add(record):
                 told = f"{dataset.folder} cannot be written; finished runs are kept for another try"
                 progress.write(told, sys.stderr)
