@@ -33,7 +33,7 @@ ROUNDS = 8  # margins that are tried under --risk
 FINEST = 1e-4  # margins are whole multiples of this [m]
 WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
 RESERVE = 2.0  # by which predictions can be too low: 2.3 in the worst of 120 cells (`benchmark.py risk`)
-DRAWN = 4  # times the samples of a plan: this estimate is made once per run
+DRAWN, MOST_DRAWN = 4, 10_000  # times the samples of a plan, since it is made once per run; and at most
 
 
 def prepare(
@@ -130,7 +130,7 @@ def predicted(
     """
     if not scenario.predicts_collisions:
         return []
-    many = scenario.with_settings(samples=DRAWN * scenario.settings.samples, method="pi-rrht")
+    many = scenario.with_settings(samples=min(DRAWN * scenario.settings.samples, MOST_DRAWN), method="pi-rrht")
     driver = many.controller(tree or many.grown_tree())
     driver.begin(many.start)
     plan = driver.plan(many.start)

@@ -69,6 +69,12 @@ def test_plan_writes_the_classes_cheapest_first_and_prints_a_row_for_each(figure
     assert [c["cost"] for c in plan["classes"]] == sorted(c["cost"] for c in plan["classes"])
 
 
+def test_plan_predicts_by_no_more_samples_than_that_takes_however_many_are_asked_for(figures):
+    status, plan = figures("plan", "slit", "--vertices", "200", "--samples", "2000000")
+    assert status == 0
+    assert plan["collision_probability"]["error"] < 0.002
+
+
 def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
     unused = figures("plan", "slit", "--vertices", "500", "--classes", "1")[1]["passages"]["unused"]
     assert [one.keys() for one in unused] == [{"at", "width", "between"}] * 2
