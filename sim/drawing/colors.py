@@ -157,8 +157,8 @@ def worded(
     """Name each of several classes; left and right as seen along the path.
 
     `windings` by id, of M static and then of moving obstacles, and `straight` (M,), H of the straight line from where
-    the robot is, are in turns; `names` (M,) and `movers` are those of the obstacles. Each class is told from those in
-    `among`, from all if None. `passed` says by id how each moving obstacle is passed (`sides`).
+    the robot is, are in turns; `names` (M,) and `movers` are those of the obstacles. Each class is set apart from those
+    in `among`, from all if None. `passed` says by id how each moving obstacle is passed (`sides`).
     """
     rivals = [winding for name, winding in windings.items() if among is None or name in among]
     found, M = {}, len(names)

@@ -121,7 +121,7 @@ class Live(Policy):
 
 
 class InteractivePlant(Executor):
-    """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it, told by line.
+    """The robot in MuJoCo, in a scene that was loaded loose, and what is done to it, reported line by line.
 
     `snapshot` is what MuJoCo knows under `SHOWN`, for somebody who watches from another thread.
     """

@@ -101,8 +101,8 @@ def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[tuple[str,
 
 def terminal(report: Row) -> str:
     """Format the report for a terminal."""
-    told = figures(report["points"], report["comparisons"])
-    return "\n\n".join(["\n".join(lead(report)), told, "\n".join(findings(report))])
+    tables = figures(report["points"], report["comparisons"])
+    return "\n\n".join(["\n".join(lead(report)), tables, "\n".join(findings(report))])
 
 
 def figures(points: Sequence[Row], comparisons: Sequence[Row]) -> str:

@@ -264,8 +264,8 @@ def _records(
             stack.callback(dataset.compact)
         for record, grown in driven(jobs, crew, None if crew.remote else folder):
             if dataset is not None and dataset.add(record):
-                told = f"{dataset.folder} cannot be written; finished runs are kept for another try"
-                progress.write(told, sys.stderr)
+                problem = f"{dataset.folder} cannot be written; finished runs are kept for another try"
+                progress.write(problem, sys.stderr)
             progress.add(record, grown)
             if record is not None:
                 yield record
