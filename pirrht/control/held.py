@@ -5,7 +5,9 @@ a deviations b sqrt(h) away, in a narrow gap into the wall on the other side. Wh
 a few deviations, and in a gap by half of the way to its middle line.
 """
 
+import math
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -25,6 +27,12 @@ class HeldLaw:
     walls: WallDrift
     step: float  # time for which a control is held [s]
     deviation: float  # of the position after it [m]
+
+    @classmethod
+    def of(cls, law: Law, walls: WallDrift, step: float, x: Array) -> Self:
+        """Limit a law that is held for a step [s] near x (n,)."""
+        deviation = walls.problem.dynamics.position_spread(x) * math.sqrt(step)
+        return cls(law=law, walls=walls, step=step, deviation=deviation)
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""

@@ -1,6 +1,5 @@
 """References of a run, one path per class from its tree, and proposals of a plan: local optima of each, and samples."""
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -281,8 +280,7 @@ def plan_of(
     mixture, run.halt = memory.mixture, None
     law: Law | None = mixture
     if mixture is not None and settings.held is not None and push.offset > 0.0:
-        spread = integral.problem.dynamics.position_spread(x) * math.sqrt(settings.held)
-        law = HeldLaw(law=mixture, walls=push, step=settings.held, deviation=spread)
+        law = HeldLaw.of(mixture, push, settings.held, x)
     plan = Plan(
         state=x, times=batch.times, references=tuple(references), ids=tuple(batch.classes.values()), estimate=estimate,
         replay=integral.replay, fallback=None, law=law, classes=batch.named, time=run.time, push=push,

@@ -242,9 +242,9 @@ class Optimal(Policy):
 
         law: Law = optimal
         if self.held is not None and d.noisy_position:
-            proposals, deviation = self.path_integral.proposals, d.position_spread(x) * math.sqrt(self.held)
+            proposals = self.path_integral.proposals
             walls = proposals.wall_drift(proposals.scales(x).wall_offset, self.held, time=now)
-            law = HeldLaw(law=law, walls=walls, step=self.held, deviation=deviation)
+            law = HeldLaw.of(law, walls, self.held, x)
         value = self.desirability.value(x, now)
         return Plan(
             state=x, times=np.array([0.0, TUNING.drawn]), references=(), ids=(), estimate=None, fallback=None,
