@@ -13,6 +13,7 @@
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py risk        predicted probability of a collision against the exact law, held for a
                                             physics step, at random states of random scenes; --part moving;
+                                            --part kept: margins of --risk 0.1 to 0.003 against that law;
                                             --part tradeoff: cost against collisions of drives at many margins;
                                             --part promise: drives with --risk 0.01 through random scenes
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;
@@ -37,7 +38,7 @@ PARTS = {
     "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
-    "risk": (None, "moving", "tradeoff", "promise"),
+    "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
 TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
 
@@ -61,7 +62,9 @@ def main() -> int:
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per row of `quality` and `risk` (300)")
     parser.add_argument(
-        "--png", type=Path, help="draw `calibration`, `maps`, samples and drives of `quality`, or tradeoff of `risk`"
+        "--png",
+        type=Path,
+        help="draw `calibration`, `maps`, samples and drives of `quality`, or kept and tradeoff of `risk`",
     )
     random = parser.add_argument_group("calibration and mass")
     random.add_argument(

@@ -14,7 +14,8 @@ so this is a bound, to first order in sqrt(h). It holds where noise acts on the 
 of it, a held step ends off its path by O(h^(3/2)), and nothing is added.
 
 Samples head for the goal. A law that ends in a wall on purpose, which is optimal where phi is less than the cost to go,
-is not among them.
+is not among them. But psi is psi_goal, the part of paths that arrive, and that of others, which is exp(-phi / lambda)
+at most. So the law accepts collisions with a probability of at most exp((v_goal - phi) / lambda).
 """
 
 import math
@@ -42,11 +43,13 @@ class CollisionProbability(NamedTuple):
     accepted: float  # part of it that a finite phi accepts
     held: float  # part of it that holding the control adds
     classes: dict[str, float]  # probability by class of the path, given the class
+    accepted_most: float  # bound of the accepted part for any phi: exp((v_goal - phi) / lambda)
+    goal_value: float  # v_goal, of the samples that arrive [cost]
 
     @property
     def most(self) -> float:
         """Upper bound of a one-sided confidence of 95 %."""
-        return min(1.0, self.probability + 1.645 * self.error)
+        return min(1.0, self.held + max(self.accepted, self.accepted_most) + 1.645 * self.error)
 
 
 @lru_cache(256)
@@ -76,6 +79,8 @@ def collision_probability(
     noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
     per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
     paths, log_weight, first = all_samples(estimate.parts)
+    arrived = np.where(paths.outcome == Outcome.GOAL, log_weight, -np.inf)
+    goal_value = problem.temperature * (math.log(len(arrived)) - float(np.logaddexp.reduce(arrived)))
     weight, ended = normalised(log_weight)[0], paths.outcome == Outcome.COLLISION
     held = np.where(ended, 0.0, per_exposure * paths.exposure)
 
@@ -91,4 +96,5 @@ def collision_probability(
         probability=min(1.0, accepted + added), accepted=accepted, held=added,
         error=float(deviation(terms[:, None], first, estimate.rollouts.tables.mirrored)[0]),
         classes={name: min(1.0, sum(probabilities(paths.key == code))) for code, name in (classes or {}).items()},
+        accepted_most=math.exp(min(0.0, (goal_value - problem.phi) / problem.temperature)), goal_value=goal_value,
     )  # fmt: skip

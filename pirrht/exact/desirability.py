@@ -4,10 +4,6 @@ In continuous time `q psi/lambda = f.grad psi + tr(BB' Hess psi)/2` with psi = 1
 at obstacles and border: the limit of runs and of the exit rule "bridge"; among moving obstacles psi depends on x and t.
 With a step dt `psi(x) = exp(-q dt/lambda) E[psi(x + f dt + B dw)]`, where a path ends only where a step ends: the
 paper's sampling procedure ("endpoint").
-
-Paths under u* are Euler-Maruyama steps in continuous time, so short near a wall that the law, which grows as
-1/distance, turns them around. In discrete time the optimal transition is the passive one times psi at its end; it is
-drawn from many normal ends around the one that the law points to, by their weights (Rubin's sampling and resampling).
 """
 
 from __future__ import annotations
@@ -15,9 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from importlib import import_module
-from typing import Any, NamedTuple, Protocol, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -30,21 +25,16 @@ from pirrht.control.settings import TUNING as CONTROL
 from pirrht.errors import OptionError
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.sampling import Sampling
-from pirrht.exact.boundaries import clearance_at, poses_at
-from pirrht.exact.grid import TUNING, Frame, Progress, frame_at, ignore_progress, in_goal
+from pirrht.exact.grid import TUNING, Progress, frame_at, ignore_progress
+from pirrht.exact.paths import Process, walker
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.arcs import turns_of_chord
-from pirrht.geometry.field import clearance
-from pirrht.jit.jit import as_jitable, kernel
-from pirrht.jit.streams import normals, stream, uniform
 from pirrht.problem import Problem
-from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
+from pirrht.rollouts.first_exit import COLLISION, GOAL
 from pirrht.steering.in_time import homology_of
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.homology import Homology
 from pirrht.topology.signature import class_id
-from pirrht.topology.tracks import turns_of_step
 
 
 class Solver(Protocol):
@@ -75,19 +65,6 @@ def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:
         known, where = " or ".join(kind.__name__ for kind in solvers), " among moving obstacles" if moves else ""
         raise OptionError(f"no grid solves the dynamics {type(d).__name__}{where}; it takes {known} with constant q")
     return cast(Solver, import_module(f"{__package__}.{found}"))
-
-
-class Process(NamedTuple):
-    """The controlled process, and steps of paths of it."""
-
-    field: Any  # clearance `Field`, unused among moving obstacles
-    frame: Frame  # of the goal's disc
-    parameters: Array  # (k,) that the drift reads
-    rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
-    B: Array  # B_c, (m, m) [state/sqrt(s)]
-    wall: float  # phi/lambda [nats]
-    step: float  # of a path [s]; in continuous time at most
-    shortest: float  # in continuous time, near walls [s]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -147,6 +124,11 @@ class Desirability:
         """Tell whether log psi depends on the time."""
         return bool(self.space.scene.movers)
 
+    @property
+    def gap(self) -> float:
+        """Distance from walls at which the law is evaluated where the robot is within the safety margin [m]."""
+        return CONTROL.off_walls * self.space.scene.robot_radius
+
     def log_psi(self, x: Array, t: Array | float = 0.0) -> Array | float:
         """log psi at one state (n,) or many (k, n), (k,) [nats], at a time t [s], one or (k,), if obstacles move."""
         states = np.atleast_2d(np.asarray(x, dtype=float))
@@ -183,33 +165,42 @@ class Desirability:
         obstacles paths leave at t [s], and integers for each of these follow those for static ones.
         """
         step = self.dt or (TUNING.moving_path_step if self.moves else TUNING.path_step)
-        homology, turns, ends, outcome = self._walk(x, samples, seed, t, step, TUNING.shortest_path_step)
+        homology, turns, ends, outcome = self._walk(x, samples, seed, t, step)
         turns, ends, first = turns[outcome == GOAL], ends[outcome == GOAL], homology.at(x, t)
         closed = [homology.closed(h, first, homology.at(end, end[-1])) for h, end in zip(turns, ends, strict=True)]
         names, counts = np.unique(np.rint(np.reshape(closed, (-1, homology.M))).astype(int), axis=0, return_counts=True)
         return {class_id(names[k]): float(counts[k] / len(turns)) for k in np.argsort(-counts, kind="stable")}
 
     def collision_probability(
-        self, x: Array, samples: int = 10_000, seed: int = 0, *, step: float, t: float = 0.0
+        self, x: Array, samples: int = 10_000, seed: int = 0, *, step: float, margin: float = 0.0, t: float = 0.0
     ) -> tuple[float, float]:
-        """Hold and judge the law from x (n,), t [s], step by step [s]: share of runs that collide, standard error."""
-        outcome = self._walk(x, samples, seed, t, step, step)[-1]
+        """Simulate the law, held for steps [s], from x (n,), t [s]: share of runs that collide, its standard error.
+
+        A point's control is limited near walls, and within the margin it is that of the nearest free place, as in runs
+        (`control.held`).
+
+        Args:
+            margin: by which walls that are hit are behind those of the problem [m].
+        """
+        outcome = self._walk(x, samples, seed, t, step, margin=margin)[-1]
         share = float(np.mean(outcome == COLLISION))
         return share, math.sqrt(max(share * (1.0 - share), 1.0 / samples) / samples)
 
     def _walk(
-        self, x: Array, samples: int, seed: int, t: float, step: float, shortest: float
+        self, x: Array, samples: int, seed: int, t: float, step: float, *, margin: float | None = None
     ) -> tuple[Homology, Array, Array, IntArray]:
-        """Draw optimally controlled paths by steps [s], at walls as short as the shortest: turns, ends, outcomes."""
+        """Draw paths by steps [s], with a margin [m] of held controls: turns, ends, outcomes."""
         d, homology, x0 = self.problem.dynamics, homology_of(self.problem, self.space), np.append(x, t).astype(float)
         process = Process(
-            self.space.field, frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
-            np.asarray(d.parameters, dtype=float), d.G_c(x0[:-1]) @ self.gain, d.B_c(x0[:-1]),
-            self.problem.phi / self.problem.temperature, step, shortest,
+            field=self.space.field, frame=frame_at(np.zeros(2), self.spacing, self.space.scene.goal),
+            parameters=np.asarray(d.parameters, dtype=float), rate=d.G_c(x0[:-1]) @ self.gain, B=d.B_c(x0[:-1]),
+            wall=self.problem.phi / self.problem.temperature, step=step,
+            shortest=TUNING.shortest_path_step if margin is None else step, margin=margin or 0.0, gap=self.gap,
         )  # fmt: skip
+        how = "stepwise" if self.dt else "continuous" if margin is None or d.n > d.m else "held"
         turns, ends = np.zeros((samples, homology.M)), np.empty((samples, len(x0)))
         outcome = np.zeros(samples, dtype=np.int64)
-        walk = _walker(self.evaluate, d.drift, self.dt is not None, self.moves)
+        walk = walker(self.evaluate, d.drift, how, self.moves)
         walk(self.grid, process, homology.markers, homology.tracks, x0, seed, turns, ends, outcome)
         return homology, turns, ends, outcome
 
@@ -234,7 +225,7 @@ class Optimal(Policy):
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Return the law from state x (n,) on, and v there [cost]; static scenes have one law for all times."""
         now, world, d = self.run.time, self.path_integral.setup.world, self.problem.dynamics
-        gap = CONTROL.off_walls * self.space.scene.robot_radius
+        gap = self.desirability.gap
 
         def optimal(state: Array, since: float = 0.0) -> Array:
             t = now + since
@@ -251,86 +242,3 @@ class Optimal(Policy):
             instead=law(x, 0.0)[None, :], law=law, time=now, exact=float(value), space=self.space,
             movers=self.run.movers,
         )  # fmt: skip
-
-
-@cache
-def _walker(evaluate: Any, drift: Callable[..., None], discrete: bool, moves: bool) -> Any:
-    """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
-
-    Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
-    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `discrete` paths solve the problem in steps.
-    """
-    move = as_jitable(drift)
-
-    @kernel
-    def clear(grid, process, x):  # type: ignore[no-untyped-def]
-        if moves:
-            return clearance_at(grid.surroundings, poses_at(grid.surroundings.solids, x[-1]), x[0], x[1])
-        return clearance(process.field, x[0], x[1])
-
-    @kernel
-    def end(grid, process, x):  # type: ignore[no-untyped-def]
-        if clear(grid, process, x) <= 0.0:
-            return COLLISION
-        return GOAL if in_goal(process.frame, x) else INSIDE
-
-    @kernel
-    def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
-        B, step, n, m = process.B, process.step, f.shape[0], process.B.shape[0]
-        evaluate(grid, x, slope)
-        if n == m:
-            root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
-            step = max(min(step, root * root), process.shortest)
-        move(x[:n], process.parameters, f)
-        z = np.empty(m)
-        for j in range(m):
-            state, z[j], _ = normals(state)
-        x[:n] += f * step
-        x[n - m : n] += (process.rate @ slope[n - m :]) * step + (B @ z) * math.sqrt(step)
-        x[n] += step
-        return state
-
-    @kernel
-    def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
-        evaluate(grid, x, slope)
-        ahead, deviation = process.rate @ slope * process.step, process.B[0, 0] * math.sqrt(process.step)
-        ends, weight, y = np.empty((TUNING.candidates, 2)), np.empty(TUNING.candidates), x.copy()
-        for k in range(TUNING.candidates):
-            state, z, w = normals(state)
-            y[0], y[1] = x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w
-            outcome, ends[k] = end(grid, process, y), y[:2]
-            log_psi = evaluate(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
-            passive = ((y[0] - x[0]) ** 2 + (y[1] - x[1]) ** 2) / deviation**2
-            weight[k] = log_psi + 0.5 * (z * z + w * w - passive)
-        weight = np.exp(weight - weight.max())
-        state, u = uniform(state)
-        left, k = u * weight.sum(), 0
-        while k < TUNING.candidates - 1 and left >= weight[k]:
-            left -= weight[k]
-            k += 1
-        x[:2] = ends[k]
-        x[2] += process.step
-        return state
-
-    advance = stepwise if discrete else continuous
-
-    @kernel
-    def walk(grid, process, markers, tracks, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
-        slope, f, M = np.zeros(x0.shape[0] - 1), np.zeros(x0.shape[0] - 1), markers.shape[0]
-        for s in range(outcome.shape[0]):
-            state, x = stream(seed, s), x0.copy()
-            outcome[s] = end(grid, process, x)
-            for _ in range(TUNING.path_steps):
-                if outcome[s] != INSIDE:
-                    break
-                ax, ay, at = x[0], x[1], x[-1]
-                state = advance(grid, process, x, slope, f, state)
-                for k in range(M):
-                    mx, my = markers[k, 0], markers[k, 1]
-                    turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
-                for k in range(M, turns.shape[1]):
-                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
-                outcome[s] = end(grid, process, x)
-            ends[s] = x
-
-    return walk

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from benchmarks import promise, tradeoff
+from benchmarks import kept, promise, tradeoff
 from benchmarks.scenes import random_states, scenario_of
 from scipy.stats import binomtest
 from tqdm import tqdm
@@ -30,8 +30,8 @@ HEADER = ["scenes", "b", "cells", "predicted", "happened", "over", "hold", "boun
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
-    if options.part in ("tradeoff", "promise"):
-        return {"tradeoff": tradeoff, "promise": promise}[options.part].rows(options)
+    if options.part in ("kept", "tradeoff", "promise"):
+        return {"kept": kept, "tradeoff": tradeoff, "promise": promise}[options.part].rows(options)
     noises, found = tuple(options.noises or NOISES), list[dict[str, Any]]()
     for scenario, places in tqdm(list(_scenes(options)), disable=None):
         for noise in noises:

@@ -1,5 +1,6 @@
 """Tables and lines that a person reads on the terminal of plans, estimates, runs and sweeps."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -119,13 +120,15 @@ def odds(scenario: Scenario) -> str:
     own = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if own else "noise of its own"
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}"
+    risk = "" if scenario.settings.risk is None else f", risk {scenario.settings.risk:g}"
+    phi = f", phi {scenario.problem.phi:.4g}" if risk and scenario.problem.phi < math.inf else ""
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{phi}{risk}"
 
 
 def chance(collision: CollisionProbability) -> str:
     """State the predicted probability of a collision."""
     share, error = 100.0 * collision.probability, 100.0 * collision.error
-    known = f"{share:.2g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
+    known = f"{share:.{2 + (share > 99.4)}g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
     return f"probability of a collision {known}"
 
 

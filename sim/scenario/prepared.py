@@ -33,6 +33,7 @@ ROUNDS = 8  # margins that are tried under --risk
 FINEST = 1e-4  # margins are whole multiples of this [m]
 WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
 RESERVE = 2.0  # by which predictions can be too low: 2.3 in the worst of 120 cells (`benchmark.py risk`)
+ACCEPTED = 0.1  # of a risk: most that a finite final cost accepts
 DRAWN, MOST_DRAWN = 4, 10_000  # times the samples of a plan, since it is made once per run; and at most
 
 
@@ -66,10 +67,10 @@ def prepare(
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
 
-    def at(margin: float | None) -> Scenario:
-        own = loaded if margin is None else read(margin=margin)
+    def at(margin: float | None, **changes: Any) -> Scenario:
+        own, numbers = loaded if margin is None else read(margin=margin), replace(settings, **changes)
         return Scenario(
-            loaded=own, system=kind, settings=settings, problem=kind.problem(own.scene, settings),
+            loaded=own, system=kind, settings=numbers, problem=kind.problem(own.scene, numbers),
             space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
             widens=given.get("limit") is None and "limit" not in overlay,
         )  # fmt: skip
@@ -137,31 +138,36 @@ def predicted(
     return [one for more in margins if (one := many.collisions(plan, more)) is not None]
 
 
-def within_risk(at: Callable[[float], Scenario], risk: float, *, stop: bool) -> Scenario:
+def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scenario:
     """Return the scenario of the least margin whose upper bound of the probability of a collision is at most `risk`.
 
     Predictions count RESERVE times: they take walls as flat, and the law as the optimal one. The next margin is chosen
-    by the samples of the plan with the last one: from their walls the true ones move away.
+    by the samples of the plan with the last one: from their walls the true ones move away. A final cost with which the
+    law accepts more than a share ACCEPTED of the risk is raised.
 
     Args:
-        at: makes the scenario with a margin [m].
+        at: makes the scenario with a margin [m] and settings by name.
         stop: whether OptionError is raised if no margin keeps the risk; else the one that comes nearest is taken.
     """
-    scenario, margin, wide, closed = at(0.0), 0.0, 0.0, math.inf
+    scenario, margin, wide, closed, phi = at(0.0), 0.0, 0.0, math.inf, dict[str, float]()
     spread = scenario.problem.dynamics.position_spread(scenario.start)
     more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.physics_step) + FINEST, FINEST).tolist()
     tried: list[tuple[float, Scenario]] = []
     for _ in range(ROUNDS):
         try:
-            scenario = at(margin) if margin > 0.0 else scenario
+            scenario = at(margin, **phi) if margin or phi else scenario
             found = predicted(scenario, more)
         except (NoReference, SceneError):  # no way is as wide as that
-            found = []
-        if not found:
             if not tried:
-                raise OptionError(
-                    "--risk: no probability of a collision is predicted here; it takes a robot whose position is noisy"
-                )
+                raise
+            found = []
+        if not (found or tried):
+            raise OptionError("--risk: no probability of a collision is predicted here; it takes samples that reach "
+                              "the goal, and --exit bridge")  # fmt: skip
+        if found and not phi and found[0].accepted_most > ACCEPTED * risk:
+            phi["phi"] = found[0].goal_value - scenario.problem.temperature * math.log(ACCEPTED * risk / 2.0)
+            continue
+        if not found:
             closed = margin
         elif RESERVE * found[0].most <= risk:
             return scenario

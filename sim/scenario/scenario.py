@@ -154,8 +154,8 @@ class Scenario:
 
     @property
     def predicts_collisions(self) -> bool:
-        """Whether the noise acts on the position and samples are judged along their steps."""
-        return self.problem.dynamics.noisy_position and self.settings.exit == "bridge"
+        """Whether samples are judged along their steps."""
+        return self.settings.exit == "bridge"
 
     def collisions(self, plan: Plan | None, margin: float = 0.0) -> CollisionProbability | None:
         """Predict the probability of a collision from a plan on, with a wider margin by so much [m].

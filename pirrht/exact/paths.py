@@ -1,0 +1,153 @@
+"""Draw paths of the exact law on a grid, in continuous time, in steps, or with a control that is held.
+
+Paths in continuous time are Euler-Maruyama steps, so short near a wall that the law, which grows as 1/distance, turns
+them around. In discrete time the optimal transition is the passive one times psi at its end; it is drawn from many
+normal ends around the one that the law points to, by their weights (Rubin's sampling and resampling). A control that is
+held for a step is limited near walls as runs limit it (`control.held`), and collides as they do.
+"""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from pirrht.arrays import Array
+from pirrht.control.held import NEAR_WALL, THROW
+from pirrht.exact.boundaries import clearance_at, poses_at
+from pirrht.exact.grid import TUNING, Frame, in_goal
+from pirrht.geometry.arcs import turns_of_chord
+from pirrht.geometry.field import clearance
+from pirrht.jit.jit import as_jitable, kernel
+from pirrht.jit.streams import normals, stream, uniform
+from pirrht.rollouts.first_exit import COLLISION, GOAL, INSIDE
+from pirrht.topology.tracks import turns_of_step
+
+
+class Process(NamedTuple):
+    """The controlled process, and steps of paths of it."""
+
+    field: Any  # clearance `Field`, unused among moving obstacles
+    frame: Frame  # of the goal's disc
+    parameters: Array  # (k,) that the drift reads
+    rate: Array  # lambda G_c R^-1 G_c', (m, m) [state/s per nats/state]
+    B: Array  # B_c, (m, m) [state/sqrt(s)]
+    wall: float  # phi/lambda [nats]
+    step: float  # of a path [s]; in continuous time at most
+    shortest: float  # in continuous time, near walls [s]
+    margin: float  # by which walls that are hit are behind those of the law [m]
+    gap: float  # to walls at which a held law is evaluated within the margin [m]
+
+
+@cache
+def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> Any:
+    """Build the kernel (grid, `Process`, markers (M, 2) [m], J tracks, x0, seed, turns, x, outcome) that draws paths.
+
+    Turns (S, M + J) [turns], zeros before, are about markers and tracks; x (S, n + 1) and outcomes (S,) are ends of
+    paths. `evaluate` is that of a solver, `drift` f (x, p, out) [state/s]; `how` is continuous, stepwise or held.
+    """
+    move = as_jitable(drift)
+
+    @kernel
+    def clear(grid, process, x):  # type: ignore[no-untyped-def]
+        if moves:
+            return clearance_at(grid.surroundings, poses_at(grid.surroundings.solids, x[-1]), x[0], x[1])
+        return clearance(process.field, x[0], x[1])
+
+    @kernel
+    def end(grid, process, x):  # type: ignore[no-untyped-def]
+        if clear(grid, process, x) <= -process.margin:
+            return COLLISION
+        return GOAL if in_goal(process.frame, x) else INSIDE
+
+    @kernel
+    def continuous(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        B, step, n, m = process.B, process.step, f.shape[0], process.B.shape[0]
+        evaluate(grid, x, slope)
+        if n == m:
+            root = TUNING.wall_steps * clear(grid, process, x) / B[0, 0]
+            step = max(min(step, root * root), process.shortest)
+        move(x[:n], process.parameters, f)
+        z = np.empty(m)
+        for j in range(m):
+            state, z[j], _ = normals(state)
+        x[:n] += f * step
+        x[n - m : n] += (process.rate @ slope[n - m :]) * step + (B @ z) * math.sqrt(step)
+        x[n] += step
+        return state
+
+    @kernel
+    def stepwise(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        evaluate(grid, x, slope)
+        ahead, deviation = process.rate @ slope * process.step, process.B[0, 0] * math.sqrt(process.step)
+        ends, weight, y = np.empty((TUNING.candidates, 2)), np.empty(TUNING.candidates), x.copy()
+        for k in range(TUNING.candidates):
+            state, z, w = normals(state)
+            y[0], y[1] = x[0] + ahead[0] + deviation * z, x[1] + ahead[1] + deviation * w
+            outcome, ends[k] = end(grid, process, y), y[:2]
+            log_psi = evaluate(grid, y, slope) if outcome == INSIDE else (0.0 if outcome == GOAL else -process.wall)
+            passive = ((y[0] - x[0]) ** 2 + (y[1] - x[1]) ** 2) / deviation**2
+            weight[k] = log_psi + 0.5 * (z * z + w * w - passive)
+        weight = np.exp(weight - weight.max())
+        state, u = uniform(state)
+        left, k = u * weight.sum(), 0
+        while k < TUNING.candidates - 1 and left >= weight[k]:
+            left -= weight[k]
+            k += 1
+        x[:2] = ends[k]
+        x[2] += process.step
+        return state
+
+    @kernel
+    def held(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
+        y, away, deviation = x.copy(), np.zeros(2), process.B[0, 0] * math.sqrt(process.step)
+        if moves:  # walls are judged where the step ends
+            y[2] += process.step
+        c = clear(grid, process, y)
+        near = c < NEAR_WALL * deviation
+        if near:
+            for k in range(2):
+                y[k] += process.gap
+                away[k] = (clear(grid, process, y) - c) / process.gap
+                y[k] = x[k]
+            away /= max(math.hypot(away[0], away[1]), 0.1)
+            if c <= 0.0:  # within the margin
+                y[:2] += (process.gap - c) * away
+        evaluate(grid, y, slope)
+        move(x[:2], process.parameters, f)
+        ahead = (f + process.rate @ slope) * process.step
+        thrown = away @ ahead
+        if near and thrown > 0.0:
+            most = min(THROW * deviation, thrown)
+            y[:2] = x[:2] + most * away
+            most = min(most, max(0.5 * (clear(grid, process, y) + most - c), 0.0))  # half of the way through a gap
+            ahead -= max(thrown - most, 0.0) * away
+        for k in range(2):
+            state, z, _ = normals(state)
+            x[k] += ahead[k] + deviation * z
+        x[2] += process.step
+        return state
+
+    advance = {"continuous": continuous, "stepwise": stepwise, "held": held}[how]
+
+    @kernel
+    def walk(grid, process, markers, tracks, x0, seed, turns, ends, outcome):  # type: ignore[no-untyped-def]
+        slope, f, M = np.zeros(x0.shape[0] - 1), np.zeros(x0.shape[0] - 1), markers.shape[0]
+        for s in range(outcome.shape[0]):
+            state, x = stream(seed, s), x0.copy()
+            outcome[s] = end(grid, process, x)
+            for _ in range(TUNING.path_steps):
+                if outcome[s] != INSIDE:
+                    break
+                ax, ay, at = x[0], x[1], x[-1]
+                state = advance(grid, process, x, slope, f, state)
+                for k in range(M):
+                    mx, my = markers[k, 0], markers[k, 1]
+                    turns[s, k] += turns_of_chord(ax - mx, ay - my, x[0] - mx, x[1] - my)
+                for k in range(M, turns.shape[1]):
+                    turns[s, k] += turns_of_step(tracks, k - M, (ax, ay, at), (x[0], x[1], x[-1]))
+                outcome[s] = end(grid, process, x)
+            ends[s] = x
+
+    return walk

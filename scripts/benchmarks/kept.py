@@ -1,0 +1,119 @@
+"""Is the probability that `--risk` promises kept? Margins of random and moving scenes against the exact held law.
+
+A cell is a scene at a noise level and a risk: the margin is chosen as for a run, and the exact law with this margin,
+held for a physics step, makes 2 000 runs from the start. A prediction "holds" if the Wilson interval (95 %) of the runs
+that collided begins no higher, and the risk is "kept" in the same way. "Price" is v with the margin over v without.
+With --png the runs that collided are drawn over what was predicted.
+"""
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from benchmarks.moving_text import prepared
+from benchmarks.plots import COLORS
+from benchmarks.scenes import random_scene
+from scipy.stats import binomtest
+from tqdm import tqdm
+
+from pirrht.errors import OptionError
+from pirrht.exact.desirability import Desirability
+from sim.plotting import pyplot
+from sim.scenario import Scenario, prepare
+from sim.scenario.prepared import predicted
+
+NOISES, RISKS, RUNS, SCENES = (0.1, 0.2, 0.3), (0.1, 0.03, 0.01, 0.003), 2000, 20
+MOVING = ("crossing", "pincer", "closing_door")
+HEADER = ["scenes", "b", "risk", "cells", "refused", "margin mm", "predicted %", "happened %", "over", "hold", "kept",
+          "worst", "price"]  # fmt: skip
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON; with --png also a picture."""
+    scenes: list[int | str] = [*range(options.first_seed, options.first_seed + (options.scenes or SCENES)), *MOVING]
+    jobs = [(one, noise) for one in scenes for noise in options.noises or NOISES]
+    with ProcessPoolExecutor(options.workers) as pool:
+        found = [cell for cells in tqdm(pool.map(_cells, jobs), total=len(jobs), disable=None) for cell in cells]
+    table = []
+    for key in sorted({(one["moving"], one["noise"], -one["risk"]) for one in found}):
+        cells = [one for one in found if (one["moving"], one["noise"], -one["risk"]) == key]
+        table.append([("random", "moving")[key[0]], f"{key[1]:g}", f"{-key[2]:g}", *_row(cells)])
+    if options.png is not None:
+        draw(options.png, found)
+    return HEADER, table, found
+
+
+def _row(cells: list[dict[str, Any]]) -> list[str]:
+    """Sum up the cells of a noise level and a risk."""
+    known = [one for one in cells if one["margin"] is not None]
+    mean = {name: float(np.mean([one[name] for one in known])) for name in ("margin", "predicted", "happened", "price")}
+    hold, kept = (
+        f"{100 * np.mean([one['low'] <= one[name] for one in known]):.0f} %" for name in ("predicted", "risk")
+    )
+    return [
+        str(len(cells)), str(len(cells) - len(known)), f"{1e3 * mean['margin']:.1f}", f"{100 * mean['predicted']:.3f}",
+        f"{100 * mean['happened']:.3f}", f"{mean['happened'] / max(mean['predicted'], 1e-9):.2f}", hold, kept,
+        f"{max(one['happened'] / one['risk'] for one in known):.2f}", f"{mean['price']:.4f}",
+    ]  # fmt: skip
+
+
+def _cells(job: tuple[int | str, float]) -> list[dict[str, Any]]:
+    """Choose margins of a scene at a noise level for all risks, and simulate the exact law with each."""
+    scene, noise = job
+    ready = prepare if isinstance(scene, str) else partial(_random, scene)
+    free = ready(scene, margin=0.0, noise=noise, threads=1)
+    least = float(Desirability.of(free.problem, free.space).value(free.start))
+    cells = []
+    for risk in RISKS:
+        cell = {"scene": scene, "moving": isinstance(scene, str), "noise": noise, "risk": risk, "margin": None}
+        cells.append(cell)
+        try:
+            scenario = ready(scene, noise=noise, risk=risk, threads=1)
+        except OptionError:
+            continue
+        said, truth = predicted(scenario)[0], Desirability.of(scenario.problem, scenario.space)
+        happened, _ = truth.collision_probability(
+            scenario.start, RUNS, 1, step=scenario.physics_step, margin=scenario.margin
+        )
+        low, high = binomtest(round(happened * RUNS), RUNS).proportion_ci(method="wilson")
+        cell |= {
+            "margin": scenario.margin, "predicted": said.probability, "most": said.most, "happened": happened,
+            "low": float(low), "high": float(high), "price": float(truth.value(scenario.start)) / least,
+        }  # fmt: skip
+    return cells
+
+
+def _random(seed: int, _: int | str, **given: Any) -> Scenario:
+    """Prepare a random scene."""
+    return prepared(f"random{seed}", random_scene(seed), {"seed": seed, **given})
+
+
+def draw(path: Path, found: list[dict[str, Any]]) -> None:
+    """Draw what happened over what was predicted, a point a cell, one colour a risk."""
+    figure, axes = pyplot("--png").subplots(figsize=(5.6, 4.6), layout="constrained")
+    least = 0.3 / RUNS  # where none collided
+    for i, risk in enumerate(RISKS):
+        for moving, marker in ((False, "o"), (True, "s")):
+            line = [
+                one for one in found if one["margin"] is not None and (one["risk"], one["moving"]) == (risk, moving)
+            ]
+            x, y, low, high = (
+                np.maximum([one[k] for one in line], least) for k in ("predicted", "happened", "low", "high")
+            )
+            axes.errorbar(
+                x, y, yerr=[y - np.minimum(low, y), high - y], fmt=marker, ms=4, lw=0, elinewidth=0.6, alpha=0.7,
+                color=COLORS[i], label=None if moving else f"--risk {risk:g}",
+            )  # fmt: skip
+        axes.axhline(risk, color=COLORS[i], lw=0.8, ls=":")
+    axes.plot([least, 0.2], [least, 0.2], color="#444444", lw=0.9)
+    axes.set(xscale="log", yscale="log", xlim=(0.8 * least, 0.2), ylim=(0.8 * least, 0.2))
+    axes.set_xlabel("predicted probability of a collision")
+    axes.set_ylabel(f"share of {RUNS} runs of the exact held law, with 95 % intervals")
+    axes.set_title("circles: random scenes, squares: moving obstacles", fontsize=9)
+    axes.grid(alpha=0.2)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(fontsize=8, frameon=False)
+    figure.savefig(path, dpi=120)
