@@ -8,14 +8,12 @@ With --png the runs that collided are drawn over what was predicted.
 
 import argparse
 from concurrent.futures import ProcessPoolExecutor
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from benchmarks.moving_text import prepared
 from benchmarks.plots import COLORS
-from benchmarks.scenes import random_scene
+from benchmarks.scenes import scenario_of
 from scipy.stats import binomtest
 from tqdm import tqdm
 
@@ -63,15 +61,14 @@ def _row(cells: list[dict[str, Any]]) -> list[str]:
 def _cells(job: tuple[int | str, float]) -> list[dict[str, Any]]:
     """Choose margins of a scene at a noise level for all risks, and simulate the exact law with each."""
     scene, noise = job
-    ready = prepare if isinstance(scene, str) else partial(_random, scene)
-    free = ready(scene, margin=0.0, noise=noise, threads=1)
+    free = _ready(scene, noise=noise)
     least = float(Desirability.of(free.problem, free.space).value(free.start))
     cells = []
     for risk in RISKS:
         cell = {"scene": scene, "moving": isinstance(scene, str), "noise": noise, "risk": risk, "margin": None}
         cells.append(cell)
         try:
-            scenario = ready(scene, noise=noise, risk=risk, threads=1)
+            scenario = _ready(scene, noise=noise, risk=risk)
         except OptionError:
             continue
         said, truth = predicted(scenario)[0], Desirability.of(scenario.problem, scenario.space)
@@ -86,9 +83,11 @@ def _cells(job: tuple[int | str, float]) -> list[dict[str, Any]]:
     return cells
 
 
-def _random(seed: int, _: int | str, **given: Any) -> Scenario:
-    """Prepare a random scene."""
-    return prepared(f"random{seed}", random_scene(seed), {"seed": seed, **given})
+def _ready(scene: int | str, **given: Any) -> Scenario:
+    """Prepare a random scene or one by name."""
+    margin = 0.0 if given.get("risk") is None else None
+    given |= {"threads": 1}
+    return prepare(scene, given=given, margin=margin) if isinstance(scene, str) else scenario_of(scene, given)
 
 
 def draw(path: Path, found: list[dict[str, Any]]) -> None:

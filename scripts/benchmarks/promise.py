@@ -1,6 +1,7 @@
 """Does `--risk` keep its promise? Drives in MuJoCo through random scenes: static ones, and some with 24 moving bodies.
 
 Every scene is prepared with the risk, and driven a number of times. "Refused" are scenes in which no margin keeps it.
+Among moving bodies plans follow each other in a tenth of a second. With --robot there are static scenes only.
 """
 
 import argparse
@@ -9,13 +10,12 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from typing import Any
 
-from benchmarks.moving_scene import moving_scene
-from benchmarks.moving_text import prepared
-from benchmarks.scenes import random_scene
+from benchmarks.moving_scene import moving_scenario
+from benchmarks.scenes import scenario_of
 from scipy.stats import binomtest
 from tqdm import tqdm
 
-from pirrht.errors import OptionError
+from pirrht.errors import PirrhtError
 
 RISK, SCENES, DRIVES, BODIES, NOISES = 0.01, 20, 10, 24, (0.1, 0.2, 0.3)
 HEADER = ["scenes", "b", "refused", "drives", "goal", "collision", "timeout", "95 % interval", "margin mm", "most"]
@@ -23,18 +23,21 @@ HEADER = ["scenes", "b", "refused", "drives", "goal", "collision", "timeout", "9
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON."""
-    kinds = [("static", b) for b in options.noises or NOISES] + [("moving", 0.1)]
+    kinds: list[tuple[str, float | None]] = [("static", b) for b in options.noises or NOISES] + [("moving", 0.1)]
+    if options.robot:
+        kinds = [("static", b) for b in options.noises or [None]]
     seeds = range(options.first_seed, options.first_seed + (options.scenes or SCENES))
     drives, table, values = min(options.seeds, DRIVES), list[list[str]](), list[dict[str, Any]]()
     for kind, noise in kinds:
         with ProcessPoolExecutor(options.workers) as pool:
-            found = pool.map(partial(ends, kind, noise, drives), seeds)
-            values += (mine := list(tqdm(found, f"{kind} {noise:g}", len(seeds), disable=None)))
+            found = pool.map(partial(ends, kind, options.robot, noise, drives), seeds)
+            values += (mine := list(tqdm(found, f"{kind} {noise or ''}", len(seeds), disable=None)))
         driven = [one for one in mine if one["margin"] is not None]
         total = sum((one["ends"] for one in driven), Counter[str]())
         low, high = binomtest(total["COLLISION"], max(total.total(), 1)).proportion_ci(method="wilson")
         table.append([
-            kind, f"{noise:g}", str(len(mine) - len(driven)), str(total.total()),
+            options.robot or kind, "own" if noise is None else f"{noise:g}", str(len(mine) - len(driven)),
+            str(total.total()),
             *(str(total[end]) for end in ("GOAL", "COLLISION", "TIMEOUT")), f"{100 * low:.1f} .. {100 * high:.1f} %",
             f"{1e3 * sum(one['margin'] for one in driven) / max(len(driven), 1):.1f}",
             str(max((one["ends"]["COLLISION"] for one in driven), default=0)),
@@ -42,12 +45,15 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     return HEADER, table, values
 
 
-def ends(kind: str, noise: float, drives: int, seed: int) -> dict[str, Any]:
+def ends(kind: str, robot: str | None, noise: float | None, drives: int, seed: int) -> dict[str, Any]:
     """Count how drives of one scene end; no margin: it is refused."""
-    name, text = f"{kind}{seed}", random_scene(seed) if kind == "static" else moving_scene(seed, BODIES)
+    given, name = {"noise": noise, "seed": seed, "risk": RISK, "threads": 1}, f"{kind}{seed}"
     try:
-        scenario = prepared(name, text, {"noise": noise, "seed": seed, "risk": RISK, "threads": 1})
-    except OptionError as error:
+        if kind == "moving":
+            scenario = moving_scenario(seed, BODIES, given | {"period": 0.1})
+        else:
+            scenario = scenario_of(seed, given, robot=robot)
+    except PirrhtError as error:
         return {"scene": name, "noise": noise, "margin": None, "why": str(error), "ends": Counter[str]()}
     found, tree = Counter[str](), scenario.grown_tree()
     for k in range(drives):

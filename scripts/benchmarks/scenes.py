@@ -131,7 +131,8 @@ def scenario_of(seed: int, given: Mapping[str, Any], *, most: int = 8, **task: A
     robot = task.get("robot")
     least = 0.0 if robot is None or task.get("radius") else read_robot(robot, None).radius
     with tempfile.TemporaryDirectory() as folder:
-        return prepare(write_scene(seed, Path(folder), most, least), given=given, margin=0.0, **task)
+        margin = 0.0 if given.get("risk") is None else None
+        return prepare(write_scene(seed, Path(folder), most, least), given=given, margin=margin, **task)
 
 
 def random_states(space: FreeSpace, count: int, seed: int) -> Array:

@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
     result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
-    tables.summary(last.metrics, collision)
+    tables.summary(last.metrics)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -86,7 +86,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _show(bar: Progress, frame: Frame) -> None:
-    """Show how far a run is, and its news; how it ended is in the summary."""
+    """Show how far a run is, its news, and the risk at the start; how it ended is in the summary."""
+    if frame.step == 0 and frame.collision is not None:
+        bar.write(f"predicted at the start: {tables.chance(frame.collision)}")
     if frame.news and frame.outcome is None:
         bar.write(frame.news)
     bar.to(round(frame.end_time, 6))

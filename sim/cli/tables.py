@@ -17,6 +17,7 @@ from sim.scenario import Scenario
 from sim.text import counted, say, table
 
 LEAST_SHARE = 1e-4  # probability of a collision below which it is not stated [%]
+HINTED = 0.01  # bound of that probability above which --risk is mentioned
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
 LONE_ESS = 1.5  # effective samples of a class of which no more than one has any weight
@@ -129,10 +130,11 @@ def chance(collision: CollisionProbability) -> str:
     """State the predicted probability of a collision."""
     share, error = 100.0 * collision.probability, 100.0 * collision.error
     known = f"{share:.{2 + (share > 99.4)}g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
-    return f"probability of a collision {known}"
+    more = "; --risk 0.01 takes a margin that keeps 1 %" if collision.most > HINTED else ""
+    return f"probability of a collision {known}{more}"
 
 
-def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) -> None:
+def summary(run: EpisodeMetrics) -> None:
     """Print the results of a run; with a truth also how far from the optimal control it was."""
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
@@ -145,8 +147,6 @@ def summary(run: EpisodeMetrics, collision: CollisionProbability | None = None) 
         f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
         f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free distance "
         "around the footprint)")  # fmt: skip
-    if collision is not None:
-        say(f"predicted at the start: {chance(collision)}")
     if so_far and run.fallbacks > run.steps // 2:
         say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
     if run.outcome == "collision":

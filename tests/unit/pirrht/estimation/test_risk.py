@@ -9,9 +9,9 @@ from scipy.stats import norm
 
 from pirrht.control.controller import Controller
 from pirrht.estimation.risk import collision_probability, offset
-from pirrht.exact.desirability import Desirability
 from pirrht.jit.streams import exposure
 from sim.scenario import prepare
+from sim.scenario.prepared import predicted
 
 STEP = 0.002  # of the physics [s]
 
@@ -42,20 +42,38 @@ def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses()
     assert found * near / b == pytest.approx(1.0 - missed(near) / missed(0.0), rel=2e-3)
 
 
-@pytest.mark.parametrize("noise", [0.1, 0.2])
-def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise):
-    scenario = prepare("slit", margin=0.0, given={"noise": noise, "samples": 2000})
-    controller = Controller(
-        scenario.problem, scenario.space, scenario.grown_tree(), scenario.sampling, rng=np.random.default_rng(1)
-    )
-    estimate = controller.plan(scenario.start).estimate
-    assert estimate is not None
-    predicted = collision_probability(scenario.problem, estimate, step=STEP)
-    exact, error = Desirability.of(scenario.problem, scenario.space).collision_probability(
-        scenario.start, 8000, step=STEP
-    )
-    assert predicted.probability == pytest.approx(exact, rel=0.15, abs=3.0 * math.hypot(error, predicted.error))
-    assert predicted.accepted == 0.0
+@pytest.mark.parametrize(("noise", "margin"), [(0.1, 0.0), (0.2, 0.0), (0.2, 0.004)])
+def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise, margin):
+    scenario = prepare("slit", margin=margin, noise=noise, samples=500)
+    found = predicted(scenario)[0]
+    exact, error = scenario.truth().collision_probability(scenario.start, 3000, step=STEP, margin=margin)
+    assert found.probability == pytest.approx(exact, rel=0.15, abs=3.0 * math.hypot(error, found.error))
+    assert found.accepted == found.accepted_most == 0.0
+
+
+@pytest.mark.parametrize("lambdas", [0.0, 2.0])
+def test_a_finite_final_cost_accepts_no_more_than_its_bound(lambdas):
+    free = prepare("slit", noise=0.5, margin=0.0)
+    value = free.truth().value(free.start)
+    scenario = free.with_settings(phi=value + lambdas * free.problem.temperature)
+    accepted = 1.0 - math.exp((scenario.truth().value(scenario.start) - value) / free.problem.temperature)
+    found = predicted(scenario)[0]
+    assert 0.0 < accepted <= found.accepted_most
+    assert found.accepted_most == pytest.approx(math.exp(-lambdas), rel=0.1)
+
+
+def test_a_risk_raises_a_final_cost_below_the_cost_to_go():
+    plain = prepare("slit", phi=5.0)
+    assert predicted(plain)[0].probability > 0.99
+    scenario = prepare("slit", phi=5.0, risk=0.01)
+    assert 8.4 < scenario.problem.phi < 9.0
+    assert predicted(scenario)[0].most <= 0.005
+
+
+@pytest.mark.parametrize("robot", ["unicycle", "hover"])
+def test_a_held_control_adds_nothing_where_noise_acts_on_derivatives_of_the_position(robot):
+    found = predicted(prepare("slit", robot=robot))[0]
+    assert found.most < 1e-6
 
 
 def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wall(slit, slit_tree):
@@ -64,9 +82,9 @@ def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wal
     controller = Controller(problem, slit.space, slit_tree, settings, rng=np.random.default_rng(2))
     plan = controller.plan(slit.start)
     assert plan.estimate is not None
-    predicted = collision_probability(problem, plan.estimate, step=STEP, classes=plan.classes)
+    found = collision_probability(problem, plan.estimate, step=STEP, classes=plan.classes)
     (part,) = plan.estimate.parts
     weight = np.exp(part.log_weight - part.log_weight.max())
-    assert 0.0 < predicted.accepted == pytest.approx(weight[part.paths.outcome == 2].sum() / weight.sum())
-    assert predicted.accepted < predicted.probability <= predicted.most
-    assert set(predicted.classes) == set(plan.classes.values())
+    assert 0.0 < found.accepted == pytest.approx(weight[part.paths.outcome == 2].sum() / weight.sum())
+    assert found.accepted < found.probability <= found.most
+    assert set(found.classes) == set(plan.classes.values())
