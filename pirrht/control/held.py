@@ -3,6 +3,9 @@
 The law's drift off a wall grows as b^2 / c. Held for a step h it throws the robot c / a^2 far from a wall that is
 a deviations b sqrt(h) away, in a narrow gap into the wall on the other side. What such a step gains is gained by
 a few deviations, and in a gap by half of the way to its middle line.
+
+Seen from a wall, moving or not, psi is odd in the distance c, so that the drift off it is b^2 / c + O(c). What a plan
+found farther off is carried to the wall as a constant. There, where it points at a moving wall, it falls like c.
 """
 
 import math
@@ -16,6 +19,8 @@ from pirrht.control.plan import Law
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
+CLOSEST = 0.45  # deviations of a step from a wall below which the drift is constant
+SAME = 1e-6  # by which distances of one wall differ by rounding [m]
 NEAR_WALL = 6.0  # deviations of a step from a wall beyond which the drift is small
 
 
@@ -36,14 +41,24 @@ class HeldLaw:
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
-        s += self.step if self.walls.moving.J else 0.0  # walls that move are judged where the step ends
+        moving, place = self.walls.moving, (float(x[0]), float(x[1]))
+        s += self.step if moving.J else 0.0  # walls that move are judged where the step ends
         u = self.law(x, s)
         c, nx, ny, d, mx, my = map(float, self.walls.walls(x, s, closest=-np.inf))
-        if c > NEAR_WALL * self.deviation:
+        near = NEAR_WALL * self.deviation
+        if c > near:
             return u
-        most, away = THROW * self.deviation, np.array([nx, ny])
-        if nx * mx + ny * my < -0.5:  # a gap
+        most, away, gap = THROW * self.deviation, np.array([nx, ny]), nx * mx + ny * my < -0.5
+        if gap:
             most = min(most, max(0.5 * (d - c), 0.0))
         G = self.walls.problem.dynamics.G_c(x)[:2]
-        excess = self.step * float(away @ G @ u) - most
-        return u if excess <= 0.0 else u - np.linalg.pinv(G) @ away * (excess / self.step)
+        wanted = thrown = self.step * float(away @ G @ u)
+        if moving.J:
+            drift = 1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0)
+            rest = thrown - self.deviation**2 * drift
+            for row in moving.walls(*place, self.walls.time + s, near):
+                if row[0] <= c + SAME:
+                    rest -= self.step * float(row[3:5] @ away)
+            wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
+        wanted = min(wanted, most)
+        return u if wanted == thrown else u + np.linalg.pinv(G) @ away * ((wanted - thrown) / self.step)

@@ -51,6 +51,11 @@ class CollisionProbability(NamedTuple):
         """Upper bound of a one-sided confidence of 95 %."""
         return min(1.0, self.held + max(self.accepted, self.accepted_most) + 1.645 * self.error)
 
+    def safest(self) -> str:
+        """Return the class with the least probability, and that."""
+        name, least = min(self.classes.items(), key=lambda one: one[1])
+        return f"{name} ({100.0 * least:.2g} %)"
+
 
 @lru_cache(256)
 def offset(step: float, margin: float = 0.0) -> float:
@@ -95,6 +100,10 @@ def collision_probability(
     return CollisionProbability(
         probability=min(1.0, accepted + added), accepted=accepted, held=added,
         error=float(deviation(terms[:, None], first, estimate.rollouts.tables.mirrored)[0]),
-        classes={name: min(1.0, sum(probabilities(paths.key == code))) for code, name in (classes or {}).items()},
+        classes={
+            name: min(1.0, sum(probabilities(paths.key == code)))
+            for code, name in (classes or {}).items()
+            if weight[paths.key == code].any()
+        },
         accepted_most=math.exp(min(0.0, (goal_value - problem.phi) / problem.temperature)), goal_value=goal_value,
     )  # fmt: skip

@@ -153,7 +153,7 @@ def plan(arguments: argparse.Namespace) -> int:
     if scenario.settings.risk is not None:
         say(tables.odds(scenario))
     if collision is not None:
-        say(f"predicted at the start: {tables.chance(collision)}")
+        say(f"predicted at the start: {tables.chance(collision, scenario.settings.risk)}")
     if arguments.output:
         with replaced(arguments.output, "tree") as stream:
             tree_file.save(tree, stream)

@@ -60,7 +60,8 @@ def run(arguments: argparse.Namespace) -> int:
             observers.append(recorder.log)
             if recorder.server is not None:
                 print(WATCH.format(recorder.server.page), flush=True)
-        observers.append(partial(_show, stack.enter_context(Progress("run", scenario.settings.max_time, "s"))))
+        bar = stack.enter_context(Progress("run", scenario.settings.max_time, "s"))
+        observers.append(partial(_show, bar, scenario.settings.risk))
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
     result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
@@ -85,10 +86,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0 if last.outcome is Outcome.GOAL else 1
 
 
-def _show(bar: Progress, frame: Frame) -> None:
+def _show(bar: Progress, risk: float | None, frame: Frame) -> None:
     """Show how far a run is, its news, and the risk at the start; how it ended is in the summary."""
     if frame.step == 0 and frame.collision is not None:
-        bar.write(f"predicted at the start: {tables.chance(frame.collision)}")
+        bar.write(f"predicted at the start: {tables.chance(frame.collision, risk)}")
     if frame.news and frame.outcome is None:
         bar.write(frame.news)
     bar.to(round(frame.end_time, 6))

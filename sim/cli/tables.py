@@ -126,11 +126,13 @@ def odds(scenario: Scenario) -> str:
     return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{phi}{risk}"
 
 
-def chance(collision: CollisionProbability) -> str:
-    """State the predicted probability of a collision."""
+def chance(collision: CollisionProbability, risk: float | None = None) -> str:
+    """State the predicted probability of a collision, and what keeps it lower or is above the risk asked for."""
     share, error = 100.0 * collision.probability, 100.0 * collision.error
     known = f"{share:.{2 + (share > 99.4)}g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
-    more = "; --risk 0.01 takes a margin that keeps 1 %" if collision.most > HINTED else ""
+    more = "; --risk 0.01 takes a margin that keeps 1 %" if risk is None and collision.most > HINTED else ""
+    if risk is not None and collision.probability > risk and collision.classes:
+        more = f"; no margin keeps --risk {risk:g}, class {collision.safest()} comes nearest"
     return f"probability of a collision {known}{more}"
 
 

@@ -152,7 +152,7 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
     scenario, margin, wide, closed, phi = at(0.0), 0.0, 0.0, math.inf, dict[str, float]()
     spread = scenario.problem.dynamics.position_spread(scenario.start)
     more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.physics_step) + FINEST, FINEST).tolist()
-    tried: list[tuple[float, Scenario]] = []
+    tried: list[tuple[CollisionProbability, Scenario]] = []
     for _ in range(ROUNDS):
         try:
             scenario = at(margin, **phi) if margin or phi else scenario
@@ -172,16 +172,17 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
         elif RESERVE * found[0].most <= risk:
             return scenario
         else:
-            tried.append((min(1.0, RESERVE * found[0].most), scenario))
+            tried.append((found[0], scenario))
             keep = (m for m, one in zip(more, found, strict=True) if RESERVE * one.most <= risk)
             wide, enough = margin, next(keep, more[-1])
         margin = round(wide + enough if wide + enough < closed else 0.5 * (wide + closed), 4)
         if margin in (wide, closed):
             break
-    most, nearest = min(tried, key=lambda one: one[0])
+    one, nearest = min(tried, key=lambda found: found[0].most)
     if stop:
         raise OptionError(
             f"--risk is {risk:g}; with a margin of {nearest.margin:g} m the probability of a collision is at most "
-            f"{most:.2g}, and no margin that leaves a way keeps it: allow more, or --risk-infeasible best"
+            f"{min(1.0, RESERVE * one.most):.2g}, and no margin that leaves a way keeps it; class {one.safest()} comes "
+            "nearest: allow more, or --risk-infeasible best"
         )
     return nearest
