@@ -13,7 +13,8 @@
                                             --part mazes: which errors beyond 5 standard errors go without a warning?
     python scripts/benchmark.py risk        predicted probability of a collision against the exact law, held for a
                                             physics step, at random states of random scenes; --part moving;
-                                            --part kept: margins of --risk 0.1 to 0.003 against that law;
+                                            --part kept: margins of --risk 0.1 to 0.003 against that law,
+                                            in random scenes or a --scene;
                                             --part tradeoff: cost against collisions of drives at many margins;
                                             --part promise: drives with --risk 0.01 through random scenes
     python scripts/benchmark.py mass        v of a mass at random states: a million samples of three kinds, and plans;

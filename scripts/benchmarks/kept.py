@@ -1,4 +1,4 @@
-"""Is the probability that `--risk` promises kept? Margins of random and moving scenes against the exact held law.
+"""Is the probability that `--risk` promises kept? Margins of random scenes, or a --scene, against the exact held law.
 
 A cell is a scene at a noise level and a risk: the margin is chosen as for a run, and the exact law with this margin,
 held for a physics step, makes 2 000 runs from the start. A prediction "holds" if the Wilson interval (95 %) of the runs
@@ -25,21 +25,21 @@ from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import predicted
 
 NOISES, RISKS, RUNS, SCENES = (0.1, 0.2, 0.3), (0.1, 0.03, 0.01, 0.003), 2000, 20
-MOVING = ("crossing", "pincer", "closing_door")
 HEADER = ["scenes", "b", "risk", "cells", "refused", "margin mm", "predicted %", "happened %", "over", "hold", "kept",
           "worst", "price"]  # fmt: skip
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
     """Header, table and JSON; with --png also a picture."""
-    scenes: list[int | str] = [*range(options.first_seed, options.first_seed + (options.scenes or SCENES)), *MOVING]
+    scenes: list[int | str] = [*range(options.first_seed, options.first_seed + (options.scenes or SCENES))]
+    scenes = [options.scene] if options.scene else scenes
     jobs = [(one, noise) for one in scenes for noise in options.noises or NOISES]
     with ProcessPoolExecutor(options.workers) as pool:
         found = [cell for cells in tqdm(pool.map(_cells, jobs), total=len(jobs), disable=None) for cell in cells]
     table = []
-    for key in sorted({(one["moving"], one["noise"], -one["risk"]) for one in found}):
-        cells = [one for one in found if (one["moving"], one["noise"], -one["risk"]) == key]
-        table.append([("random", "moving")[key[0]], f"{key[1]:g}", f"{-key[2]:g}", *_row(cells)])
+    for noise, risk in sorted({(one["noise"], -one["risk"]) for one in found}):
+        cells = [one for one in found if (one["noise"], -one["risk"]) == (noise, risk)]
+        table.append([options.scene or "random", f"{noise:g}", f"{-risk:g}", *_row(cells)])
     if options.png is not None:
         draw(options.png, found)
     return HEADER, table, found
@@ -66,7 +66,7 @@ def _cells(job: tuple[int | str, float]) -> list[dict[str, Any]]:
     cells, least = list[dict[str, Any]](), math.nan
     known: dict[float, float] = {}  # share that collided by margin
     for risk in RISKS:
-        cell = {"scene": scene, "moving": isinstance(scene, str), "noise": noise, "risk": risk, "margin": None}
+        cell = {"scene": scene, "noise": noise, "risk": risk, "margin": None}
         cells.append(cell)
         try:
             least = (
@@ -102,23 +102,19 @@ def draw(path: Path, found: list[dict[str, Any]]) -> None:
     figure, axes = pyplot("--png").subplots(figsize=(5.6, 4.6), layout="constrained")
     least = 0.3 / RUNS  # where none collided
     for i, risk in enumerate(RISKS):
-        for moving, marker in ((False, "o"), (True, "s")):
-            line = [
-                one for one in found if one["margin"] is not None and (one["risk"], one["moving"]) == (risk, moving)
-            ]
-            x, y, low, high = (
-                np.maximum([one[k] for one in line], least) for k in ("predicted", "happened", "low", "high")
-            )
-            axes.errorbar(
-                x, y, yerr=[y - np.minimum(low, y), high - y], fmt=marker, ms=4, lw=0, elinewidth=0.6, alpha=0.7,
-                color=COLORS[i], label=None if moving else f"--risk {risk:g}",
-            )  # fmt: skip
+        line = [one for one in found if one["margin"] is not None and one["risk"] == risk]
+        x, y, low, high = (
+            np.maximum([one[k] for one in line], least) for k in ("predicted", "happened", "low", "high")
+        )
+        axes.errorbar(
+            x, y, yerr=[y - np.minimum(low, y), high - y], fmt="o", ms=4, lw=0, elinewidth=0.6, alpha=0.7,
+            color=COLORS[i], label=f"--risk {risk:g}",
+        )  # fmt: skip
         axes.axhline(risk, color=COLORS[i], lw=0.8, ls=":")
     axes.plot([least, 0.2], [least, 0.2], color="#444444", lw=0.9)
     axes.set(xscale="log", yscale="log", xlim=(0.8 * least, 0.2), ylim=(0.8 * least, 0.2))
     axes.set_xlabel("predicted probability of a collision")
     axes.set_ylabel(f"share of {RUNS} runs of the exact held law, with 95 % intervals")
-    axes.set_title("circles: random scenes, squares: moving obstacles", fontsize=9)
     axes.grid(alpha=0.2)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=8, frameon=False)
