@@ -25,6 +25,11 @@ def share(weight: float) -> str:
     return f"{100.0 * weight:.0f} %"
 
 
+def percent(probability: float) -> str:
+    """Return a probability in per cent, with two digits."""
+    return f"{100.0 * probability:.{2 + (probability > 0.994)}g} %"
+
+
 def turns(id: str) -> str:
     """Return a class's name for people: where there are many obstacles only those with turns, as in "+5 -12"."""
     each = [int(k) for k in id.split(",")] if id.count(",") >= 4 else []

@@ -48,7 +48,8 @@ def plan_json(
         "scene": scenario.loaded.scene.name, "robot": scenario.loaded.robot, "vertices": tree.size,
         "nodes": tree.node_count, "pruned_classes": int(tree.graph.pruned[0]), "seconds": seconds,
         "fcl_calls": scenario.space.collision.calls, **_windings_json(scenario, references),
-        "passages": passages_json(tree, references), **_risk(collision),
+        "passages": passages_json(tree, references), **_risk(collision), "margin": scenario.margin,
+        "risk": scenario.settings.risk,
     }  # fmt: skip
 
 
@@ -88,7 +89,14 @@ def settings_json(scenario: Scenario) -> dict[str, Any]:
     s, loaded = scenario.settings, scenario.loaded
     known = {"scene": loaded.scene.name, "robot": loaded.robot, "method": s.method, "seed": s.seed, "noise": s.noise}
     known |= {"lambda": scenario.problem.temperature, "samples": s.samples, "dt": s.dt, "period": s.period}
-    return {**known, "margin": scenario.margin, **({"predict": s.predict} if scenario.moving else {})}
+    phi = scenario.problem.phi if np.isfinite(scenario.problem.phi) else None
+    return {
+        **known,
+        "margin": scenario.margin,
+        "risk": s.risk,
+        "phi": phi,
+        **({"predict": s.predict} if scenario.moving else {}),
+    }
 
 
 def run_json(

@@ -138,7 +138,7 @@ class Settings:
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
     phi: float = stated(np.inf, "final cost off the goal", "COST", (0.0, 1e12), infinite=True, group=PROBLEM)
     risk: float | None = stated(None, "take the least margin with which a run collides with this probability at most "
-                                "(95 % bound)", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
+                                "(twice its 95 % bound)", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
     risk_infeasible: str = one_of(("stop", "best"), "where no margin keeps --risk: stop, or take the nearest",
                                   group=PROBLEM)
     seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)

@@ -28,6 +28,7 @@ import numpy as np
 from pirrht.arrays import BoolArray
 from pirrht.estimation.estimate import Estimate, all_samples
 from pirrht.estimation.weights import deviation, normalised
+from pirrht.formatting import percent
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 
@@ -54,7 +55,7 @@ class CollisionProbability(NamedTuple):
     def safest(self) -> str:
         """Return the class with the least probability, and that."""
         name, least = min(self.classes.items(), key=lambda one: one[1])
-        return f"{name} ({100.0 * least:.2g} %)"
+        return f"{name} ({percent(least)})"
 
 
 @lru_cache(256)

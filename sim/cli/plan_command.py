@@ -191,7 +191,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     collisions = [scenario.collisions(one) for one in decisions]
     print(tables.estimate_table(estimates, [r.id for r in references], truth))
     if known := [one for one in collisions if one is not None]:
-        say(tables.chance(known[0]) + (", of the first repeat" if len(known) > 1 else ""))
+        say(tables.chance(known[0], settings.risk) + (", of the first repeat" if len(known) > 1 else ""))
     if dead := sum(e is None for e in estimates):
         say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
     if truth is not None:

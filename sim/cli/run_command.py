@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
         last = _driven(scenario.drive(scenario.plant(), driver, grid=truth), observers)
     assert last is not None
     result, collision = last.metrics.json(), scenario.collisions(last.metrics.first_plan)
-    tables.summary(last.metrics)
+    tables.summary(last.metrics, scenario)
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     if recorder is not None and recorder.live:
@@ -165,7 +165,7 @@ def play(arguments: argparse.Namespace) -> int:
                 break
     if last is None:
         return 1
-    tables.summary(last.metrics)
+    tables.summary(last.metrics, scenario)
     if arguments.json:
         done = [{"kind": type(event).__name__.lower(), **asdict(event)} for event in game.plant.done]
         write_json(arguments.json, {**run_json(scenario, [], last.metrics.json()), "events": done})

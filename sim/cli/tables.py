@@ -1,6 +1,5 @@
 """Tables and lines that a person reads on the terminal of plans, estimates, runs and sweeps."""
 
-import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -8,6 +7,7 @@ from pirrht.arrays import Array
 from pirrht.estimation.estimate import Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
+from pirrht.formatting import percent
 from pirrht.planner.references import Reference
 from pirrht.topology.homology import Homology
 from sim.drawing.colors import passing, title
@@ -121,23 +121,23 @@ def odds(scenario: Scenario) -> str:
     own = "noise" in scenario.system.heeds
     noise = f"noise {scenario.settings.noise:g} {unit}".rstrip() if own else "noise of its own"
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
-    risk = "" if scenario.settings.risk is None else f", risk {scenario.settings.risk:g}"
-    phi = f", phi {scenario.problem.phi:.4g}" if risk and scenario.problem.phi < math.inf else ""
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{phi}{risk}"
+    note = f" {scenario.risk_note}" if scenario.risk_note else ""
+    risk = "" if scenario.settings.risk is None else f", risk {scenario.settings.risk:g}{note}"
+    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{risk}"
 
 
 def chance(collision: CollisionProbability, risk: float | None = None) -> str:
-    """State the predicted probability of a collision, and what keeps it lower or is above the risk asked for."""
-    share, error = 100.0 * collision.probability, 100.0 * collision.error
-    known = f"{share:.{2 + (share > 99.4)}g} % +- {error:.2g} %" if share > LEAST_SHARE else f"below {LEAST_SHARE:g} %"
-    more = "; --risk 0.01 takes a margin that keeps 1 %" if risk is None and collision.most > HINTED else ""
-    if risk is not None and collision.probability > risk and collision.classes:
-        more = f"; no margin keeps --risk {risk:g}, class {collision.safest()} comes nearest"
+    """State the predicted probability of a collision, and without a risk that one can be asked for."""
+    least = f"below {LEAST_SHARE:g} %"
+    known = least if 100.0 * collision.probability <= LEAST_SHARE else (
+        f"{percent(collision.probability)} +- {percent(collision.error)}")  # fmt: skip
+    more = "; --risk 0.01 looks for a margin that keeps 1 %" if risk is None and collision.most > HINTED else ""
     return f"probability of a collision {known}{more}"
 
 
-def summary(run: EpisodeMetrics) -> None:
+def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
     """Print the results of a run; with a truth also how far from the optimal control it was."""
+    clearance = run.min_clearance + (scenario.margin if run.outcome != "collision" else 0.0)
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
     blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
@@ -147,11 +147,11 @@ def summary(run: EpisodeMetrics) -> None:
         "over its jitter")  # fmt: skip
     say(f"{executed}, {counted(run.class_switches, 'class switch', 'class switches')} "
         f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
-        f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m (free distance "
-        "around the footprint)")  # fmt: skip
+        f"without reference or surviving sample{blocked}), least clearance {clearance:.3f} m (free distance "
+        "around the robot)")  # fmt: skip
     if so_far and run.fallbacks > run.steps // 2:
-        say("no path for most of the time: more --samples or --vertices, or less --margin, may find one")
-    if run.outcome == "collision":
+        say("no path for most of the time: more --samples or --vertices, or a smaller margin, may find one")
+    if run.outcome == "collision" and scenario.settings.risk is None:
         say("noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more "
             "clearance")  # fmt: skip
     if run.doubtful_plans:

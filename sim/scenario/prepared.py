@@ -13,6 +13,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import NoReference, OptionError, SceneError
 from pirrht.estimation.risk import CollisionProbability
+from pirrht.formatting import percent
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import find_passages
 from pirrht.planner.tree import HomologyTree
@@ -29,6 +30,7 @@ LEAST = 0.01  # margin [m]: contacts and servos are not exact either
 SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at the start and at the goal point
 STEPS = 20  # of a time, by which noise adds up
 WORTH = 2e-3  # a smaller margin is none [m]
+PREDICTED = ("pi-rrht", "optimal")  # methods whose law is that of the prediction
 ROUNDS = 8  # margins that are tried under --risk
 FINEST = 1e-4  # margins are whole multiples of this [m]
 WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
@@ -149,9 +151,12 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
         at: makes the scenario with a margin [m] and settings by name.
         stop: whether OptionError is raised if no margin keeps the risk; else the one that comes nearest is taken.
     """
-    scenario, margin, wide, closed, phi = at(0.0), 0.0, 0.0, math.inf, dict[str, float]()
+    scenario, margin, wide, closed, phi, note = at(0.0), 0.0, 0.0, math.inf, dict[str, float](), ""
+    if not scenario.predicts_collisions or scenario.settings.method not in PREDICTED:
+        raise OptionError(f"--risk takes --exit bridge and a method of {', '.join(PREDICTED)}; others take --margin")
     spread = scenario.problem.dynamics.position_spread(scenario.start)
-    more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.physics_step) + FINEST, FINEST).tolist()
+    held = scenario.settings.period if scenario.settings.between == "hold" else scenario.physics_step
+    more = np.arange(0.0, WIDEST * spread * math.sqrt(held) + FINEST, FINEST).tolist()
     tried: list[tuple[CollisionProbability, Scenario]] = []
     for _ in range(ROUNDS):
         try:
@@ -161,16 +166,19 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
             if not tried:
                 raise
             found = []
+        if not (found or tried) and not stop:
+            return replace(scenario, risk_note="not predicted")
         if not (found or tried):
-            raise OptionError("--risk: no probability of a collision is predicted here; it takes samples that reach "
-                              "the goal, and --exit bridge")  # fmt: skip
+            raise OptionError("--risk: no sample of a plan at the start reaches the goal, so that no probability of a "
+                              "collision is predicted: try more --samples, or --risk-infeasible best")  # fmt: skip
         if found and not phi and found[0].accepted_most > ACCEPTED * risk:
             phi["phi"] = found[0].goal_value - scenario.problem.temperature * math.log(ACCEPTED * risk / 2.0)
+            note = f"with phi raised to {phi['phi']:.4g}"
             continue
         if not found:
             closed = margin
         elif RESERVE * found[0].most <= risk:
-            return scenario
+            return replace(scenario, risk_note=note)
         else:
             tried.append((found[0], scenario))
             keep = (m for m, one in zip(more, found, strict=True) if RESERVE * one.most <= risk)
@@ -179,10 +187,10 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
         if margin in (wide, closed):
             break
     one, nearest = min(tried, key=lambda found: found[0].most)
+    least = f"{percent(min(1.0, RESERVE * one.most))} at most, by class {one.safest()}"
     if stop:
         raise OptionError(
-            f"--risk is {risk:g}; with a margin of {nearest.margin:g} m the probability of a collision is at most "
-            f"{min(1.0, RESERVE * one.most):.2g}, and no margin that leaves a way keeps it; class {one.safest()} comes "
-            "nearest: allow more, or --risk-infeasible best"
+            f"--risk is {risk:g}; no margin that leaves a way keeps it. Nearest comes one of "
+            f"{1e3 * nearest.margin:.2g} mm with {least}: allow more, or --risk-infeasible best"
         )
-    return nearest
+    return replace(nearest, risk_note=f"not kept: {least}")

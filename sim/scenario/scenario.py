@@ -40,6 +40,7 @@ from sim.systems import System, refuse
 WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
 LONGER = 1.25  # paths of so many times the shortest length must be within it
 QUICK = 400  # vertices at most of a tree that is grown within a control period, or to find a limit
+DECIDED = ("noise", "phi", "risk", "between", "period")  # settings that decide on the margin of a risk
 ENOUGH = 30.0  # effective samples that the first plan of a run rests on, if it can be had
 
 Driver = Controller | Mppi | Optimal
@@ -70,6 +71,7 @@ class Scenario:
     space: FreeSpace
     margin: float = 0.0  # that plans leave around the robot [m]
     widens: bool = True  # whether the limit H_limit may give way; not one that was given
+    risk_note: str = ""  # what a risk changed besides the margin, or that it is not kept
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -85,8 +87,9 @@ class Scenario:
         """Return the scene under other settings; OptionError: the system has no such number, or it cannot work."""
         refuse(self.system, {name: v for name, v in changes.items() if v != getattr(self.settings, name)})
         settings = replace(self.settings, **changes)
-        if settings.risk is not None and settings.noise != self.settings.noise:
-            raise OptionError("the noise decides on the margin that keeps --risk; prepare the scene with this noise")
+        if settings.risk is not None and (fixed := [one for one in DECIDED if one in changes and
+                                                    changes[one] != getattr(self.settings, one)]):  # fmt: skip
+            raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
         problem = self.system.problem(self.loaded.scene, settings)
         return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
 
@@ -154,19 +157,19 @@ class Scenario:
 
     @property
     def predicts_collisions(self) -> bool:
-        """Whether samples are judged along their steps."""
-        return self.settings.exit == "bridge"
+        """Whether samples are judged along their steps, and the method is not another law than theirs."""
+        return self.settings.exit == "bridge" and self.settings.method != "mppi"
 
     def collisions(self, plan: Plan | None, margin: float = 0.0) -> CollisionProbability | None:
         """Predict the probability of a collision from a plan on, with a wider margin by so much [m].
 
         None: there are no samples, or nothing is predicted (`predicts_collisions`).
         """
-        mppi = self.settings.method == "mppi"  # another law, whose samples meet no walls on their way
-        if plan is None or plan.estimate is None or mppi or not self.predicts_collisions:
+        if plan is None or plan.estimate is None or not self.predicts_collisions:
             return None
+        step = self.settings.period if self.settings.between == "hold" else self.physics_step
         return collision_probability(
-            self.problem, plan.estimate, step=self.physics_step, margin=self.margin + margin, classes=plan.classes
+            self.problem, plan.estimate, step=step, margin=self.margin + margin, classes=plan.classes
         )
 
     def empty_tree(
