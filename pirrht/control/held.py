@@ -60,5 +60,8 @@ class HeldLaw:
                 if row[0] <= c + SAME:
                     rest -= self.step * float(row[3:5] @ away)
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)
-        wanted = min(wanted, most)
-        return u if wanted == thrown else u + np.linalg.pinv(G) @ away * ((wanted - thrown) / self.step)
+        wanted, along = min(wanted, most), self.step * (G @ u) - thrown * away
+        change, far = (wanted - thrown) * away, math.hypot(along[0], along[1])
+        if far > THROW * self.deviation:  # a law that is rough at walls
+            change += (THROW * self.deviation / far - 1.0) * along
+        return u + np.linalg.pinv(G) @ change / self.step if change.any() else u

@@ -100,6 +100,16 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
         return state
 
     @kernel
+    def direction(grid, process, x, c, away):  # type: ignore[no-untyped-def]
+        y = x.copy()
+        for k in range(2):
+            y[k] += process.gap
+            away[k] = (clear(grid, process, y) - c) / process.gap
+            y[k] = x[k]
+        away /= max(math.hypot(away[0], away[1]), 0.1)
+        return away
+
+    @kernel
     def held(grid, process, x, slope, f, state):  # type: ignore[no-untyped-def]
         y, away, deviation = x.copy(), np.zeros(2), process.B[0, 0] * math.sqrt(process.step)
         if moves:  # walls are judged where the step ends
@@ -107,22 +117,26 @@ def walker(evaluate: Any, drift: Callable[..., None], how: str, moves: bool) -> 
         c = clear(grid, process, y)
         near = c < NEAR_WALL * deviation
         if near:
-            for k in range(2):
-                y[k] += process.gap
-                away[k] = (clear(grid, process, y) - c) / process.gap
-                y[k] = x[k]
-            away /= max(math.hypot(away[0], away[1]), 0.1)
-            if c <= 0.0:  # within the margin
-                y[:2] += (process.gap - c) * away
+            direction(grid, process, y, c, away)
+            back, into = away, c
+            for _ in range(4):  # within the margin; a second wall may be near
+                if into > 0.0:
+                    break
+                y[:2] += (process.gap - into) * back
+                into = clear(grid, process, y)
+                back = direction(grid, process, y, into, np.zeros(2))
         evaluate(grid, y, slope)
         move(x[:2], process.parameters, f)
         ahead = (f + process.rate @ slope) * process.step
-        thrown = away @ ahead
-        if near and thrown > 0.0:
+        if near:
+            thrown = away @ ahead
+            along = ahead - thrown * away
+            along *= min(1.0, THROW * deviation / max(math.hypot(along[0], along[1]), 1e-12))
             most = min(THROW * deviation, thrown)
             y[:2] = x[:2] + most * away
-            most = min(most, max(0.5 * (clear(grid, process, y) + most - c), 0.0))  # half of the way through a gap
-            ahead -= max(thrown - most, 0.0) * away
+            if thrown > 0.0:
+                most = min(most, max(0.5 * (clear(grid, process, y) + most - c), 0.0))  # half of the way through a gap
+            ahead = along + most * away
         for k in range(2):
             state, z, _ = normals(state)
             x[k] += ahead[k] + deviation * z

@@ -144,7 +144,8 @@ def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_pat
     ("options", "message"),
     [
         ({"given": {"noise": 0.2, "risk": 1e-6}}, "no margin that leaves a way keeps it"),
-        ({"given": {"risk": 0.01}, "robot": "hover"}, "it takes a robot whose position is noisy"),
+        ({"given": {"risk": 0.01, "method": "mppi"}}, "a method of pi-rrht, optimal; others take --margin"),
+        ({"given": {"risk": 0.01, "exit": "endpoint"}}, "--risk takes --exit bridge"),
         ({"given": {"risk": 0.01}, "margin": 0.01}, "--risk chooses the margin; leave out --margin"),
         ({"given": {"risk": 0.7}}, "--risk is 0.7"),
     ],
@@ -155,8 +156,9 @@ def test_a_risk_that_cannot_be_kept_is_refused_with_what_would_work(tmp_path, op
 
 
 def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
-    given = {"noise": 0.2, "risk": 1e-5, "risk_infeasible": "best"}
-    assert 0.0 < prepare(gap(tmp_path, 0.26), given=given).margin < 0.03
+    nearest = prepare(gap(tmp_path, 0.26), noise=0.2, risk=1e-5, risk_infeasible="best")
+    assert 0.0 < nearest.margin < 0.03
+    assert nearest.risk_note.startswith("not kept: ")
 
 
 def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):
@@ -166,5 +168,6 @@ def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):
     alone = [prepare(gap(tmp_path, 0.3), given={"noise": noise, "risk": 0.01}) for noise in noises]
     assert margins == [scenario.margin for scenario in alone]
     assert margins[0] < margins[1]
-    with pytest.raises(OptionError, match="prepare the scene with this noise"):
-        alone[0].with_settings(noise=0.2)
+    for change in ({"noise": 0.2}, {"risk": 0.001}, {"phi": 3.0}):
+        with pytest.raises(OptionError, match=f"{next(iter(change))} decides on the margin that keeps --risk"):
+            alone[0].with_settings(**change)
