@@ -88,3 +88,8 @@ def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wal
     assert 0.0 < found.accepted == pytest.approx(weight[part.paths.outcome == 2].sum() / weight.sum())
     assert found.accepted < found.probability <= found.most
     assert set(found.classes) == set(plan.classes.values())
+
+
+def test_a_control_that_is_held_for_a_period_collides_more_often_than_one_held_for_a_physics_step():
+    often, seldom = (predicted(prepare("slit", margin=0.0, between=rule))[0] for rule in ("hold", "classes"))
+    assert often.probability > 1.5 * seldom.probability > 0.0
