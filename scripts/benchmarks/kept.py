@@ -2,8 +2,8 @@
 
 A cell is a scene at a noise level and a risk: the margin is chosen as for a run, and the exact law with this margin,
 held for a physics step, makes 2 000 runs from the start. A prediction "holds" if the Wilson interval (95 %) of the runs
-that collided begins no higher, and the risk is "kept" in the same way. "Price" is v with the margin over v without.
-With --png the runs that collided are drawn over what was predicted.
+that collided begins no higher, its 95 % "bound" and the risk ("kept") in the same way. "Price" is v with the margin
+over v without. With --png the runs that collided are drawn over what was predicted.
 """
 
 import argparse
@@ -25,8 +25,8 @@ from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import predicted
 
 NOISES, RISKS, RUNS, SCENES = (0.1, 0.2, 0.3), (0.1, 0.03, 0.01, 0.003), 2000, 20
-HEADER = ["scenes", "b", "risk", "cells", "refused", "margin mm", "predicted %", "happened %", "over", "hold", "kept",
-          "worst", "price"]  # fmt: skip
+HEADER = ["scenes", "b", "risk", "cells", "refused", "margin mm", "predicted %", "happened %", "over", "hold", "bound",
+          "kept", "worst", "price"]  # fmt: skip
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
@@ -49,12 +49,12 @@ def _row(cells: list[dict[str, Any]]) -> list[str]:
     """Sum up the cells of a noise level and a risk."""
     known = [one for one in cells if one["margin"] is not None]
     mean = {name: float(np.mean([one[name] for one in known])) for name in ("margin", "predicted", "happened", "price")}
-    hold, kept = (
-        f"{100 * np.mean([one['low'] <= one[name] for one in known]):.0f} %" for name in ("predicted", "risk")
+    hold, bound, kept = (
+        f"{100 * np.mean([one['low'] <= one[name] for one in known]):.0f} %" for name in ("predicted", "most", "risk")
     )
     return [
         str(len(cells)), str(len(cells) - len(known)), f"{1e3 * mean['margin']:.1f}", f"{100 * mean['predicted']:.3f}",
-        f"{100 * mean['happened']:.3f}", f"{mean['happened'] / max(mean['predicted'], 1e-9):.2f}", hold, kept,
+        f"{100 * mean['happened']:.3f}", f"{mean['happened'] / max(mean['predicted'], 1e-9):.2f}", hold, bound, kept,
         f"{max(one['happened'] / one['risk'] for one in known):.2f}", f"{mean['price']:.4f}",
     ]  # fmt: skip
 
@@ -114,7 +114,7 @@ def draw(path: Path, found: list[dict[str, Any]]) -> None:
     axes.plot([least, 0.2], [least, 0.2], color="#444444", lw=0.9)
     axes.set(xscale="log", yscale="log", xlim=(0.8 * least, 0.2), ylim=(0.8 * least, 0.2))
     axes.set_xlabel("predicted probability of a collision")
-    axes.set_ylabel(f"share of {RUNS} runs of the exact held law, with 95 % intervals")
+    axes.set_ylabel(f"share of {RUNS} runs that collided, 95 % intervals")
     axes.grid(alpha=0.2)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(fontsize=8, frameon=False)
