@@ -1,6 +1,6 @@
 """Cost against the probability of a collision: drives in MuJoCo at many margins, beside the exact law.
 
-The exact law with a margin is the best there is for its walls: its cost is v, and 4 000 runs of it, held for a physics
+The exact law with a margin is the best there is for its walls: its cost is v, and --samples runs of it (4000), held for a physics
 step, collide ("exact"). `--risk` chooses the margin of "pi-rrht"; the other methods get some by hand. Costs are of
 drives that arrived.
 """
@@ -31,7 +31,8 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     """Header, table and JSON; with --png also a picture."""
     scene, noise = options.scene or "slit", (options.noises or [0.2])[0]
     step = noise * np.sqrt(prepare(scene, margin=0.0).physics_step)
-    found = [_exact(scene, noise, float(step * m)) for m in tqdm(MARGINS, "exact law", disable=None)]
+    margins = tqdm([float(step * m) for m in MARGINS], "exact law", disable=None)
+    found = [_exact(scene, noise, margin, options.samples or RUNS) for margin in margins]
     wanted: list[tuple[str, dict[str, Any]]] = [("pi-rrht", {"risk": risk}) for risk in RISKS]
     wanted += [(method, {"margin": m}) for method in ("pi-rrht", "best-class", "mppi") for m in BY_HAND]
     found += [_row(options, scene, noise, method, **how) for method, how in tqdm(wanted, "drives", disable=None)]
@@ -48,12 +49,12 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
     return HEADER, table, found
 
 
-def _exact(scene: str, noise: float, margin: float) -> dict[str, Any]:
+def _exact(scene: str, noise: float, margin: float, runs: int) -> dict[str, Any]:
     """Simulate the exact law with a margin."""
     scenario = prepare(scene, noise=noise, margin=margin)
     truth = scenario.truth(steps=False)
-    share, _ = truth.collision_probability(scenario.start, RUNS, 1, step=scenario.physics_step, margin=margin)
-    return _found("exact", None, margin, RUNS, round(share * RUNS), np.array([truth.value(scenario.start)]))
+    share, _ = truth.collision_probability(scenario.start, runs, 1, step=scenario.physics_step, margin=margin)
+    return _found("exact", None, margin, runs, round(share * runs), np.array([truth.value(scenario.start)]))
 
 
 def _row(
