@@ -1,8 +1,8 @@
 """Cost against the probability of a collision: drives in MuJoCo at many margins, beside the exact law.
 
-The exact law with a margin is the best there is for its walls: its cost is v, and --samples runs of it (4000), held for a physics
-step, collide ("exact"). `--risk` chooses the margin of "pi-rrht"; the other methods get some by hand. Costs are of
-drives that arrived.
+The exact law with a margin is the best there is for its walls: its cost is v, and --samples runs of it (4000), held for
+a physics step, collide ("exact"). `--risk` chooses the margin of "pi-rrht"; the other methods get some by hand. Costs
+are of drives that arrived.
 """
 
 import argparse
