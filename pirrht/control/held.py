@@ -16,10 +16,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.control.plan import Law
+from pirrht.estimation.risk import CLOSEST
 from pirrht.proposals.wall_drift import WallDrift
 
 THROW = 2.2  # deviations of a step off a wall at most; at a flat wall 5 % more collisions than without the limit
-CLOSEST = 0.45  # deviations of a step from a wall below which the drift is constant
 SAME = 1e-6  # by which distances of one wall differ by rounding [m]
 NEAR_WALL = 6.0  # deviations of a step from a wall beyond which the drift is small
 
@@ -41,7 +41,7 @@ class HeldLaw:
 
     def __call__(self, x: Array, s: float) -> Array:
         """Return the control (m,) at state x (n,), s [s] after the plan."""
-        moving, place = self.walls.moving, (float(x[0]), float(x[1]))
+        moving = self.walls.moving
         s += self.step if moving.J else 0.0  # walls that move are judged where the step ends
         u = self.law(x, s)
         c, nx, ny, d, mx, my = map(float, self.walls.walls(x, s, closest=-np.inf))
@@ -56,7 +56,7 @@ class HeldLaw:
         if moving.J:
             drift = 1.0 / max(c, CLOSEST * self.deviation) - (1.0 / d if gap else 0.0)
             rest = thrown - self.deviation**2 * drift
-            for row in moving.walls(*place, self.walls.time + s, near):
+            for row in moving.walls(x[0], x[1], self.walls.time + s, near):
                 if row[0] <= c + SAME:
                     rest -= self.step * float(row[3:5] @ away)
             wanted -= min(rest, 0.0) * (1.0 - max(c, 0.0) / near)

@@ -155,8 +155,7 @@ def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scen
     if not scenario.predicts_collisions or scenario.settings.method not in PREDICTED:
         raise OptionError(f"--risk takes --exit bridge and a method of {', '.join(PREDICTED)}; others take --margin")
     spread = scenario.problem.dynamics.position_spread(scenario.start)
-    held = scenario.settings.period if scenario.settings.between == "hold" else scenario.physics_step
-    more = np.arange(0.0, WIDEST * spread * math.sqrt(held) + FINEST, FINEST).tolist()
+    more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.held) + FINEST, FINEST).tolist()
     tried: list[tuple[CollisionProbability, Scenario]] = []
     for _ in range(ROUNDS):
         try:

@@ -167,10 +167,14 @@ class Scenario:
         """
         if plan is None or plan.estimate is None or not self.predicts_collisions:
             return None
-        step = self.settings.period if self.settings.between == "hold" else self.physics_step
         return collision_probability(
-            self.problem, plan.estimate, step=step, margin=self.margin + margin, classes=plan.classes
+            self.problem, plan.estimate, step=self.held, margin=self.margin + margin, classes=plan.classes
         )
+
+    @property
+    def held(self) -> float:
+        """Time for which a control is the same [s]: a physics step, or the period where plans are held."""
+        return self.settings.period if self.settings.between == "hold" else self.physics_step
 
     def empty_tree(
         self, limit: float | None = None, space: FreeSpace | None = None, seed: np.random.SeedSequence | None = None
