@@ -130,8 +130,7 @@ class Drive(gymnasium.Env[Array, Array]):
         frame, m = self.frame, self._metrics
         return {
             "outcome": None if frame is None or frame.outcome is None else m.outcome, "cost": m.cost, "time": m.time,
-            "min_clearance": self.scenario.space.clearance(self._plant.state) if frame is None else m.min_clearance,
-            "path_length": m.path_length,
+            "min_clearance": m.min_clearance, "path_length": m.path_length,
         }  # fmt: skip
 
 

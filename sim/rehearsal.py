@@ -44,7 +44,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
             return
         driver = small.driver(tree)
         driver.path_integral.warm_up()
-        plant = Plant(small.problem, small.space.collision.clearance, period=s.period, physics_step=s.period)
+        plant = Plant(small.problem, period=s.period, physics_step=s.period)
         list(episode.run(plant, driver, small.start, np.random.default_rng(0), max_time=PERIODS * s.period))
         if tree is None:
             return

@@ -24,7 +24,7 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     `collision` is of its world and footprint, without waivers at what is fitted. Unless the `start_counts`, waivers are
     kept. SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
-    start, goal, body = scene.start[:2], scene.goal, scene.robot_radius - scene.margin
+    start, goal, body = scene.start[:2], scene.goal, scene.body.radius
     waivers = [] if start_counts else [*scene.waivers]
     if start_counts and (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
         if distance < body - ROUNDING:
@@ -42,13 +42,13 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
 
 
 def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
-    where, body = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g})", scene.robot_radius - scene.margin
+    where, body = f"{scene.name}: the {what} ({point[0]:g}, {point[1]:g})", scene.body.radius
     return f"{where} is in collision for a robot of radius {body:g}{more}; move it or choose a smaller robot radius"
 
 
 def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out."""
-    body = scene.robot_radius - scene.margin
+    body = scene.body.radius
     clearance = float(collision.distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
     least = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body

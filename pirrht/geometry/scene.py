@@ -251,6 +251,11 @@ class Scene:
         """Return radius and height of the robot [m]."""
         return Footprint(self.robot_radius, self.robot_height)
 
+    @property
+    def body(self) -> Footprint:
+        """Return radius and height of the ball that holds the robot itself, without the safety margin [m]."""
+        return Footprint(self.robot_radius - self.margin, self.robot_height)
+
 
 def _height(task: Task) -> float:
     """Return the height [m] of walls that are as far from a robot as their outlines are."""

@@ -133,6 +133,10 @@ class MovingObstacles:
         self._all = best, float(place[0]), float(place[1]), time, holds, ends
         return best
 
+    def travel(self, begin: float, end: float) -> float:
+        """Bound how far any point of any obstacle goes between two times [s], jumps aside [m]."""
+        return max((body.travel(begin, end) for body in self._bodies), default=0.0)
+
     def surely(self, place: Array, time: float) -> float:
         """Return a lower bound of the free distance at a place (2,) [m] and time [s], without a query [m]."""
         free, x, y, when, holds, ends = self._all

@@ -137,7 +137,6 @@ def chance(collision: CollisionProbability, risk: float | None = None) -> str:
 
 def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
     """Print the results of a run; with a truth also how far from the optimal control it was."""
-    clearance = run.min_clearance + (scenario.margin if run.outcome != "collision" else 0.0)
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
     blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
@@ -147,8 +146,8 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
         "over its jitter")  # fmt: skip
     say(f"{executed}, {counted(run.class_switches, 'class switch', 'class switches')} "
         f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
-        f"without reference or surviving sample{blocked}), least clearance {clearance:.3f} m (free distance "
-        "around the robot)")  # fmt: skip
+        f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m "
+        "(free distance around the robot)")  # fmt: skip
     if so_far and run.fallbacks > run.steps // 2:
         say("no path for most of the time: more --samples or --vertices, or a smaller margin, may find one")
     if run.outcome == "collision" and scenario.settings.risk is None:

@@ -6,13 +6,14 @@ and the noise level, and commands `ctrl = M @ twist(x, f_c + G u + B dw/h)`, or 
 equation, and the displacement has covariance B B' t. Motors take accelerations instead: the velocity's step is then
 that of the equation, and the position moves on with the velocity of the step's end (semi-implicit Euler) where the
 equation alone takes that of its start. Wheels with slow servos follow it up to their lag (models/robots/diffdrive.xml).
-A step of white noise may be longer than a wall is thick: what is between two steps counts as well as their ends.
+A step may be longer than a wall is thick, or than an obstacle that moves: what is between two steps counts as well as
+their ends. Clearance is that of the robot itself, without the margin of plans: of the ball that holds it.
 Moving obstacles are where their motions say at the end of each step, by the plant's own clock.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import hypot, inf, sqrt
+from math import ceil, hypot, inf, sqrt
 
 import mujoco
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision, touches
-from pirrht.geometry.scene import ROUNDING, Scene
+from pirrht.geometry.scene import ROUNDING, Scene, Workspace
 from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
@@ -30,38 +31,45 @@ from sim.mjcf.obstacles import Mocap
 from sim.mjcf.robot import check_motion
 from sim.systems import named
 
-FOOTPRINT = "robot/footprint"  # geom of every robot
+BALLS = ("robot/footprint", "robot/inner footprint")  # geoms, one of which collides where the robot is a ball
+APART = 0.25  # of its radius: poses within a step at which another robot is examined
+MOST_POSES = 10_000  # of these in a step
 
 Control = Callable[[Array, float], Array]  # state (n,), time since the start of the period [s] -> control (m,)
-Clearance = Callable[[Array], Array]  # centres (k, 2) -> free distance (k,) [m], 0 or less in a collision
+Clearance = Callable[[Array], Array]  # centres (k, 2) -> the robot's free distance (k,) [m], 0 or less in a collision
 
 
 class ClearanceChecker:
-    """Clearance of a robot among static and moving obstacles; without one of static ones, by FCL objects of its own.
+    """Clearance of the robot itself among static and moving obstacles; that of static ones may be known already.
 
     Clearance is 1-Lipschitz: around a place that has some there is a disc that is free. FCL is queried only where the
     last disc does not bound it well enough.
     """
 
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
-        self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
-        self._crowd = MovingObstacles(scene.movers, scene.footprint)
+        static = Workspace(scene.lower, scene.upper, scene.obstacles)
+        self._clearance = clearance or Collision(static, scene.body).clearance
+        self._crowd = MovingObstacles(scene.movers, scene.body)
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
     def at(self, x: Array, now: float, enough: float = inf) -> float:
-        """Return the clearance at x (n,) and a time [s], 0 or less in a collision; a bound from `enough` on [m]."""
+        """Return the clearance at x (n,) and a time [s], 0 in a collision; a bound from `enough` on [m]."""
         free, moving = self._static(x, enough), self._crowd.surely(x, now)
-        return min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now))
+        return max(0.0, min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now)))
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
         way = x - before
         length = hypot(way[0], way[1])
         if not self._static(x, length) > length and touches(
-            lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
+            lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
         ):
             return True
         return self._crowd.meets(before[:2], begin, x[:2], now)
+
+    def travel(self, before: Array, x: Array, begin: float, now: float) -> float:
+        """Bound how far a robot goes from one state to the next and an obstacle meanwhile, together [m]."""
+        return hypot(x[0] - before[0], x[1] - before[1]) + self._crowd.travel(begin, now)
 
     def _static(self, x: Array, enough: float = inf) -> float:
         free, at_x, at_y = self._disc
@@ -83,7 +91,7 @@ class Advance:
     time: float  # until the exit or the end of the period [s]
     cost: float  # integral of q + u'Ru/2
     length: float  # of the path [m]
-    clearance: float  # the least after any step [m]; 0 after a collision
+    clearance: float  # the least around the robot after any step [m]; 0 after a collision
     states: Array  # (k, n) after each step
     controls: Array  # (k, m)
     noise: Array  # (k, m) Brownian increments [sqrt(s)]
@@ -96,7 +104,8 @@ class Advance:
 class Plant:
     """A robot by its stochastic equation alone, which is driven on in physics steps, judged and paid for.
 
-    The control period [s] is a whole number of physics steps [s]; the clearance is that of static obstacles, if known.
+    The control period [s] is a whole number of physics steps [s]; the clearance around the robot is that of static
+    obstacles, if known.
     """
 
     def __init__(
@@ -183,8 +192,9 @@ class Executor(Plant):
         self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms
         self._mocap = Mocap(model, loaded.scene.movers) if loaded.scene.movers else None
-        # Where the footprint is what collides, white noise may carry it through a wall within a step; others are slow.
-        self._sweeps = bool(model.geom(FOOTPRINT).contype[0] | model.geom(FOOTPRINT).conaffinity[0])
+        balls = [model.geom(i) for i in range(model.ngeom) if model.geom(i).name in BALLS]
+        self._ball = any(geom.contype[0] | geom.conaffinity[0] for geom in balls)
+        self._between = None if self._ball else mujoco.MjData(model)
         super().__init__(problem, period=period, physics_step=float(model.opt.timestep))
 
     def enter(self, problem: Problem, clearance: Clearance | None = None) -> None:
@@ -218,8 +228,28 @@ class Executor(Plant):
         return self._stance.read(self.data, x)
 
     def _touching(self, before: Array, x: Array) -> bool:
-        # Nothing but the robot has joints, and MuJoCo lets bodies without touch no others: what touches is the robot.
-        contact = self.data.contact
-        if self.data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any():
+        if self._contacts(self.data):
             return True
-        return self._sweeps and super()._touching(before, x)
+        if not super()._touching(before, x):  # not even the ball that holds the robot
+            return False
+        return self._between is None or self._touching_between(before, x, self._between)
+
+    def _contacts(self, data: mujoco.MjData) -> bool:
+        """Check for contacts; nothing but the robot has joints, and without them bodies touch no others in MuJoCo."""
+        contact = data.contact
+        return bool(data.ncon > 0 and self._obstacles[contact.geom[contact.dist < -ROUNDING]].any())
+
+    def _touching_between(self, before: Array, x: Array, data: mujoco.MjData) -> bool:
+        """Check for contacts at poses within the last step, of a robot that is no ball."""
+        h, begin = self.physics_step, self.time - self.physics_step
+        apart = APART * self._problem.scene.body.radius
+        poses = min(ceil(self._checker.travel(before, x, begin, self.time) / apart), MOST_POSES)
+        mujoco.mj_copyData(data, self._model, self.data)
+        for share in np.arange(1, poses) / poses:
+            self._stance.place(data, before + share * (x - before), np.zeros(2), data.ctrl)
+            if self._mocap is not None:
+                self._mocap.place(data, begin + share * h)
+            mujoco.mj_fwdPosition(self._model, data)
+            if self._contacts(data):
+                return True
+        return False

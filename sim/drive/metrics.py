@@ -124,7 +124,7 @@ class Frame(TimedPlan):
     cost: float  # integral of q + u'Ru/2 up to the end of this period
     length: float  # driven up to there, without the path's noise [m]
     noisy_length: float  # with it: grows with the number of physics steps [m]
-    clearance: float  # at the start of the period, from static and moving obstacles [m]
+    clearance: float  # around the robot at the start of the period, from static and moving obstacles [m]
     driven_class: tuple[int, ...]  # class of the path up to the end of the period, completed straight to the goal
     truth: Truth | None  # exact solution where the plan was made, if a grid was solved
     news: str | None  # a line for a person, if something happened
@@ -164,7 +164,7 @@ class EpisodeMetrics:
         self.risk: Risk = lambda _: None
         self.outcome, self.time, self.cost, self.steps, self.vertices = "timeout", 0.0, 0.0, 0, 0
         self.path_length = self.noisy_path_length = self.blocked_time = 0.0
-        self.min_clearance, self._doubted = inf, -inf  # time of the last weak plan [s]
+        self._doubted = -inf  # time of the last weak plan [s]
         self.value_estimate = self.least_ess = self.least_ess_time = None  # type: float | None
         self.executed_class = self.favourite = self._decided = None  # type: str | None
         self.class_switches = self.class_reversals = self.fallbacks = self.doubtful_plans = 0
@@ -178,6 +178,7 @@ class EpisodeMetrics:
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
         self._length, self._driven = Length(x), Driven(task.homology, x)
         self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
+        self.min_clearance = self._checker.at(x, 0.0)
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
         """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""

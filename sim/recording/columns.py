@@ -99,7 +99,7 @@ COLUMNS = (
            lambda f: [f.cost]),
     Column("length", "m", "driven up to the end of the step, without the path's noise (path_length)",
            lambda f: [f.length]),
-    Column("clearance", "m", "clearance of the footprint at the start of the step", lambda f: [f.clearance]),
+    Column("clearance", "m", "free distance around the robot at the start of the step", lambda f: [f.clearance]),
     Column("value", "cost", "estimate of v = -lambda log psi; infinite if no sample survived", _estimated("value")),
     Column("value_error", "cost", "its standard error; 0 if exact, infinite if unknown", _estimated("value_error")),
     Column("control_error_K", CONTROL, "standard error of u; 0 if exact, infinite if unknown",

@@ -275,7 +275,7 @@ class Scenario:
         period = self.settings.period
         if self.settings.plant == "mujoco":
             return Executor(self.loaded, self.problem, period=period)
-        return Plant(self.problem, self.space.collision.clearance, period=period, physics_step=self.physics_step)
+        return Plant(self.problem, period=period, physics_step=self.physics_step)
 
     def drive(
         self, plant: Plant, driver: Policy, *, start: Array | None = None, rng: np.random.Generator | None = None,

@@ -6,7 +6,6 @@ import numpy as np
 
 from pirrht import Dynamics, Problem
 from pirrht.arrays import Array
-from pirrht.geometry.collision import Collision
 from sim.drive.executor import Advance, Executor, Plant
 from sim.mjcf import Loaded
 
@@ -51,9 +50,8 @@ def problem_of(loaded: Loaded, dynamics: Dynamics, **options) -> Problem:
 
 def both(loaded: Loaded, problem: Problem, period: float) -> tuple[Executor, Plant]:
     """Both plants of a problem."""
-    clearance = Collision(problem.scene.world, problem.scene.footprint).clearance
     step = float(loaded.model.opt.timestep)
-    return Executor(loaded, problem, period=period), Plant(problem, clearance, period=period, physics_step=step)
+    return Executor(loaded, problem, period=period), Plant(problem, period=period, physics_step=step)
 
 
 def ahead(x: Array) -> Array:

@@ -1,5 +1,6 @@
 """The plant: MuJoCo is the stochastic equation up to contacts, and runs are judged and paid for alike."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,9 @@ from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from sim.drive.executor import ClearanceChecker, Executor, Plant
+from sim.drive.metrics import EpisodeMetrics
 from sim.mjcf import load
+from sim.scenario import prepare
 
 
 def pair(
@@ -127,6 +130,42 @@ def test_nothing_passes_a_wall_within_a_step(tmp_path):
             assert (ends[-1].outcome, ends[-1].clearance) == (Outcome.COLLISION, 0.0)
             passed += ends[-1].states[-1, 0] > 0.172
         assert passed > 0  # the ends alone would not have told
+
+
+@pytest.mark.parametrize("radius", [0.001, 0.02])
+@pytest.mark.parametrize("timestep", [STEP, 0.01])
+def test_a_robot_that_plans_with_a_margin_passes_no_wall_within_a_step(tmp_path, radius, timestep):
+    """Also one of 1 mm at 20 m/s, which goes 0.2 m in a step of 10 ms, by whichever plant."""
+    file = scene_file(tmp_path, world=THIN, option=f'<option timestep="{timestep}"/>', size=2.0, goal="1.8 0 0")
+    for kind in ("mujoco", "sde"):
+        scenario = prepare(file, radius=radius, margin=0.01, plant=kind, noise=0.1, period=0.1)
+        advance = scenario.plant().advance(hold(20.0, 0.0), np.random.default_rng(0))
+        assert (advance.outcome, advance.clearance) == (Outcome.COLLISION, 0.0)
+        assert advance.states[:-1, 0].max(initial=0.0) < 0.15
+
+
+def test_the_clearance_of_a_run_is_around_the_robot_whatever_margin_plans_keep(tmp_path):
+    """The wall is 0.5 m off the robot, and the border 2 m off its centre."""
+    file = scene_file(tmp_path, world=WALL, size=2.0, goal="1.8 0 0")
+    for kind, margin in product(("mujoco", "sde"), (0.0, 0.2, 0.45)):
+        scenario = prepare(file, margin=margin, plant=kind, noise=1e-6, period=0.1)
+        metrics = EpisodeMetrics(scenario, scenario.start, period=0.1, max_time=1.0)
+        assert metrics.min_clearance == pytest.approx(0.5)
+        advance = scenario.plant().advance(hold(4.5, 0.0), np.random.default_rng(0))
+        assert advance.outcome is None
+        assert advance.clearance == pytest.approx(0.05, abs=1e-4)
+        advance = scenario.plant().advance(hold(-19.0, 0.0), np.random.default_rng(0))
+        assert advance.clearance == pytest.approx(0.1, abs=1e-4)
+
+
+def test_a_robot_that_is_no_ball_has_no_negative_clearance_where_it_does_not_touch(tmp_path):
+    """`hover` is a cylinder of 0.09 m in a ball of 0.095 m, and stands 0.002 m from a wall."""
+    world = '<geom name="wall" type="box" size="0.05 3 0.3" pos="0.142 0 0.3"/>'
+    file = scene_file(tmp_path, world=world, start="-1 0 0", size=2.0, goal="1.8 0 0")
+    plant = prepare(file, robot="hover", margin=0.0, noise=1e-6, period=0.1).plant()
+    plant.reset(np.zeros(4))
+    advance = plant.advance(hold(0.0, 0.0), np.random.default_rng(0))
+    assert (advance.outcome, advance.clearance) == (None, 0.0)
 
 
 @pytest.mark.parametrize(("y", "blocked"), [(0.0, True), (0.499, True), (0.501, False)])

@@ -11,7 +11,8 @@ from pirrht.outcome import Outcome
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from sim.drive.executor import Advance, Plant
-from sim.mjcf import load
+from sim.mjcf import load, robot_names
+from sim.scenario import prepare
 
 EVERYWHERE = np.full(2, np.inf)
 
@@ -109,6 +110,33 @@ def test_a_fast_thin_body_does_not_pass_through_the_robot_within_a_step(tmp_path
         assert (x - reach) / 300 - 1e-9 <= hit(plant)[0] <= (x + reach) / 300 + STEP
 
 
+def rushed_by(file, robot: str, kind: str = "mujoco", margin: float = 0.03) -> Advance:
+    """The first 20 ms of a robot that is prepared like that of a run, and is not controlled."""
+    scenario = prepare(file, robot=robot, margin=margin, plant=kind, noise=1e-6, period=0.02)
+    return scenario.plant().advance(hold(*np.zeros(scenario.problem.dynamics.m)), np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("robot", robot_names())
+@pytest.mark.parametrize("speed", [500.0, 3e5])
+def test_a_motion_that_leaps_over_the_robot_within_a_step_touches_it(tmp_path, robot, speed):
+    """A disc is on one side of the robot, which plans with a margin, and on the other a step later."""
+    far, gone = 0.5 * STEP * speed, 0.01 + STEP
+    motion = rows("b", f"0 0 {far} 0  0.01 0 {far} 0  {gone} 0 {-far} 0  1 0 {-far} 0")
+    file = moving_scene(tmp_path, body("b", 'type="cylinder" size=".05 .2"', f"0 {far} 0.1"), motion)
+    for kind in ("mujoco", "sde"):
+        advance = rushed_by(file, robot, kind)
+        assert (advance.outcome, advance.clearance) == (Outcome.COLLISION, 0.0)
+        assert advance.time == pytest.approx(gone)
+
+
+def test_what_rushes_past_a_slim_robot_through_the_ball_around_it_does_not_touch_it(tmp_path):
+    """`hover` is a cylinder of 0.09 m in a ball of 0.095 m; a post passes 0.0915 m from its middle."""
+    motion, post = rows("b", "0 -2 0.0935 0  0.004 2 0.0935 0"), 'type="box" size=".002 .002 .2"'
+    file = moving_scene(tmp_path, body("b", post, "-2 0.0935 0.1"), motion)
+    assert rushed_by(file, "hover", margin=0.0).outcome is None
+    assert rushed_by(file, "puck", margin=0.0).outcome is Outcome.COLLISION
+
+
 DISC, BOX = 'type="cylinder" size=".3 .2"', 'type="box" size=".1 3 .2"'
 
 
@@ -172,5 +200,5 @@ def test_the_least_clearance_is_that_to_static_and_moving_obstacles_after_every_
             for k, x in enumerate(advance.states):
                 solids = [s for mover in loaded.scene.movers for s in mover.at(begun + (k + 1) * STEP)]
                 there = Workspace(-EVERYWHERE, EVERYWHERE, (*loaded.scene.obstacles, *solids))
-                least = min(least, float(Collision(there, loaded.scene.footprint).clearance(x[None, :2])[0]))
+                least = min(least, float(Collision(there, loaded.scene.body).clearance(x[None, :2])[0]))
             assert advance.clearance == pytest.approx(least, abs=1e-9)

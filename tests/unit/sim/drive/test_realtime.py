@@ -226,7 +226,7 @@ def test_a_short_drive_against_the_real_clock(tmp_path, capsys):
 def test_moving_obstacles_set_out_when_the_run_does_and_not_when_it_was_rehearsed():
     scenario = prepare("crossing", start=(2.6, 2.5), given={"period": PERIOD})
     frames, *_ = drive(scenario, lambda i: 0.05, periods=4)
-    crowd = MovingObstacles(scenario.loaded.scene.movers, scenario.loaded.scene.footprint)
+    crowd = MovingObstacles(scenario.loaded.scene.movers, scenario.loaded.scene.body)
     assert [frame.time for frame in frames] == pytest.approx([0.0, 0.1, 0.2, 0.3])
     for frame in frames:  # the disc comes nearer all the time
         assert frame.clearance == pytest.approx(crowd.clearance(frame.plan.state, frame.time))
