@@ -22,7 +22,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision, touches
 from pirrht.geometry.scene import ROUNDING, Scene, Workspace
-from pirrht.moving.collision import MovingObstacles
+from pirrht.moving.collision import MovingObstacles, jumps
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from sim.mjcf import Loaded
@@ -50,6 +50,7 @@ class ClearanceChecker:
         static = Workspace(scene.lower, scene.upper, scene.obstacles)
         self._clearance = clearance or Collision(static, scene.body).clearance
         self._crowd = MovingObstacles(scene.movers, scene.body)
+        self._fastest = inf if any(jumps(one.motion) for one in scene.movers) else self._crowd.fastest
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
     def at(self, x: Array, now: float, enough: float = inf) -> float:
@@ -57,10 +58,15 @@ class ClearanceChecker:
         free, moving = self._static(x, enough), self._crowd.surely(x, now)
         return max(0.0, min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now)))
 
-    def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
-        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
+    def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0, free: float = -inf) -> bool:
+        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s].
+
+        `free` bounds the clearance at the latter from below [m].
+        """
         way = x - before
         length = hypot(way[0], way[1])
+        if free > length + self._fastest * (now - begin):
+            return False
         if not self._static(x, length) > length and touches(
             lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
         ):
@@ -159,8 +165,9 @@ class Plant:
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
-            clearance = min(clearance, checker.at(x, self.time, clearance))
-            if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x):
+            free = checker.at(x, self.time, clearance)
+            clearance = min(clearance, free)
+            if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x, free):
                 outcome = Outcome.COLLISION
             elif hypot(x[0] - gx, x[1] - gy) <= scene.goal.radius:
                 outcome = Outcome.GOAL
@@ -175,8 +182,8 @@ class Plant:
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         return self._problem.dynamics.step(x, u, dw, step)
 
-    def _touching(self, before: Array, x: Array) -> bool:
-        return self._checker.blocked(before, x, self.time - self.physics_step, self.time)
+    def _touching(self, before: Array, x: Array, free: float) -> bool:
+        return self._checker.blocked(before, x, self.time - self.physics_step, self.time, free)
 
 
 class Executor(Plant):
@@ -227,10 +234,10 @@ class Executor(Plant):
         mujoco.mj_step1(self._model, self.data)
         return self._stance.read(self.data, x)
 
-    def _touching(self, before: Array, x: Array) -> bool:
+    def _touching(self, before: Array, x: Array, free: float) -> bool:
         if self._contacts(self.data):
             return True
-        if not super()._touching(before, x):  # not even the ball that holds the robot
+        if not super()._touching(before, x, free):  # not even the ball that holds the robot
             return False
         return self._between is None or self._touching_between(before, x, self._between)
 
