@@ -117,13 +117,19 @@ def estimate_json(
     exact: dict[str, Any] = {}
     figures: dict[str, Callable[[Estimate], Any]] = {}
     if truth is not None:
-        exact["truth"] = {"value": truth.value, "control": truth.control.tolist()}
+        exact["truth"] = {
+            "value": truth.value,
+            "control": truth.control.tolist(),
+            "class_weights": dict(truth.shares),
+            "class_weights_stderr": truth.share_errors,
+        }
         figures |= {"value_error": lambda e: truth.errors(e)[0], "control_error": lambda e: truth.errors(e)[1]}
     names = ("value", "ess", "doubtful", "class_weights", "class_ess", "proposal_weights")
     figures |= {name: attrgetter(name) for name in names} | {
         "control": lambda e: e.control.tolist(),
         "value_stderr": attrgetter("value_error"),
         "control_stderr": lambda e: e.control_error.tolist(),
+        "class_weights_stderr": attrgetter("class_weight_errors"),
         "tail": lambda e: None if np.isnan(e.tail) else e.tail,
         "samples": lambda e: sum(part.size for part in e.parts),
     }

@@ -21,7 +21,7 @@ from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sampling import TUNING, EstimationTuning
-from pirrht.estimation.weights import deviation, heavy, tail_shape
+from pirrht.estimation.weights import deviation, heavy, normalised, tail_shape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
@@ -74,6 +74,7 @@ class Estimate:
         rollouts: the last samples that have any weight.
         parts: all samples, by round.
         walls: wall drift and its effect on `control`.
+        classes: names of the classes in `class_weights` but "other", by the additive key of a sample's path.
 
     Examples:
         >>> estimate = controller.plan(x).estimate  # doctest: +SKIP
@@ -96,6 +97,19 @@ class Estimate:
     rollouts: Rollouts
     parts: tuple[Rollouts, ...]
     walls: NearWalls
+    classes: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def class_weight_errors(self) -> dict[str, float | None]:
+        """Standard errors of `class_weights`; None of a class without any, which its samples do not tell."""
+        paths, log_weight, first = all_samples(self.parts)
+        weight, _ = normalised(log_weight)
+        member = paths.key[:, None] == np.array([*self.classes], dtype=np.int64)
+        member = np.column_stack([member, ~member.any(axis=1)])
+        shares = np.array([*self.class_weights.values()])
+        errors = deviation(weight[:, None] * (member - shares), first, self.parts[0].tables.mirrored)
+        known = zip(self.class_weights.items(), errors.tolist(), strict=True)
+        return {name: error if share > 0.0 else None for (name, share), error in known}
 
     @property
     def push(self) -> Array:
@@ -178,7 +192,7 @@ def weigh(
         class_weights=dict(zip(names, shares.tolist(), strict=True)),
         class_ess=dict(zip(names, ess.tolist(), strict=True)), class_controls=dict(zip(names, means, strict=True)),
         proposal_weights=drawn_around.tolist(), survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
-        rollouts=parts[shown], parts=tuple(parts), walls=walls,
+        rollouts=parts[shown], parts=tuple(parts), walls=walls, classes=dict(classes or {}),
     )  # fmt: skip
 
 

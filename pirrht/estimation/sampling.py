@@ -31,6 +31,7 @@ class EstimationTuning(NamedTuple):
     bend: float = 1e-3  # bends of a path below this are dropped; a path that cuts corners by more leads into them [m]
 
     few: float = 10.0  # effective samples below which standard errors are unreliable
+    lone: float = 1.5  # effective samples of a class in which hardly more than one sample has any weight
     # Largest terms of a sum count so many times more in its error, as larger ones are likely unseen. With 0 a twentieth
     # of plans near walls is off by more than 3 errors.
     outlying: float = 4.0

@@ -4,6 +4,7 @@ import argparse
 import functools
 import sys
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,12 +21,14 @@ from sim import options, tree_file
 from sim.cli import tables
 from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
+from sim.recording.reasons import shares_of
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
 from sim.scenario.prepared import deviation, predicted
 from sim.systems import POSE, typed
 from sim.text import counted, say
 
+SHARE_PATHS = 2000  # optimal paths that tell the exact share of each class
 LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
 BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
 COMPILING = "compiling: {n_fmt} kernels, {elapsed}"
@@ -179,14 +182,18 @@ def estimate(arguments: argparse.Namespace) -> int:
     if scenario.space.moving.distance(x[:2], time) <= 0.0:
         there = f"a moving obstacle is there at {time:g} s; choose another state or --time"
         raise OptionError(f"--at {x[0]:g} {x[1]:g}: {there}")
-    truth = None
+    grid = None
     if arguments.truth:
         with Progress("exact value") as bar:
-            truth = Truth.at(scenario.truth(bar.to), x, time)
+            grid = scenario.truth(bar.to)
     controller = scenario.driver(None if settings.method in TREELESS else planned(scenario, x)[0])
     controller.begin(x, time)
     decisions = [controller.plan(x) for _ in range(arguments.repeat)]
     estimates, references = [one.estimate for one in decisions], decisions[-1].references
+    truth = None
+    if grid is not None:
+        shares = shares_of(grid, decisions[-1], time, SHARE_PATHS)
+        truth = replace(Truth.at(grid, x, time), shares=shares, samples=SHARE_PATHS)
     notice().finish()
     collisions = [scenario.collisions(one) for one in decisions]
     print(tables.estimate_table(estimates, [r.id for r in references], truth))

@@ -1,10 +1,10 @@
 """Tables and lines that a person reads on the terminal of plans, estimates, runs and sweeps."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pirrht.arrays import Array
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import OTHER, Estimate
 from pirrht.estimation.risk import CollisionProbability
 from pirrht.estimation.sampling import TUNING
 from pirrht.formatting import percent
@@ -20,7 +20,6 @@ LEAST_SHARE = 1e-4  # probability of a collision below which it is not stated [%
 HINTED = 0.01  # bound of that probability above which --risk is mentioned
 FEW_CLASSES = 4
 FEW_OBSTACLES = 4
-LONE_ESS = 1.5  # effective samples of a class of which no more than one has any weight
 MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about it
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
@@ -41,21 +40,31 @@ def estimate_table(estimates: Sequence[Estimate | None], ids: Sequence[str], tru
     off = [] if truth is None else ["v error", "u error"]
     if len(ids) > FEW_CLASSES:  # too wide for a terminal; JSON has them all
         ids = [name for name in ids if any(e and e.class_weights.get(name, 0.0) >= 5e-4 for e in estimates)]
-    classes = [*map(title, ids), "other"]
-    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *classes]
+    header = ["repeat", "value", "v stderr", "control", "u stderr", *off, "ESS", *map(title, ids), OTHER]
     rows = []
     for i, e in enumerate(estimates):
         row = {"repeat": str(i), "value": "none", "control": "none", "ESS": "0"}
         if e is not None:
-            shares = [e.class_weights.get(name, 0.0) for name in ids]
             row |= {"value": f"{e.value:.4f}", "v stderr": f"{e.value_error:.4f}", "ESS": f"{e.ess:.1f}"}
             row |= {"control": _vector(e.control, "+.3f"), "u stderr": _vector(e.control_error, ".3f")}
             row |= zip(off, map("{:+.4f}".format, () if truth is None else truth.errors(e)), strict=True)
-            row |= zip(classes, map("{:.3f}".format, [*shares, max(0.0, 1.0 - sum(shares))]), strict=True)
+            row |= _shares(ids, e.class_weights, e.class_weight_errors)
         rows.append(row)
     if truth is not None:
-        rows.append({"repeat": "truth", "value": f"{truth.value:.4f}", "control": _vector(truth.control, "+.3f")})
+        row = {"repeat": "truth", "value": f"{truth.value:.4f}", "control": _vector(truth.control, "+.3f")}
+        rows.append(row | _shares(ids, truth.shares, truth.share_errors))
     return table(header, [[row.get(name, "-") for name in header] for row in rows])
+
+
+def _shares(ids: Sequence[str], weights: Mapping[str, float], errors: Mapping[str, float | None]) -> dict[str, str]:
+    """Return cells of the weights of classes and of all others, with their standard errors where they are known."""
+    if not weights:
+        return {}
+    weights = {name: weights.get(name, 0.0) for name in ids}
+    weights[OTHER] = max(0.0, 1.0 - sum(weights.values()))
+    cells = {name: f"{weight:.3f}" for name, weight in weights.items()}
+    cells |= {name: f"{cells[name]} +- {error:.3f}" for name in cells if (error := errors.get(name)) is not None}
+    return {title(name): cell for name, cell in cells.items()}
 
 
 def _vector(values: Array, form: str) -> str:
@@ -76,7 +85,7 @@ def doubts(
          "standard errors are too small"),
     ]  # fmt: skip
     for r in references:
-        thin = sum(e.class_ess.get(r.id, 0.0) < LONE_ESS for e in known)
+        thin = sum(e.class_ess.get(r.id, 0.0) < TUNING.lone for e in known)
         cheap = 2 * thin > len(known) and r.cost < least + DOUBT_RANGE * temperature
         if cheap or any(e.class_weights.get(r.id, 0.0) >= MIN_WEIGHT for e in known):
             text = f"class {title(r.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is worth"

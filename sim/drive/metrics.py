@@ -11,8 +11,8 @@ Noise along the path alone (a rover's) adds nothing to a chord on average: only 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import dist, inf, sqrt
 from typing import Any
@@ -82,6 +82,14 @@ class Truth:
 
     value: float  # v
     control: Array  # u*, (m,)
+    shares: Mapping[str, float] = field(default_factory=dict)  # of psi by class, if they were drawn
+    samples: int = 0  # paths by which
+
+    @property
+    def share_errors(self) -> dict[str, float]:
+        """Standard errors of the shares."""
+        n = max(self.samples, 1)
+        return {name: sqrt(max(share * (1.0 - share), 1.0 / n) / n) for name, share in self.shares.items()}
 
     @classmethod
     def at(cls, grid: Desirability, x: Array, time: float = 0.0) -> Truth:

@@ -25,7 +25,7 @@ TRACED = 48  # samples whose ends are examined
 CHEAPEST, HEAVY = 4, 0.005  # classes from which all are told apart: so many, and those that weigh as much
 ROWS = 8  # classes in the table at most
 BORDER = "the border"
-DRAWN = 400  # optimal paths that tell how much psi each class has
+DRAWN = 400  # optimal paths that tell how much psi each class has, in every plan that is explained
 
 Names = tuple[str, ...]
 
@@ -54,7 +54,9 @@ class Reason:
     cost: float  # of its best path, without noise [cost]; infinite of what has none
     value: float  # v of its paths alone [cost]; infinite where none arrives
     error: float  # standard error of that [cost]
-    weight: float  # its share of psi
+    weight: float  # its share of psi, by samples that take it
+    weight_error: float | None  # standard error of that; None where no sample does
+    samples: float  # effective ones that take it
     dying: float  # share of the samples drawn around its path that hit something
     late: float  # share of them that ran out of time
     exact: float | None = None  # its share of psi by the grid, where that is known
@@ -87,7 +89,7 @@ def reasons(
     estimate, temperature = plan.estimate, path_integral.temperature
     if estimate is None or not plan.ids:
         return []
-    alive = arriving(estimate, plan.ids)
+    alive, errors = arriving(estimate, plan.ids), estimate.class_weight_errors
     late = _shares(estimate, plan.ids, lambda paths: paths.outcome == Outcome.TIMEOUT)
     where = _places(plan, estimate, path_integral, solids)
     drawn, found = sum(part.size for part in estimate.parts), []
@@ -95,6 +97,7 @@ def reasons(
         weight, size = estimate.class_weights.get(name, 0.0), estimate.class_ess.get(name, 0.0)
         found.append(Reason(
             name=name, way=ways[name], cost=reference.cost, weight=weight, late=late.get(name, 0.0),
+            weight_error=errors.get(name), samples=size,
             value=estimate.value - temperature * log(weight) if weight > 0.0 else inf,
             error=temperature * sqrt(max(0.0, 1.0 / size - 1.0 / drawn)) if size > 0.0 else inf,
             dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
@@ -103,12 +106,12 @@ def reasons(
     return found
 
 
-def shares_of(grid: Desirability, plan: Plan, time: float) -> dict[str, float]:
-    """Share of psi of each class of a plan, by paths drawn under the optimal control from its state.
+def shares_of(grid: Desirability, plan: Plan, time: float, samples: int = DRAWN) -> dict[str, float]:
+    """Share of psi of each class of a plan, by so many paths drawn under the optimal control from its state.
 
     Where the grid tells classes apart by moving obstacles and the plan does not, those of one class are added up.
     """
-    found = [(name.split(","), share) for name, share in grid.shares(plan.state, samples=DRAWN, t=time).items()]
+    found = [(name.split(","), share) for name, share in grid.shares(plan.state, samples=samples, t=time).items()]
     shares = {}
     for reference, name in zip(plan.references, plan.ids, strict=True):
         turns = class_id(reference.winding).split(",") if reference.winding else []
@@ -163,14 +166,25 @@ def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
     text = f"{cheapest.way}: shortest, {fate(cheapest)}"
     if chosen is not cheapest:
         text += f"; {chosen.way}: {chosen.cost - cheapest.cost:.2g} more, {fate(chosen)}"
-    return f"{text[0].upper()}{text[1:]}. Most weight: class {title(chosen.name)}, {share(chosen.weight)}."
+    return f"{text[0].upper()}{text[1:]}. Most weight: class {title(chosen.name)}, {known(chosen)}."
 
 
 def fate(reason: Reason) -> str:
     """Put the end of a class' samples into words."""
     dying, late = round(100 * reason.dying), round(100 * reason.late)
-    parts = [f"{dying} of 100 samples hit {reason.where or 'a wall'}"] if dying else []
-    return " and ".join([*parts, *([f"{late} of 100 ran out of time"] if late else [])]) or "all arrive"
+    often = "nearly all" if dying == 100 and reason.dying < 1.0 else f"{dying} of 100"
+    parts = [f"{often} samples hit {reason.where or 'a wall'}"] if dying else []
+    rest = "all arrive" if reason.dying + reason.late == 0.0 else "nearly all arrive"
+    return " and ".join([*parts, *([f"{late} of 100 ran out of time"] if late else [])]) or rest
+
+
+def known(reason: Reason) -> str:
+    """Return the weight of a class with its standard error, or without one what it rests on."""
+    if reason.weight_error is None:
+        return "no sample"
+    if reason.samples < TUNING.lone:
+        return f"{share(reason.weight)}, a guess by one sample"
+    return f"{share(reason.weight)} ± {100 * reason.weight_error:.1g} %"
 
 
 def share(weight: float) -> str:
@@ -184,11 +198,11 @@ def _table(reasons: Sequence[Reason]) -> str:
     rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))[:ROWS]
     cells: dict[str, list[str]] = {
         "class": [title(r.name) for r in rows],
-        "weight": [share(r.weight) for r in rows],
+        "weight": [known(r) for r in rows],
         "exact": [share(r.exact) for r in rows if r.exact is not None],
         "path": [r.way for r in rows],
         "cost": [f"{r.cost:.2f}" for r in rows],
-        "collide": [f"{100 * r.dying:.0f} %" + (f", {100 * r.late:.0f} % late" * (r.late >= 0.005)) for r in rows],
+        "collide": [share(r.dying) + (f", {share(r.late)} late" * (r.late > 0.0)) for r in rows],
         "with": [r.where for r in rows],
         "value": ["none arrives" if r.value == inf else f"{r.value:.2f} ± {r.error:.2f}" for r in rows],
     }

@@ -211,9 +211,13 @@ def test_truth_adds_the_exact_value_control_and_errors(figures, capsys):
     assert found["truth"]["value"] == pytest.approx(7.479, abs=0.002)
     assert found["truth"]["control"] == pytest.approx([0.7695, 0.1987], abs=0.002)
     assert found["value_error"] == pytest.approx(np.subtract(found["value"], found["truth"]["value"]))
+    shares, errors = found["truth"]["class_weights"], found["truth"]["class_weights_stderr"]
+    assert sum(shares.values()) == pytest.approx(1.0, abs=0.01)
+    assert shares.keys() == errors.keys() == {one["id"] for one in found["classes"]}
     off = np.linalg.norm(np.subtract(found["control"], found["truth"]["control"]), axis=1)
     assert found["control_error"] == pytest.approx(off)
-    assert "truth" in capsys.readouterr().out
+    (row,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("truth")]
+    assert all(f"{shares[name]:.3f} +- {errors[name]:.3f}" in row for name in shares)
 
 
 def test_warm_compiles_kernels_of_a_robot(capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drives import Drive
 
-from sim.recording.reasons import BORDER, Reason, fate, page, reasons, sentence, share, touched, words_of
+from sim.recording.reasons import BORDER, Reason, fate, known, page, reasons, sentence, share, touched, words_of
 from sim.recording.subject import called
 
 WALLS = ("upper wall", "lower wall")
@@ -41,14 +41,17 @@ def test_a_reason_has_the_cost_the_weight_and_the_value_of_its_class(planned):
 
 
 def test_the_error_of_a_class_is_what_repeated_estimates_scatter_by():
-    values, errors, drive = [], [], Drive()
+    values, errors, weights, weight_errors, drive = [], [], [], [], Drive()
     start = drive.scene.start[:2]
     drive.controller.begin(start)
     for _ in range(40):
         one = explained(drive, drive.controller.plan(start))["0,1"]
         values.append(one.value)
         errors.append(one.error)
+        weights.append(one.weight)
+        weight_errors.append(one.weight_error)
     assert np.std(values) == pytest.approx(np.mean(errors), rel=0.5)
+    assert np.std(weights) == pytest.approx(np.mean(weight_errors), rel=0.5)
 
 
 def test_what_samples_hit_is_the_wall_beside_their_way(planned):
@@ -71,10 +74,11 @@ def test_names_that_are_missing_or_used_twice_give_way_to_the_number_on_the_map(
     ]  # fmt: skip
 
 
-def reason(name, way, cost, weight, dying=0.0, late=0.0, where=""):
+def reason(name, way, cost, weight, dying=0.0, late=0.0, where="", samples=90.0):
     return Reason(
-        name=name, way=way, cost=cost, value=cost, error=0.1, weight=weight, dying=dying, late=late, where=where
-    )
+        name=name, way=way, cost=cost, value=cost, error=0.1, weight=weight, weight_error=0.01 if samples else None,
+        samples=samples, dying=dying, late=late, where=where,
+    )  # fmt: skip
 
 
 THROUGH = reason("0,0", "between upper and lower", 8.4, 0.02, dying=0.96, where="lower")
@@ -84,14 +88,33 @@ AROUND = reason("-1,0", "left of upper", 9.1, 0.98)
 def test_the_sentence_is_the_one_a_person_would_say():
     assert sentence([THROUGH, AROUND], "-1,0") == (
         "Between upper and lower: shortest, 96 of 100 samples hit lower; "
-        "left of upper: 0.7 more, all arrive. Most weight: class -1,0, 98 %."
+        "left of upper: 0.7 more, all arrive. Most weight: class -1,0, 98 % ± 1 %."
     )
+
+
+@pytest.mark.parametrize(
+    ("weight", "samples", "said"),
+    [
+        (0.75, 90.0, "75 % ± 1 %"),
+        (0.75, 1.1, "75 %, a guess by one sample"),
+        (0.0, 0.0, "no sample"),
+    ],
+)
+def test_a_weight_has_its_error_or_says_that_hardly_a_sample_arrives(planned, weight, samples, said):
+    found = reason("0,1", "right of lower", 9.0, weight, dying=0.9999, where="lower", samples=samples)
+    assert known(found) == said
+    text = page(planned[1], [found], 0.0)
+    assert f"| 0,1 | {said} |" in text
+    assert f"nearly all samples hit lower. Most weight: class 0,1, {said}." in text
+    assert "| over 99 % |" in text
 
 
 @pytest.mark.parametrize(
     ("dying", "late", "said"),
     [
         (0.0, 0.0, "all arrive"),
+        (0.004, 0.0, "nearly all arrive"),
+        (0.996, 0.0, "nearly all samples hit a wall"),
         (1.0, 0.0, "100 of 100 samples hit a wall"),
         (0.1, 0.2, "10 of 100 samples hit a wall and 20"),
     ],
