@@ -177,7 +177,7 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
     edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
-    sides = [wrap(", ".join(passing(reference, tree.homology)), WIDE) for reference in references]
+    sides = [wrap(", ".join(words), WIDE) for words in passing(references, tree.homology)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     labels = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0

@@ -20,10 +20,11 @@ from sim.scenario import Scenario
 
 def classes_json(references: Sequence[Reference], homology: Homology) -> list[dict[str, Any]]:
     """The classes, cheapest first; with a homology in time also how each passes moving obstacles."""
+    bodies = passing(references, homology)
     return [
         {"id": r.id, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
-        | ({"bodies": passing(r, homology)} if homology.J else {})
-        for r in references
+        | ({"bodies": words} if homology.J else {})
+        for r, words in zip(references, bodies, strict=True)
     ]
 
 

@@ -119,7 +119,7 @@ def _words(shown: Shown) -> dict[str, str]:
     """The classes as a person would name them."""
     space, homology = shown.scenario.space, shown.tree.homology
     names = [" ".join(part.names) for part in space.obstacles]
-    passed = {r.id: sides(r, homology) for r in shown.references}
+    passed = dict(zip((r.id for r in shown.references), sides(shown.references, homology), strict=True))
     straight = homology.static.base(shown.scenario.start)
     windings = {r.id: r.winding for r in shown.references}
     return worded(windings, straight, names, homology.names, None, passed)

@@ -27,9 +27,10 @@ DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may 
 def class_table(references: Sequence[Reference], homology: Homology | None = None) -> str:
     """One row per homology class, cheapest first; with a homology in time also how each passes moving obstacles."""
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
-    for row, r in zip(rows, references, strict=True):
+    bodies = passing(references, homology) if homology is not None and homology.J else [[]] * len(rows)
+    for row, r, words in zip(rows, references, bodies, strict=True):
         if homology is not None and homology.J:
-            row["bodies"] = ", ".join(passing(r, homology)) or "-"
+            row["bodies"] = ", ".join(words) or "-"
         elif len(r.winding) <= FEW_OBSTACLES:  # else too wide; JSON has it all
             row["H"] = " ".join(f"{h:+.2f}" for h in r.signature)
     return table([*rows[0]], [[*row.values()] for row in rows]) if rows else "no class"

@@ -1,9 +1,10 @@
 """Homology classes for people: one colour and one title for a whole run, and words for how a path passes obstacles.
 
-A path passes a moving obstacle before or behind it, or left or right if that rests. Words follow from the ids of
-classes, from where the robot is, and from the other classes: the fewest obstacles that set a class apart.
+A path passes a moving obstacle before or behind it if that crosses its way, else left or right. Words follow from the
+ids of classes, from where the robot is, and from the other classes: the fewest obstacles that set a class apart.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from zlib import crc32
 
@@ -33,6 +34,10 @@ DRIVEN: Color = (255, 200, 60)  # the driven path
 MOMENTS = 60  # of a path that are evaluated
 BACK = 0.1  # over which an obstacle's direction is taken [s]
 STILL = 0.05  # m/s; of what is slower there is no before and behind
+CROSSING = 0.7  # sine of the angle between its way and the robot's, from which on there is
+AROUND = 3  # moments before and after the nearest, over which the robot's direction is taken
+LEFT, RIGHT, ACROSS = "left of", "right of", ("before", "behind")
+SIDES = (LEFT, RIGHT)
 FEW = 4  # moving obstacles of which every one is named
 NAMED = 8  # moving obstacles that all bear their names in a picture; those of more would hide it
 
@@ -117,63 +122,111 @@ def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
     return rgb @ np.array([1 << 24, 1 << 16, 1 << 8], np.uint32) + np.uint32(255)
 
 
-def sides(reference: Reference, homology: Homology) -> tuple[str, ...]:
-    """Return how a path passes each of J markers when nearest to it; "" for a path without times."""
-    knots = knots_of(reference)
-    if knots is None:
-        return ("",) * homology.J
+def sides(references: Sequence[Reference], homology: Homology) -> list[tuple[str, ...]]:
+    """Return how each of several paths passes each of J markers: in words that differ wherever its turns do.
+
+    One that crosses the way is passed before or behind it, any other left or right. Where that does not tell the paths
+    apart, all are left or right as the marker sees them.
+    """
+    static, rows = len(homology.markers), [_sides_of(reference, homology) for reference in references]
+    for j in range(homology.J):
+        turns = [reference.winding[static + j] for reference in references]
+        found = [row[j] for row in rows]
+        if len({*zip(turns, found, strict=True)}) > len({*found}):
+            for row, reference in zip(rows, references, strict=True):
+                row[j] = _side(float(reference.signature[static + j]) - 1.0)
+    return [tuple(row) for row in rows]
+
+
+def _sides_of(reference: Reference, homology: Homology) -> list[str]:
+    """Return how a path passes each of J markers, by its turns about them and the directions when it is nearest."""
+    words = [_side(float(h) - 1.0) for h in reference.signature[len(homology.markers) :]][: homology.J]
+    if (knots := knots_of(reference)) is None:
+        return words
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
-    way, places = interpolated(knots[:, :2], knots[:, 2], times), np.empty((3, homology.J, MOMENTS, 2))
+    way = interpolated(knots[:, :2], knots[:, 2], times)
+    places = np.empty((3, homology.J, MOMENTS, 2))
     for shift, found in zip((0.0, BACK, -BACK), places, strict=True):
         places_at(homology.tracks, times + shift, found)
-    words = []
-    for at, late, early in zip(*places, strict=True):
+    for j, (at, late, early) in enumerate(zip(*places, strict=True)):
         k = int(np.argmin(np.linalg.norm(at - way, axis=1)))
-        ahead, aside, along = late[k] - early[k], way[k] - at[k], way[min(k + 1, MOMENTS - 1)] - way[max(k - 1, 0)]
-        if np.hypot(*ahead) >= 2.0 * BACK * STILL:
-            words.append("before" if aside @ ahead > 0.0 else "behind")
-        else:
-            words.append("left of" if along[0] * aside[1] > along[1] * aside[0] else "right of")
-    return tuple(words)
+        velocity = (late[k] - early[k]) / (2.0 * BACK)
+        first, last = max(k - AROUND, 0), min(k + AROUND, MOMENTS - 1)
+        along = way[last] - way[first]
+        ahead = along if np.hypot(*along) > 0.0 else way[-1] - way[0]
+        across = float(ahead[0] * velocity[1] - ahead[1] * velocity[0])  # positive: from the right to the left
+        if words[j] not in SIDES or np.hypot(*velocity) < STILL:
+            continue
+        if abs(across) >= CROSSING * np.hypot(*ahead) * np.hypot(*velocity):
+            words[j] = "before" if (words[j] == RIGHT) == (across < 0.0) else "behind"
+        elif (velocity - along / max(times[last] - times[first], 1e-9)) @ ahead > 0.0:
+            words[j] = LEFT if words[j] == RIGHT else RIGHT  # it overtakes the robot, on the robot's other side
+    return words
 
 
-def passing(reference: Reference, homology: Homology) -> list[str]:
-    """List how a path passes moving obstacles, as "walker: behind" or "door: left of it"; of many those turned about.
+def _side(turn: float) -> str:
+    """Return how a path passes something about which it makes a turn [turns]: a word for each whole number more."""
+    often, way = int(abs(turn)), "clockwise" if turn < 0.0 else "anticlockwise"
+    if often == 0:
+        return LEFT if turn < 0.0 else RIGHT
+    return f"{way} round" if often == 1 else f"{often} times {way} round"
 
-    A part of an obstacle that paths may lead through bears its number in names of classes.
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """Return names of obstacles, with its number in names of classes for one that shares its name with another."""
+    return [f"{name} ({k})" if names.count(name) > 1 else name for k, name in enumerate(names, 1)]
+
+
+def passing(references: Sequence[Reference], homology: Homology) -> list[list[str]]:
+    """List how each path passes moving obstacles, as "walker: behind" or "door: left of it"; of many those turned about.
+
+    A part of an obstacle that paths may lead through bears its number in names of classes. Paths that pass all of them
+    alike are told apart by static obstacles, as "obstacle 2: left of it".
     """
-    names, static = homology.names, len(homology.markers)
-    named = [f"{name} ({static + j})" if names.count(name) > 1 else name for j, name in enumerate(names, 1)]
-    rows = list(zip(named, sides(reference, homology), strict=True))
-    if len(rows) > FEW:
-        rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
-    return [f"{name}: {side}{' it' if side.endswith('of') else ''}" for name, side in rows if side]
+    static = len(homology.markers)
+    named = numbered([""] * static + [*homology.names])[static:]
+    found = []
+    for reference, words in zip(references, sides(references, homology), strict=True):
+        rows = list(zip(named, words, strict=True))
+        if len(rows) > FEW:
+            rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
+        found.append([f"{name}: {side}{'' if side in ACROSS else ' it'}" for name, side in rows])
+    moving = [tuple(words) for words in found]
+    for reference, words, mine in zip(references, found, moving, strict=True):
+        alike = [other.winding[:static] for other, its in zip(references, moving, strict=True) if its == mine]
+        for k in _telling(reference.winding[:static], alike):
+            words.append(f"obstacle {k + 1}: {_side(float(reference.signature[k]) - 1.0)} it")
+    return found
 
 
 def worded(
     windings: Mapping[str, Sequence[int]], straight: Array, names: Sequence[str], movers: Sequence[str] = (),
     among: Collection[str] | None = None, passed: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, str]:  # fmt: skip
-    """Name each of several classes; left and right as seen along the path.
+    """Name each of several classes, no two alike; left and right as seen along the path.
 
     `windings` by id, of M static and then of moving obstacles, and `straight` (M,), H of the straight line from where
     the robot is, are in turns; `names` (M,) and `movers` are those of the obstacles. Each class is set apart from those
     in `among`, from all if None. `passed` says by id how each moving obstacle is passed (`sides`).
     """
-    rivals = [winding for name, winding in windings.items() if among is None or name in among]
-    found, M = {}, len(names)
-    for name, mine in windings.items():
-        chosen, by = _telling(mine, rivals), (passed or {}).get(name) or [""] * len(movers)
-        groups: dict[str, list[str]] = {"once round": [], "right of": [], "left of": []}
+    M, called = len(names), numbered([*names, *movers])
+
+    def sentence(name: str, rivals: Collection[str]) -> str:
+        mine = windings[name]
+        chosen = _telling(mine, [windings[rival] for rival in rivals])
+        groups: dict[str, list[str]] = {RIGHT: [], LEFT: []}
         for k in (k for k in chosen if k < M):
-            turn = float(straight[k]) + mine[k]
-            groups["once round" if abs(turn) >= 1.0 else ("right of", "left of")[turn < 0.0]].append(names[k])
+            groups.setdefault(_side(float(straight[k]) + mine[k]), []).append(called[k])
         parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
-        if M == 2 and groups["right of"] and groups["left of"]:  # of many it need not lead through the gap
-            parts = [f"between {groups['right of'][0]} and {groups['left of'][0]}"]
-        moving = [k - M for k in chosen if k >= M] if chosen else range(len(by))
-        found[name] = ", ".join(parts + [f"{by[j]} {movers[j]}" for j in moving if by[j]]) or "straight ahead"
-    return found
+        if M == 2 and groups[RIGHT] and groups[LEFT]:  # of many it need not lead through the gap
+            parts = [f"between {groups[RIGHT][0]} and {groups[LEFT][0]}"]
+        moving = [k for k in chosen if k >= M] if chosen else range(M, len(called))
+        by = (passed or {}).get(name, ())
+        return ", ".join([*parts, *(f"{by[k - M]} {called[k]}" for k in moving)]) or "straight ahead"
+
+    found = {name: sentence(name, windings if among is None else among) for name in windings}
+    often = Counter(found.values())  # two that are alike are not both in `among`, and are set apart from all
+    return {name: text if often[text] == 1 else sentence(name, windings) for name, text in found.items()}
 
 
 def _telling(mine: Sequence[int], rivals: Sequence[Sequence[int]]) -> list[int]:

@@ -123,7 +123,7 @@ def words_of(plan: Plan, path_integral: PathIntegral, names: Names) -> dict[str,
     """The classes of a plan's references in words, by id; `names` (M,) are those of the topological obstacles."""
     windings = {name: r.winding for name, r in zip(plan.ids, plan.references, strict=True)}
     homology = path_integral.homology
-    passed = {name: sides(r, homology) for name, r in zip(plan.ids, plan.references, strict=True)}
+    passed = dict(zip(plan.ids, sides(plan.references, homology), strict=True))
     weights = plan.weights() if plan.estimate else {}
     matter = {name for k, name in enumerate(plan.ids) if k < CHEAPEST or weights.get(name, 0.0) >= HEAVY}
     return worded(windings, homology.static.base(plan.state), names, homology.names, matter, passed)
