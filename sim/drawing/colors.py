@@ -178,9 +178,9 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 
 def passing(references: Sequence[Reference], homology: Homology) -> list[list[str]]:
-    """List how each path passes moving obstacles, as "walker: behind" or "door: left of it"; of many those turned about.
+    """List how each path passes moving obstacles, as "walker: behind" or "door: left of it".
 
-    A part of an obstacle that paths may lead through bears its number in names of classes. Paths that pass all of them
+    Of many only those that it turns about are listed. A part of an obstacle that paths may lead through bears its number in names of classes. Paths that pass all of them
     alike are told apart by static obstacles, as "obstacle 2: left of it".
     """
     static = len(homology.markers)
@@ -191,11 +191,11 @@ def passing(references: Sequence[Reference], homology: Homology) -> list[list[st
         if len(rows) > FEW:
             rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
         found.append([f"{name}: {side}{'' if side in ACROSS else ' it'}" for name, side in rows])
-    moving = [tuple(words) for words in found]
-    for reference, words, mine in zip(references, found, moving, strict=True):
+    moving = [tuple(lines) for lines in found]
+    for reference, lines, mine in zip(references, found, moving, strict=True):
         alike = [other.winding[:static] for other, its in zip(references, moving, strict=True) if its == mine]
         for k in _telling(reference.winding[:static], alike):
-            words.append(f"obstacle {k + 1}: {_side(float(reference.signature[k]) - 1.0)} it")
+            lines.append(f"obstacle {k + 1}: {_side(float(reference.signature[k]) - 1.0)} it")
     return found
 
 

@@ -31,7 +31,7 @@ def test_ways_are_named_by_the_sides_on_which_they_pass():
 
 
 def random_classes(rng: np.random.Generator, static: int, moving: int) -> tuple[list[Any], Homology]:
-    """Paths of different classes among random obstacles, some of which stand, jump or share a name, and all there is."""
+    """Paths of different classes among random obstacles, some of which stand or share a name, and their homology."""
     markers, goal = rng.uniform(0.0, 6.0, (static, 2)), rng.uniform(5.0, 6.0, 2)
     movers = []
     for j in range(moving):
