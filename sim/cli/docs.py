@@ -1,12 +1,15 @@
-"""Write docs/cli.md, the reference of the command line: `python -m sim.cli.docs`."""
+"""Write docs/cli.md and docs/json.md, on options and results of commands: `python -m sim.cli.docs`."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
+from sim.cli.fields import FILES
 from sim.cli.parser import COMMANDS, PRESETS_TEXT, default_of, robots_text
+from sim.drive.result import Column
 from sim.options import NUMERICS, options_of
 from sim.settings import DRIVES, SINGLE, Option
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
+DOCS = Path(__file__).resolve().parents[2] / "docs"
 COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
@@ -18,6 +21,30 @@ ended in a collision or time-out, or a sweep with errors; 2 bad input, explained
 Precedence: command line, preset, scene, robot. A scene sets options marked \N{BULLET} by custom numerics, such as
 `<custom><numeric name="pirrht_noise" data="0.1"/></custom>`, where `-` becomes `_`.
 """
+TYPES = {"float64": "number", "int64": "integer"}
+JSON_HEAD = """# JSON files
+
+<!-- Made by `python -m sim.cli.docs` of sim/cli/fields.py and sim/drive/result.py; a test compares them. -->
+
+What `--json FILE` writes. Among the units, `u` is that of a control, `cost` that of q times seconds, and 1 stands for a
+number without one. Infinity is `Infinity`. `estimate` has an entry for each repeat in its lists, null where every sample
+died. `sweep` writes a list of records; its dataset has the same names, with `timing_` before wall times. Later versions
+add fields and rename none.
+"""
+
+
+def json_page() -> str:
+    """Return the page of all fields as Markdown: those of several commands once, then those of each."""
+    shared = [one for one in FILES["run"] if sum(one in fields for fields in FILES.values()) > 1]
+    parts = [JSON_HEAD, "\n## Of several commands\n\n", _fields(shared)]
+    for command, fields in FILES.items():
+        parts += [f"\n## pirrht {command}\n\n", _fields([one for one in fields if one not in shared])]
+    return "".join(parts)
+
+
+def _fields(fields: Sequence[Column]) -> str:
+    rows = [f"| `{one.name}` | {TYPES.get(one.kind, one.kind)} | {one.unit} | {one.text} |\n" for one in fields]
+    return "".join(["| field | type | unit | meaning |\n|---|---|---|---|\n", *rows])
 
 
 def page() -> str:
@@ -54,5 +81,6 @@ def _row(option: Option) -> str:
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page())
-    print(PAGE)
+    for file, text in ((DOCS / "cli.md", page()), (DOCS / "json.md", json_page())):
+        file.write_text(text)
+        print(file)

@@ -180,8 +180,9 @@ def numbered(names: Sequence[str]) -> list[str]:
 def passing(references: Sequence[Reference], homology: Homology) -> list[list[str]]:
     """List how each path passes moving obstacles, as "walker: behind" or "door: left of it".
 
-    Of many only those that it turns about are listed. A part of an obstacle that paths may lead through bears its number in names of classes. Paths that pass all of them
-    alike are told apart by static obstacles, as "obstacle 2: left of it".
+    Of many only those that it turns about are listed. A part of an obstacle that paths may lead through bears its
+    number in names of classes. Paths that pass all of them alike are told apart by static obstacles, as "obstacle 2:
+    left of it".
     """
     static = len(homology.markers)
     named = numbered([""] * static + [*homology.names])[static:]

@@ -27,8 +27,7 @@ path_length        float64 m     driven, without the path's noise: by chords, le
 noisy_path_length  float64 m     driven with the noise of every physics step: grows with their number
 steps              int64   1     control steps
 vertices           int64   1     of the tree
-min_clearance      float64 m     least free distance around the robot after any physics step, without the margin of \
-plans; around the disc that holds one that is no disc; 0 after a collision
+min_clearance      float64 m     least free distance around the robot, or a ball that holds it; 0 after a collision
 value_estimate     float64 cost  v at the start: estimated, of optimal exact; infinite if no sample survived
 executed_class     string  -     homology class of the driven path; null unless the goal was reached
 class_switches     int64   1     control steps whose class of greatest weight differs from the one before

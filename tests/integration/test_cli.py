@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from sim.cli import main
+from sim.cli.docs import TYPES
+from sim.cli.fields import FILES
 from sim.mjcf import load, models_folder, scene_names
 from sim.scenario import prepare
 
@@ -27,6 +29,10 @@ RUN = {
 }
 ESTIMATE = {"control", "value", "ess", "class_weights", "proposal_weights", "classes", "obstacles",
             "value_stderr", "control_stderr", "tail"}  # fmt: skip
+
+
+RISKY = "plan slit", "run slit --real-time", "run crossing", "estimate crossing --at 1 2.5", "sweep slit --seeds 0:1"
+PYTHON = {"string": str, "number": (int, float), "integer": int, "list": list, "object": dict}
 
 
 @pytest.fixture
@@ -137,6 +143,30 @@ def test_equal_seeds_run_alike_and_others_do_not(figures):
         del run["step_ms"], run["deadline_misses"]
     assert one == two
     assert one["path_length"] != three["path_length"]
+
+
+@pytest.mark.parametrize("words", [*RISKY, "run slit --noise 0.3 --truth", "estimate slit --at 2.2 2.6 --truth"])
+def test_every_field_of_a_json_file_is_documented_with_its_type(figures, words):
+    """Fields within others as well, but for those that are names of classes or of statistics."""
+    command, *_ = words.split()
+    limited = [] if command in ("plan", "estimate") else ["--max-time", "0.05"]
+    _, found = figures(*words.split(), *SMALL, *limited)
+    known = {one.name: one.kind for one in FILES[command]}
+
+    def check(values: dict[str, Any], within: str = "") -> None:
+        for name, value in values.items():
+            field = within + name
+            inside = any(other.startswith(f"{field}.") for other in known)
+            items = any(other.startswith(f"{field}[].") for other in known)
+            assert field in known or inside
+            if value is not None and field in known:
+                assert isinstance(value, PYTHON[TYPES.get(known[field], known[field])]), field
+            if inside and value is not None:
+                check(value, f"{field}.")
+            for one in value if items else ():
+                check(one, f"{field}[].")
+
+    check(found[0] if command == "sweep" else found)
 
 
 def test_the_paper_preset_sets_the_papers_steps_and_rules_and_the_command_line_wins(figures):

@@ -143,6 +143,10 @@ def test_the_page_of_the_command_line_is_up_to_date():
     assert (ROOT / "docs" / "cli.md").read_text() == docs.page(), "run `python -m sim.cli.docs`"
 
 
+def test_the_page_of_json_files_is_up_to_date():
+    assert (ROOT / "docs" / "json.md").read_text() == docs.json_page(), "run `python -m sim.cli.docs`"
+
+
 def test_the_version_has_one_source(capsys):
     with pytest.raises(SystemExit) as end:
         main(["--version"])
