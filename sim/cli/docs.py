@@ -27,9 +27,9 @@ JSON_HEAD = """# JSON files
 <!-- Made by `python -m sim.cli.docs` of sim/cli/fields.py and sim/drive/result.py; a test compares them. -->
 
 What `--json FILE` writes. Among the units, `u` is that of a control, `cost` that of q times seconds, and 1 stands for a
-number without one. Infinity is `Infinity`. `estimate` has an entry for each repeat in its lists, null where every sample
-died. `sweep` writes a list of records; its dataset has the same names, with `timing_` before wall times. Later versions
-add fields and rename none.
+number without one. Infinity is `Infinity`. `estimate` has an entry for each repeat in its lists, null where every
+sample died. `sweep` writes a list of records; its dataset has the same names, with `timing_` before wall times. Later
+versions add fields and rename none.
 """
 
 

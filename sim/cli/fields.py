@@ -130,7 +130,7 @@ deadline_misses  integer 1     plans that took longer than the period
 blocked          list    s     from when to when the robot had no path; only of runs that this command drove
 shortest_length  number  m     shortest reference at the start; null for methods without a tree
 plan_seconds     number  s     wall time of tree and references without compiling; the runs of a scene share it
-drive_seconds    number  s     wall time of the drive without compiling
+drive_seconds    number  s     wall time of the run without compiling
 error            string  -     why the run did not come to an end, null if it did
 """),
 )

@@ -21,7 +21,7 @@ def columns(table: str) -> tuple[Column, ...]:
 
 FIGURES = columns("""
 outcome            string  -     goal, collision or timeout; null if the run ended with an error
-time               float64 s     simulated time of the drive
+time               float64 s     simulated time of the run
 cost               float64 cost  integral of q + u'Ru/2 up to the exit, phi not included
 path_length        float64 m     driven, without the path's noise: by chords, less what noise adds to them
 noisy_path_length  float64 m     driven with the noise of every physics step: grows with their number

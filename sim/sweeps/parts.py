@@ -35,7 +35,7 @@ timing_step_p95_ms     float64 ms  its 95th percentile
 timing_step_max_ms     float64 ms  the longest
 timing_deadline_misses int64   1   plans that took longer than the period
 timing_plan_seconds    float64 s   wall time of tree and references without compiling; the runs of a scene share it
-timing_drive_seconds   float64 s   wall time of the drive without compiling
+timing_drive_seconds   float64 s   wall time of the run without compiling
 """
 DATASET_FORMAT = 2  # raised when rows of different versions would not be comparable
 COLUMNS = (*columns(_TABLE), *FIGURES, *columns(_MORE))
