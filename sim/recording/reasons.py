@@ -59,6 +59,7 @@ class Reason:
     samples: float  # effective ones that take it
     dying: float  # share of the samples drawn around its path that hit something
     late: float  # share of them that ran out of time
+    pooled: float | None = None  # its share in the law, which keeps what earlier plans found, if there is such a law
     exact: float | None = None  # its share of psi by the grid, where that is known
     where: str = ""  # what they hit most often
 
@@ -101,6 +102,7 @@ def reasons(
             value=estimate.value - temperature * log(weight) if weight > 0.0 else inf,
             error=temperature * sqrt(max(0.0, 1.0 / size - 1.0 / drawn)) if size > 0.0 else inf,
             dying=max(0.0, 1.0 - alive.get(name, 0.0) - late.get(name, 0.0)),
+            pooled=None if plan.shares is None else plan.shares.get(name, 0.0),
             exact=None if exact is None else exact.get(name, 0.0), where=where.get(name, ""),
         ))  # fmt: skip
     return found
@@ -166,7 +168,7 @@ def sentence(reasons: Sequence[Reason], favourite: str | None) -> str:
     text = f"{cheapest.way}: shortest, {fate(cheapest)}"
     if chosen is not cheapest:
         text += f"; {chosen.way}: {chosen.cost - cheapest.cost:.2g} more, {fate(chosen)}"
-    return f"{text[0].upper()}{text[1:]}. Most weight: class {title(chosen.name)}, {known(chosen)}."
+    return f"{text[0].upper()}{text[1:]}. Most weight: class {title(chosen.name)}, {weight_of(chosen)}."
 
 
 def fate(reason: Reason) -> str:
@@ -178,13 +180,32 @@ def fate(reason: Reason) -> str:
     return " and ".join([*parts, *([f"{late} of 100 ran out of time"] if late else [])]) or rest
 
 
+def weight_of(reason: Reason) -> str:
+    """Put into words the weight of a class by the samples of a plan, and in a law that keeps what earlier ones found."""
+    if reason.pooled is None:
+        return known(reason)
+    return f"{share(reason.pooled)} by recent plans, {known(reason)} in this one"
+
+
 def known(reason: Reason) -> str:
     """Return the weight of a class with its standard error, or without one what it rests on."""
     if reason.weight_error is None:
         return "no sample"
     if reason.samples < TUNING.lone:
-        return f"{share(reason.weight)}, a guess by one sample"
-    return f"{share(reason.weight)} ± {100 * reason.weight_error:.1g} %"
+        return f"{share(reason.weight)} by one sample"
+    error = 100 * reason.weight_error
+    return f"{share(reason.weight)} ± {error:{'.0f' if error >= 1.0 else '.1g'}} %"
+
+
+def value_of(reason: Reason) -> str:
+    """Return the value of a class with its standard error, where more than one sample tells it."""
+    if reason.value == inf:
+        return "none arrives"
+    return (
+        f"{reason.value:.2f} by one sample"
+        if reason.samples < TUNING.lone
+        else f"{reason.value:.2f} ± {reason.error:.2f}"
+    )
 
 
 def share(weight: float) -> str:
@@ -195,16 +216,17 @@ def share(weight: float) -> str:
 
 
 def _table(reasons: Sequence[Reason]) -> str:
-    rows = sorted(reasons, key=lambda r: (-round(r.weight, 3), r.cost))[:ROWS]
+    rows = sorted(reasons, key=lambda r: (-round(max(r.weight, r.pooled or 0.0), 3), r.cost))[:ROWS]
     cells: dict[str, list[str]] = {
         "class": [title(r.name) for r in rows],
         "weight": [known(r) for r in rows],
+        "recent plans": [share(r.pooled) for r in rows if r.pooled is not None],
         "exact": [share(r.exact) for r in rows if r.exact is not None],
         "path": [r.way for r in rows],
         "cost": [f"{r.cost:.2f}" for r in rows],
         "collide": [share(r.dying) + (f", {share(r.late)} late" * (r.late > 0.0)) for r in rows],
         "with": [r.where for r in rows],
-        "value": ["none arrives" if r.value == inf else f"{r.value:.2f} ± {r.error:.2f}" for r in rows],
+        "value": [value_of(r) for r in rows],
     }
     columns = {head: column for head, column in cells.items() if column}
     lines = [columns.keys(), ["---"] * len(columns), *zip(*columns.values(), strict=True)]

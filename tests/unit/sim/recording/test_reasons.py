@@ -96,7 +96,7 @@ def test_the_sentence_is_the_one_a_person_would_say():
     ("weight", "samples", "said"),
     [
         (0.75, 90.0, "75 % ± 1 %"),
-        (0.75, 1.1, "75 %, a guess by one sample"),
+        (0.75, 1.1, "75 % by one sample"),
         (0.0, 0.0, "no sample"),
     ],
 )
@@ -107,6 +107,10 @@ def test_a_weight_has_its_error_or_says_that_hardly_a_sample_arrives(planned, we
     assert f"| 0,1 | {said} |" in text
     assert f"nearly all samples hit lower. Most weight: class 0,1, {said}." in text
     assert "| over 99 % |" in text
+    assert ("± 0.10 |" in text) == (samples > 10.0)
+    law = page(planned[1], [replace(found, pooled=0.75)], 0.0)
+    assert f"Most weight: class 0,1, 75 % by recent plans, {said} in this one." in law
+    assert f"| 0,1 | {said} | 75 % |" in law
 
 
 @pytest.mark.parametrize(
