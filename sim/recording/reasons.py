@@ -181,7 +181,7 @@ def fate(reason: Reason) -> str:
 
 
 def weight_of(reason: Reason) -> str:
-    """Put into words the weight of a class by the samples of a plan, and in a law that keeps what earlier ones found."""
+    """Put the weight of a class into words: by this plan's samples, and in a law that keeps what earlier ones found."""
     if reason.pooled is None:
         return known(reason)
     return f"{share(reason.pooled)} by recent plans, {known(reason)} in this one"
@@ -201,11 +201,8 @@ def value_of(reason: Reason) -> str:
     """Return the value of a class with its standard error, where more than one sample tells it."""
     if reason.value == inf:
         return "none arrives"
-    return (
-        f"{reason.value:.2f} by one sample"
-        if reason.samples < TUNING.lone
-        else f"{reason.value:.2f} ± {reason.error:.2f}"
-    )
+    error = "by one sample" if reason.samples < TUNING.lone else f"± {reason.error:.2f}"
+    return f"{reason.value:.2f} {error}"
 
 
 def share(weight: float) -> str:
