@@ -22,6 +22,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, passing, rgb, title
 from sim.drawing.strokes import fading, outline, timed
+from sim.extras import require
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -40,11 +41,10 @@ APART = 0.022  # from each other that numbers are at least, over the width of th
 
 
 def pyplot(what: str) -> Any:
-    """matplotlib.pyplot; OptionError, which says what needs it, if matplotlib is not installed."""
-    try:
-        from matplotlib import pyplot as plt
-    except ImportError:
-        raise OptionError(f"{what} needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+    """Return matplotlib.pyplot; OptionError, which says what needs it, if matplotlib is not installed."""
+    require(what, "figures")
+    from matplotlib import pyplot as plt
+
     return plt
 
 

@@ -48,6 +48,7 @@ class Option:
     required: bool = False
     role: str = "command"  # "setting" of a run, "scene", or of the "command" alone
     numeric: bool = False  # a scene may carry it, as the custom numeric `pirrht_NAME`
+    extra: str = ""  # of the package, which it needs
 
     @property
     def dest(self) -> str:

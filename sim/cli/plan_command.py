@@ -4,6 +4,7 @@ import argparse
 import functools
 import sys
 import time
+from shutil import get_terminal_size
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from sim.systems import POSE, typed
 from sim.text import counted, say
 
 LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
-BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
+BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit}, {remaining} left{postfix}"
 COMPILING = "compiling: {n_fmt} kernels, {elapsed}"
 
 
@@ -35,7 +36,8 @@ class Progress(tqdm):  # type: ignore[misc]
     """A bar on a terminal, nothing in a pipe."""
 
     def __init__(self, what: str, total: float = 1.0, unit: str = "") -> None:
-        super().__init__(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=BAR)
+        wide = get_terminal_size().columns  # also where a terminal does not report its width
+        super().__init__(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=BAR, ncols=wide)
 
     def to(self, done: float) -> None:
         """Show how much of the total is done."""

@@ -22,6 +22,7 @@ from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.library import FARTHEST, FINEST, content_of
+from sim.mjcf.load import SMALLER
 
 START, GOAL, BORDER = "--start X Y [TH]", "--goal X Y R", "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
@@ -97,23 +98,25 @@ def import_world(
     else:
         world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
-    obstacles, movers = _write(scene, source, target, world.notes)
+    obstacles, movers = _write(scene, source, target, world.notes, start or world.start)
     turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
     notes = (*world.notes, *([turns] if kind in ("map", "mesh") else []))
     geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
-def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:
+def _write(
+    scene: str, source: Path, target: Path, notes: Sequence[str], start: Sequence[float] | None
+) -> tuple[int, int]:
     """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers."""
     try:
         with tempfile.TemporaryDirectory(prefix=".import-", dir=target.parent) as folder:
             new = Path(folder) / f"{source.stem}.xml"
             new.write_text(scene, encoding="utf-8")
             try:
-                found = load(new).scene
+                found = load(new, start=start).scene
             except SceneError as error:
-                reason = str(error).removeprefix(f"{new}: ").replace(str(new), "as a scene")
+                reason = str(error).removeprefix(f"{new}: ").removesuffix(SMALLER).replace(str(new), "as a scene")
                 raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
             new.replace(target)
     except OSError as error:
@@ -126,7 +129,7 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     start, goal = task[0] or world.start, task[1] or world.goal
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
-        raise SceneError(f"{source}: a {world.kind} does not tell {missing}: give {START} and {GOAL}")
+        raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {START} and {GOAL}")
     place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
     if not disc[2] >= FINEST:
         raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")

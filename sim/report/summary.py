@@ -201,7 +201,8 @@ def mean(values: ArrayLike, over: ArrayLike | None = None, *, repeats: int = REP
 
     With `over` (k,), the other's values of pairs of runs, the ratio of both means, by a bootstrap that draws pairs.
     """
-    (known,) = means([values], None if over is None else [over], repeats=repeats)
+    rows = [np.asarray(one, dtype=float)[None] for one in (values, over) if one is not None]
+    (known,) = means(*rows, repeats=repeats)
     return known
 
 

@@ -234,7 +234,7 @@ class Scenario:
         except OptionError:
             where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
             raise OptionError(
-                f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
+                f"no grid solves the problem of {self.system.called}{where}, so its exact value and optimal control "
                 f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
             ) from None
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)
