@@ -49,7 +49,9 @@ def _row(option: Option) -> str:
         low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)
         values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
     mark = " \N{BULLET}" if option.name in NUMERICS else ""
-    cells = (f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values)
+    cells = [f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values]
+    while not cells[-1]:  # Markdown fills a row up
+        cells.pop()
     return f"| {' | '.join(cells)} |\n"
 
 
