@@ -93,7 +93,7 @@ class Film:
             why = f"{'MUJOCO_GL' if CHOSEN else BACKEND}: {str(error).splitlines()[0][:80]}"
             remedy = "install libegl1, or libosmesa6 and set MUJOCO_GL=osmesa, or leave it out"
             option = "--png" if video is None else "--video"
-            raise OptionError(f"{option}: nothing draws without a window ({why}); {remedy}") from None
+            raise OptionError(f"{option}: pictures cannot be drawn without a window ({why}); {remedy}") from None
         self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._frame, self._shapes = mujoco.MjrRect(0, 0, wide, high), mujoco.MjvScene(model, maxgeom=MOST)

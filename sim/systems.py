@@ -291,7 +291,7 @@ def _why(error: BaseException, module: str, name: str, folder: str) -> str:
     file, missing = Path(module), isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
     places = [f" (line {at.lineno} of {at.filename})" for at in _theirs(error, {Path(folder).resolve()})]
     if missing and (file.suffix == ".py" or os.sep in module):
-        return f"{file.name} is a file, and a module is wanted; in its folder, write --system {file.stem}:{name}"
+        return f"{file.name} is a file, not a module; in its folder, write --system {file.stem}:{name}"
     if missing:
         return f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
     said = error if isinstance(error, PirrhtError) else one_line(error)

@@ -121,7 +121,7 @@ def renewed(
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
     if before.movers or scene.movers:
         raise OptionError(
-            f"an update is of static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
             "Controller"
         )
     parts = "lower", "upper", "robot_radius", "robot_height"

@@ -93,7 +93,8 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
     whole = Parser(
         prog="pirrht",
         allow_abbrev=False,
-        description="Topology-guided path integral control (PI-RRHT*): FCL plans, MuJoCo simulates, Rerun records.",
+        description="Topology-guided path integral control (PI-RRHT*). FCL checks for collisions, MuJoCo simulates, "
+        "Rerun records.",
     )
     whole.add_argument("--version", action="version", version=f"pirrht {pirrht.__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)

@@ -195,7 +195,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     if known := [one for one in collisions if one is not None]:
         say(tables.chance(known[0], settings.risk) + (", of the first repeat" if len(known) > 1 else ""))
     if dead := sum(e is None for e in estimates):
-        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
+        say(f"in {dead} of {len(estimates)} repeats no sample reached the goal; try more --samples, or another state")
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     say("\n".join(tables.doubts(estimates, references, scenario.problem.temperature, settings.target_error)))

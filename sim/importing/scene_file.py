@@ -81,14 +81,14 @@ def import_world(
         (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
         (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
         (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
-        (number, "motions", "--world is for files of motions, of which --motion tells; leave it out"),
+        (number, "motions", "--world is for files of motions (--motion); leave it out"),
     ):
         if given and kind != of:
             raise OptionError(words)
     if kind == "mesh" and not decompose:
         raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
     if kind == "world" and source.suffix.lower() in ros_map.PICTURES:
-        raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
+        raise SceneError(f"{source}: a picture has neither scale nor place; give the map's .yaml")
     if kind == "world" and content.lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
     if kind == "motions":
@@ -99,7 +99,7 @@ def import_world(
         world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     obstacles, movers = _write(scene, source, target, world.notes, start or world.start)
-    turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
+    turns = f"{target}: the scene is for the {ROVER}, which turns on the spot; --robot takes another robot"
     notes = (*world.notes, *([turns] if kind in ("map", "mesh") else []))
     geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)

@@ -103,7 +103,7 @@ class Live(Policy):
                 self.built = ready
                 return plan
         except PirrhtError as error:
-            self._tell(f"{error}; the drive goes on as planned before")
+            self._tell(f"{error}; the run continues with the earlier plan")
         return self.built.driver.plan(x, left)
 
     def ready(self, now: float) -> World | None:
@@ -205,7 +205,7 @@ class InteractivePlant(Executor):
         clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
-                raise OptionError(f"that is on top of {place}, or too close; it stays where it was")
+                raise OptionError(f"the new place is on top of {place} or too close to it, so nothing moves")
         scenario = replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
         self.data.mocap_pos[row] += shift
         self._home[row] = self.data.mocap_pos[row]

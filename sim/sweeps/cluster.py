@@ -75,7 +75,7 @@ class Cluster(Crew):
         """Raise PirrhtError if the scheduler is gone."""
         gone = isinstance(error, (asyncio.CancelledError, CancelledError, OSError))
         if gone or self._client.status != "running":
-            remedy = "with -o finished runs are kept, and the same command goes on when it is back"
+            remedy = "with -o finished runs are kept; give the same command when it is back"
             raise PirrhtError(f"--scheduler {self._address}: the scheduler is gone; {remedy}") from None
 
 

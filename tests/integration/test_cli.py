@@ -182,7 +182,12 @@ def test_estimate_reports_what_its_standard_errors_do_not_know(capsys):
     words = "--at 2.2 2.6 --noise 0.3 --repeat 4 --vertices 200 --guide open-loop --target-error 0.001 --budget 400"
     assert main(["estimate", "slit", *words.split()]) == 0
     lines = capsys.readouterr().out
-    for line in ("(ESS) is below 10 in", "try more --samples", "not reached in 4 of 4 repeats", "with at most 1200 samples"):
+    for line in (
+        "(ESS) is below 10 in",
+        "try more --samples",
+        "not reached in 4 of 4 repeats",
+        "with at most 1200 samples",
+    ):
         assert line in lines
 
 

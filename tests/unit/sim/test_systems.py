@@ -98,7 +98,7 @@ def test_a_robot_names_any_registered_system(folder):
     [
         ("rafts", "write MODULE:NAME"),
         (":RAFT", "write MODULE:NAME"),
-        ("boats/rafts.py:RAFT", "rafts.py is a file, and a module is wanted; in its folder, write --system rafts:RAFT"),
+        ("boats/rafts.py:RAFT", "rafts.py is a file, not a module; in its folder, write --system rafts:RAFT"),
         ("nowhere:RAFT", "there is no module nowhere in"),
         ("rafts.deep:RAFT", "there is no module rafts.deep in"),
         ("rafts:KAYAK", "KAYAK is missing; write a sim.systems.System of rafts: RAFT"),

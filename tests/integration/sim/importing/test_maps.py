@@ -120,7 +120,7 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
     loaded = load(scene)
     said = capsys.readouterr().out
     assert f"{len(loaded.scene.obstacles)} of them obstacles" in said
-    assert "its robot is the rover" in said
+    assert "the scene is for the rover" in said
     assert len(loaded.scene.obstacles) <= 12
     assert {obstacle.kind for obstacle in loaded.scene.obstacles} == {Kind.BOX}
     np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [0, 0, 8, 8])
@@ -130,8 +130,8 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
 BOTH = {"start": [2, 2], "goal": [6, 6, 0.3]}
 ASKED = [
     (BOTH, "a turned map needs --workspace X0 X1 Y0 Y1, for example "),
-    ({}, "a map does not tell the start and the goal: give --start X Y [TH] and --goal X Y R"),
-    ({"goal": [6, 6, 0.3]}, "a map does not tell the start: give --start"),
+    ({}, "this map does not name the start and the goal: give --start X Y [TH] and --goal X Y R"),
+    ({"goal": [6, 6, 0.3]}, "this map does not name the start: give --start"),
     ({"start": [2, 2], "goal": [7, 3, -0.3]}, "--goal: its radius is -0.3; it must be positive"),
 ]
 
