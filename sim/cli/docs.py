@@ -10,7 +10,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "cli.md"
 COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
-<!-- Made by `python -m sim.cli.docs` of the options in sim/settings.py and sim/options.py; a test compares both. -->
+<!-- Made by `python -m sim.cli.docs`; a test compares both. -->
 
 `pirrht COMMAND --help` lists the options used daily, `--help-all` lists all. Exit status: 0 success; 1 a run that
 ended in a collision or time-out, or a sweep with errors; 2 bad input, explained in one line; 130 an interruption.

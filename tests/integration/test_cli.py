@@ -1,7 +1,9 @@
 """The command line keeps its contract: names in JSON, exit statuses, and one line for whoever gave it wrong input."""
 
 import json
+import os
 import re
+import sys
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +14,7 @@ import pytest
 from repository import ROOT
 
 from sim import extras
-from sim.cli import main, parser, tables
+from sim.cli import main, parser, plan_command, tables
 from sim.mjcf import load, models_folder, robot_names, scene_names
 from sim.options import OPTIONS
 from sim.scenario import prepare
@@ -271,3 +273,17 @@ def test_the_line_of_a_run_names_its_robot_and_the_help_has_a_row_for_each():
     scenario = prepare("slit", robot="diffdrive")
     assert tables.odds(scenario).startswith("diffdrive: noise 0.1 rad/sqrt(s), lambda")
     assert all(re.search(rf"^{name} ", parser.robots_text(), re.M) for name in robot_names())
+
+
+@pytest.mark.parametrize(("columns", "wide"), [("70", 70), (None, 80)])
+def test_progress_shows_on_a_terminal_even_if_that_reports_no_width(columns, wide, monkeypatch, capsys):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if columns:
+        monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((0, 0)))
+    with plan_command.Progress("film", 10, " pictures") as bar:
+        bar.to(3)
+        bar.refresh()
+    shown = capsys.readouterr().err.split("\r")
+    assert any(re.search(r"film: +30%\|.* 3/10 pictures", line) and len(line) == wide for line in shown)

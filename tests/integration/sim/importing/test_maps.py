@@ -12,6 +12,7 @@ Image = pytest.importorskip("PIL.Image")
 
 from sdf_samples import refused  # noqa: E402
 
+from pirrht.errors import SceneError  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
@@ -140,6 +141,14 @@ ASKED = [
 def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, task, what: str):
     path = written(tmp_path, rooms(), origin="[0, 0, 0.2]")
     refused(lambda: import_world(path, tmp_path / "a.xml", **task), what)
+
+
+def test_a_start_in_a_wall_of_a_map_is_refused_by_the_option_that_an_import_has(tmp_path: Path):
+    path = written(tmp_path, rooms())
+    with pytest.raises(SceneError, match=r"the robot touches .*; choose another --start$") as caught:
+        import_world(path, tmp_path / "a.xml", start=[4.0, 0.7], goal=[6, 6, 0.3])
+    assert "site" not in str(caught.value)
+    assert "--radius" not in str(caught.value)
 
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(  # gigabytes, if unfolded
