@@ -71,7 +71,7 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides."""
+    """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides."""
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []

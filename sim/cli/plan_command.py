@@ -76,7 +76,7 @@ class Notice(event.TimingListener):  # type: ignore[misc]
 
 @functools.cache
 def notice() -> Notice:
-    """Return that of this process, which hears from now on what is compiled."""
+    """Return the notice of this process, which from now on counts what is compiled."""
     listener = Notice()
     event.register("numba:compile", listener)
     return listener

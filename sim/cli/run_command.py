@@ -208,7 +208,7 @@ class Live:
             tqdm.write(WATCH.format(self._server.page))
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write all that is not written yet."""
         for recorder in self._recorders:
             recorder.close()
 

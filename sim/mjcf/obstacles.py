@@ -242,7 +242,7 @@ def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion
 
 
 def moved_geoms(model: mujoco.MjModel, names: Iterable[str]) -> Mask:
-    """The geoms that move with bodies of these names, those of bodies inside them too, (ngeom,)."""
+    """Return which geoms move with bodies of these names or with bodies inside them, (ngeom,)."""
     return np.isin(model.body_rootid[model.geom_bodyid], [model.body(name).id for name in names])
 
 

@@ -56,7 +56,7 @@ def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> 
 
 
 def build(scenario: Scenario, before: World) -> World:
-    """Grow a tree and make a controller; free space and tree are those of before where only the noise has changed."""
+    """Grow a tree and make a controller; if only the noise has changed, keep free space and tree."""
     tree, space = before.driver.tree, before.scenario.space
     if changed := scenario.loaded is not before.scenario.loaded:
         space = FreeSpace.of(scenario.loaded.scene)
@@ -147,7 +147,7 @@ class InteractivePlant(Executor):
         super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
-        """Start at a state (n,) at a time [s]; whatever has been moved stays there."""
+        """Start at a state (n,) at a time [s]; moved obstacles stay where they are."""
         super().reset(state, time)
         self._push = None
         self._show()
@@ -159,7 +159,7 @@ class InteractivePlant(Executor):
         return super().advance(control_at, rng)
 
     def take_note(self) -> None:
-        """Let whatever is due take place."""
+        """Apply all events that are due."""
         while self.script and self.script[0].at <= self.time + 1e-9:
             self._take(self.script.popleft())
         while self.asked:

@@ -62,7 +62,7 @@ def lead(report: Row) -> list[str]:
 
 
 def findings(report: Row) -> list[str]:
-    """State plainly what is significant."""
+    """State which differences are significant."""
     questions = counted(report["questions"], "comparison")
     if not report["questions"]:
         return [f"No comparison: no seed came to an end both with {BASE} and with another method."]

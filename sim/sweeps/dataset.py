@@ -166,7 +166,7 @@ class Dataset:
                 raise refused("--output", self.folder, error) from None
 
     def add(self, record: Mapping[str, Any] | None = None) -> bool:
-        """Take a finished run in, if there is one, and write what has waited long enough.
+        """Take in a finished run, if there is one, and write rows that have waited long enough.
 
         Returns:
             whether that has begun to go wrong; what cannot be written is kept for the next time.
@@ -197,7 +197,7 @@ class Dataset:
 
 
 def plain(value: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping as JSON gives it back, without what was not said."""
+    """Return a mapping as JSON reads it back, without values that are None."""
     known: dict[str, Any] = json.loads(json.dumps({k: v for k, v in value.items() if v is not None}))
     return known
 
