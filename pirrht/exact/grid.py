@@ -90,7 +90,7 @@ class Domain:
 
     @classmethod
     def of(cls, space: FreeSpace) -> Domain:
-        """Take the domain of a scene; its clearance is that of the field with the border, and near obstacles FCL's [m]."""
+        """Take the domain of a scene; its clearance is the field's with the border, near obstacles FCL's [m]."""
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
