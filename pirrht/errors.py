@@ -46,8 +46,8 @@ class NoReference(PirrhtError):
         signature = "" if self.blocked is None else ", ".join(f"{h:.3g}" for h in self.blocked)
         nearest = f"; the nearest blocked signature is ({signature})" if signature else ""
         super().__init__(
-            f"no class was found from ({where}), and from the same place at rest some are: few paths brake or turn "
-            "in time at this speed, if any does. Try more vertices, start slower, or further from what is ahead."
+            f"no class was found from ({where}), but some are found from the same place at rest: at this speed hardly "
+            "any path brakes or turns in time. Try more vertices, start slower, or further from what is ahead."
             if hasty
             else f"no allowed class reaches the goal from ({where}): {vertices} vertices, |1 - H_i| <= {limit:g}"
             f"{nearest}. Try more vertices, a larger limit of |1 - H_i| or a smaller radius."

@@ -46,7 +46,9 @@ TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk
 
 def main() -> int:
     """Print a table; with --json also write it."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        allow_abbrev=False, description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("what", choices=TABLES)
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument(

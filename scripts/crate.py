@@ -23,7 +23,7 @@ def room(*boxes: list[float]) -> Scene:
 
 def main() -> int:
     """Run once and draw the plans before and after the crate; the exit status is 0 if it was not hit."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--noise", type=float, default=0.15, help="b of dx = u dt + b dw")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--png", type=Path, default=Path("crate.png"))
@@ -50,7 +50,7 @@ def main() -> int:
             states.append(x)
         controller.observe(np.array(states), PERIOD)
         driven += states
-    print(f"from class {plans[0].favourite} to {plans[1].favourite}, driven {controller.driven_class()}")
+    print(f"from class {plans[0].favourite} to {plans[1].favourite}, driven {controller.driven_id()}")
 
     _, axes = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
     for when, plan, axis in zip(("before", "after"), plans, axes, strict=True):

@@ -113,7 +113,7 @@ RECORDED = {"slit .3": f"slit --noise .3 {SHORT}", "clutter": f"clutter --vertic
 
 def main() -> int:
     """Make hashes, or compare with those of a file."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("what", choices=("make", "compare"))
     parser.add_argument("file", type=Path)
     parser.add_argument("--only", default="", metavar="PATTERN", help="cases whose name this expression matches")

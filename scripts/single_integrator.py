@@ -16,7 +16,7 @@ PERIOD = 0.01  # the plan is made anew this often [s]
 
 def main() -> int:
     """Drive once; the exit status is 0 if the goal was reached."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--noise", type=float, default=0.1, help="b of dx = u dt + b dw; try 0.3")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--record", type=Path, default=Path("single_integrator.rrd"))

@@ -16,7 +16,7 @@ PERIOD = 0.1  # the plan is made anew this often [s]
 
 def main() -> int:
     """Drive once; the exit status is 0 if the goal was reached."""
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(allow_abbrev=False, description=__doc__)
     parser.add_argument("--robot", default="unicycle", help="unicycle (the equation's own robot) or diffdrive (wheels)")
     parser.add_argument("--noise", type=float, default=0.03, help="b of dtheta = u/rho dt + b dw")
     parser.add_argument("--seed", type=int, default=0)

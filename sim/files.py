@@ -21,16 +21,20 @@ SHOWN = 40  # characters of a file's name that its draft bears: two such names a
 
 
 class Draft:
-    """A file next to another one, whose place it takes when it is complete; links are followed. All raise OSError."""
+    """A file next to another one, whose place it takes when it is complete. All raise OSError.
 
-    def __init__(self, path: Path) -> None:
-        self.target = Path(os.path.realpath(path))
+    Args:
+        follow: whether a link keeps its place and the file that it leads to is replaced.
+    """
+
+    def __init__(self, path: Path, *, follow: bool = True) -> None:
+        self.target = Path(os.path.realpath(path)) if follow else Path(os.path.realpath(path.parent), path.name)
         self.file = self.target.with_name(f".{self.target.name[:SHOWN]}.{token_hex(4)}.part")
         self.handle = os.open(self.file, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o666)  # open for writing
 
     def publish(self) -> None:
         """Take the target's place, with its permissions or, if there is none, those of any new file."""
-        if self.target.exists():
+        if self.target.exists() and not self.target.is_symlink():
             shutil.copymode(self.target, self.file)
         os.replace(self.file, self.target)
 
@@ -41,20 +45,24 @@ class Draft:
 
 
 @contextmanager
-def replaced(path: Path, option: str) -> Iterator[BinaryIO]:
+def replaced(path: Path, option: str, *, follow: bool = True) -> Iterator[BinaryIO]:
     """Yield a stream whose content becomes that of a file; after a failure the old file stays.
 
     What is no regular file, such as /dev/null or a pipe, and what standard output goes to is written to at the end.
     OptionError: it cannot be written; names the option.
+
+    Args:
+        follow: whether a link may lead elsewhere. It must not where the name is ours and the folder somebody else's:
+            then the file takes the place of whatever has its name.
     """
     try:
-        if takes_as_it_comes(path):
+        if follow and takes_as_it_comes(path):
             yield (content := BytesIO())
             output = _output(path)
             with open(path if output is None else os.dup(output), "wb") as target:
                 target.write(content.getvalue())
             return
-        draft = Draft(path)
+        draft = Draft(path, follow=follow)
         try:
             with os.fdopen(draft.handle, "wb") as stream:
                 yield stream
@@ -102,17 +110,23 @@ def why_unreadable(path: Path) -> str | None:
     return None if os.access(path, os.R_OK) else "may not be read"
 
 
-def check_writable(path: Path, option: str) -> None:
-    """Refuse an output path before any work is done, by OptionError: a folder, a disk, one that cannot be made."""
+def check_writable(path: Path, option: str, *, follow: bool = True) -> None:
+    """Refuse an output path before any work is done, by OptionError: a folder, a disk, one that cannot be made.
+
+    Args:
+        follow: as of `replaced`.
+    """
     try:
         str(path).encode()
-        mode = os.stat(path).st_mode
+        mode = os.stat(path, follow_symlinks=follow).st_mode
     except (FileNotFoundError, NotADirectoryError):
         mode = 0
     except (OSError, ValueError) as error:
         raise refused(option, path, error) from None
-    folder = Path(os.path.realpath(path)).parent
-    places = [path] if takes_as_it_comes(path) else [folder, *([path] if mode else [])]
+    folder = Path(os.path.realpath(path)).parent if follow else path.parent
+    places = [folder, *([path] if mode and not stat.S_ISLNK(mode) else [])]
+    if follow and takes_as_it_comes(path):
+        places = [path]
     for wrong, what in (
         (stat.S_ISDIR(mode), " is a folder; give the path of a file"),
         (stat.S_ISBLK(mode), " is a disk; give the path of a file"),

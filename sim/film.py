@@ -25,6 +25,7 @@ from pirrht.estimation.sampler import PathIntegral
 from sim.drawing.colors import DEAD_COLOR, DRIVEN, MOVER, NAMED, ClassColors, Color, mix, rgb, title
 from sim.drawing.strokes import DEAD, Fan, at_most, fans, foreseen
 from sim.drive.metrics import Frame
+from sim.extras import require
 from sim.files import replaced
 from sim.mjcf import Loaded
 from sim.mjcf.coordinates import Stance
@@ -73,15 +74,11 @@ class Film:
     ) -> None:  # fmt: skip
         wide, high = size or (WIDTH, HEIGHT)
         self._video, self._still = video, still
-        for file, option, ending, library in ((video, "--video", ".mp4", "av"), (still, "--png", ".png", "PIL")):
-            if file is None:
-                continue
-            if file.suffix.lower() != ending:
-                raise OptionError(f"{option} {file}: the ending must be {ending}")
-            try:
-                importlib.import_module(library)
-            except ImportError as error:
-                raise OptionError(f"{option} needs the extra `video` ({error}); pip install 'pirrht[video]'") from None
+        for file, option, ending in ((video, "--video", ".mp4"), (still, "--png", ".png")):
+            if file is not None:
+                require(option, "video")
+                if file.suffix.lower() != ending:
+                    raise OptionError(f"{option} {file}: the ending must be {ending}")
         self._model = model = copy.copy(loaded.model)
         model.vis.global_.offwidth, model.vis.global_.offheight = wide, high
         # Without a GPU corners and mirrors are what takes time: 100 ms a picture instead of 800.
@@ -96,7 +93,7 @@ class Film:
             why = f"{'MUJOCO_GL' if CHOSEN else BACKEND}: {str(error).splitlines()[0][:80]}"
             remedy = "install libegl1, or libosmesa6 and set MUJOCO_GL=osmesa, or leave it out"
             option = "--png" if video is None else "--video"
-            raise OptionError(f"{option}: nothing draws without a window ({why}); {remedy}") from None
+            raise OptionError(f"{option}: pictures cannot be drawn without a window ({why}); {remedy}") from None
         self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_150)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._renderer)
         self._frame, self._shapes = mujoco.MjrRect(0, 0, wide, high), mujoco.MjvScene(model, maxgeom=MOST)

@@ -27,6 +27,7 @@ from pirrht.control.plan import Plan
 from pirrht.errors import OptionError
 from pirrht.outcome import Outcome
 from sim.drive.metrics import EpisodeMetrics, Frame, TimedPlan
+from sim.extras import require
 from sim.mjcf import scene_names
 from sim.mjcf.robot import control_limits
 from sim.scenario import prepare
@@ -34,11 +35,9 @@ from sim.settings import BY_SCENE, BY_SETTING
 from sim.sweeps import runs, scores
 from sim.sweeps.runs import Job, Planned
 
-try:
-    import gymnasium
-    from gymnasium.spaces import Box
-except ImportError:
-    raise OptionError("environments need Gymnasium; install it with `pip install 'pirrht[gym]'`") from None
+require("sim.gym", "gym")
+import gymnasium  # noqa: E402 - the line above reports how to install it
+from gymnasium.spaces import Box  # noqa: E402
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
 SETTINGS = (

@@ -14,7 +14,7 @@ import numpy as np
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.control.plan import Plan
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, printable
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.outcome import Outcome
@@ -22,6 +22,7 @@ from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, passing, rgb, title
 from sim.drawing.strokes import fading, outline, timed
+from sim.extras import require
 from sim.files import replaced
 
 if TYPE_CHECKING:
@@ -40,12 +41,16 @@ APART = 0.022  # from each other that numbers are at least, over the width of th
 
 
 def pyplot(what: str) -> Any:
-    """matplotlib.pyplot; OptionError, which says what needs it, if matplotlib is not installed."""
-    try:
-        from matplotlib import pyplot as plt
-    except ImportError:
-        raise OptionError(f"{what} needs matplotlib; install it with: pip install 'pirrht[figures]'") from None
+    """Return matplotlib.pyplot; OptionError, which says what needs it, if matplotlib is not installed."""
+    require(what, "figures")
+    from matplotlib import pyplot as plt
+
     return plt
+
+
+def literal(text: str) -> str:
+    """Return text that matplotlib shows in one line as it is: no formula, and no label that legends leave out."""
+    return printable(f" {text}" if text.startswith("_") else text).replace("$", r"\$")
 
 
 def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
@@ -57,7 +62,7 @@ def tree(drawn: HomologyTree, x: Array | None, axes: Any) -> Any:
     edges(axes, drawn, TREE, width=0.4, opacity=0.6, zorder=2)
     labels = [f"{formatting.turns(one.id)}: {one.cost:.3g}" for one in references]
     classes(axes, [one.trajectory.points for one in references], labels, title="class: cost")
-    axes.set_title(f"{scene.name}: {drawn.size} vertices", fontsize=10)
+    axes.set_title(f"{literal(scene.name)}: {drawn.size} vertices", fontsize=10)
     return axes
 
 
@@ -77,7 +82,7 @@ def plan(drawn: Plan, samples: int, axes: Any) -> Any:
     if len(drawn.control) == 2:
         look = {"arrowprops": {"arrowstyle": "-|>", "lw": 1.4, "color": INK}, "zorder": 6}
         axes.annotate("", tuple(drawn.state[:2] + ARROW * drawn.control), tuple(drawn.state[:2]), **look)
-    axes.set_title(f"{drawn.space.scene.name} at {drawn.time:.2f} s", fontsize=10)
+    axes.set_title(f"{literal(drawn.space.scene.name)} at {drawn.time:.2f} s", fontsize=10)
     return axes
 
 
@@ -177,14 +182,15 @@ def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: 
         axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
     edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
-    sides = [wrap(", ".join(words), WIDE) for words in passing(references, tree.homology)]
+    sides = [wrap(literal(", ".join(words)), WIDE) for words in passing(references, tree.homology)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
     labels = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
     classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
-    axes.set_title(f"{scene.name}: {tree.size} vertices, {len(references)} classes, cheapest first{when}", fontsize=10)
+    counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
+    axes.set_title(f"{literal(scene.name)}: {counts}", fontsize=10)
     _save(axes, path, "--png")
 
 
@@ -204,7 +210,9 @@ def draw_convergence(path: Path, scene: str, convergence: Mapping[str, Any], ref
     if shown:  # first paths may be several times as long as the last ones: those are what one looks at
         axes.set_ylim(0.97 * min(final.values()), 1.5 * max(final[name] for name in shown))
     axes.set(xlabel="iteration (random states drawn)", ylabel="length of the tree's best path per class [m]")
-    axes.set_title(f"{scene}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10)
+    axes.set_title(
+        f"{literal(scene)}: {convergence['vertices'][-1]} vertices; dotted: shortened within the class", fontsize=10
+    )
     axes.grid(alpha=0.25)
     axes.spines[["top", "right"]].set_visible(False)
     axes.legend(title="class", **LEGEND)
@@ -220,7 +228,7 @@ def draw_scene(axes: Any, scenario: "Scenario") -> None:
     look = {"fontsize": 7, "ha": "center", "va": "center", "color": INK, "zorder": 9}
     for mover in scene.movers if len(scene.movers) <= NAMED else ():
         x, y = mover.motion.pose(0.0)[:2]
-        axes.text(x, y, mover.name, path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
+        axes.text(x, y, literal(mover.name), path_effects=[withStroke(linewidth=1.8, foreground="white")], **look)
     if scenario.problem.dynamics.angles:
         heading = scene.robot_radius * 1.6 * np.array([np.cos(scene.start[2]), np.sin(scene.start[2])])
         axes.annotate("", scene.start[:2] + heading, scene.start[:2], arrowprops={"arrowstyle": "->", "lw": 1.2})

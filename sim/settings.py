@@ -48,6 +48,7 @@ class Option:
     required: bool = False
     role: str = "command"  # "setting" of a run, "scene", or of the "command" alone
     numeric: bool = False  # a scene may carry it, as the custom numeric `pirrht_NAME`
+    extra: str = ""  # of the package, which it needs
 
     @property
     def dest(self) -> str:
@@ -110,13 +111,16 @@ class SceneOptions:
     # fmt: off
     robot: Any = stated(None, "puck, unicycle, diffdrive, hover, rover, car or an MJCF file", "NAME",
                         unset="the scene's")
-    system: Any = stated(None, "a `sim.systems.System` or what returns one, of a module here or installed",
+    system: Any = stated(None,
+                         "a `sim.systems.System`, or a function that returns one, from a module here or installed",
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
                                   unset="the scene's, or three standard deviations of the noise in 0.01 s")
-    start: Sequence[float] | None = stated(None, "X Y [m] and TH [rad]", "X", count="+", unset="the scene's")
-    goal: Sequence[float] | None = stated(None, "disc [m]", ("X", "Y", "R"), count=3, unset="the scene's")
+    start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
+                                           count="+", unset="the scene's")
+    goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,
+                                          unset="the scene's")
     workspace: Sequence[float] | None = stated(None, "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), PLACES,
                                                count=4, unset="the scene's site or floor")
     freeze: bool | None = stated(None, "weld bodies with joints at keyframe or default pose, and drop actuators")
@@ -134,11 +138,12 @@ class Settings:
 
     # fmt: off
     noise: float = stated(0.1, "noise b in the robot's unit", "B", (1e-6, 1e3), group=PROBLEM, commands=SINGLE)
-    speed: float = stated(1.0, "speed V of a unicycle, best of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM)
+    speed: float = stated(1.0, "speed of a unicycle, best speed of a puck or rover", "M/S", (1e-3, 1e3), group=PROBLEM)
     rho: float = stated(1.0, "turning radius of a unicycle at |u| = 1 and V = 1", "M", (1e-3, 1e4), group=PROBLEM)
-    phi: float = stated(np.inf, "final cost off the goal", "COST", (0.0, 1e12), infinite=True, group=PROBLEM)
-    risk: float | None = stated(None, "take the least margin with which a run collides with this probability at most "
-                                "(twice its 95 % bound)", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
+    phi: float = stated(np.inf, "final cost of a path that ends off the goal", "COST", (0.0, 1e12), infinite=True,
+                        group=PROBLEM)
+    risk: float | None = stated(None, "take the least margin with which runs collide at most this often (twice "
+                                "the 95 % bound)", "DELTA", (1e-6, 0.5), unset="by --margin", group=PROBLEM)
     risk_infeasible: str = one_of(("stop", "best"), "where no margin keeps --risk: stop, or take the nearest",
                                   group=PROBLEM)
     seed: int = stated(0, "seed of tree, samples and plant noise", "N", (0, SEED), group=PROBLEM, commands=SINGLE)
@@ -165,11 +170,13 @@ class Settings:
     tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=DRIVES[1:])
     consistency: float = stated(0.8, "best-class: factor on the value of the class followed", "C", (1e-3, 1e3))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
-    exploration: float = stated(1.0, "mppi: noise of its samples over the robot's", "X", (1e-3, 1e3))
+    exploration: float = stated(1.0, "mppi: noise of its samples, as a multiple of the robot's", "X", (1e-3, 1e3))
     predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
-    speed_limit: float = stated(0.0, "limit among moving obstacles, 0 for five best speeds", "M/S", (0.0, 1e3))
-    plant: str = one_of(("mujoco", "sde"), "mujoco, or sde: the analytic equation", metavar="NAME")
-    max_time: float = stated(30.0, "end of the run in simulated time", "S", (1e-3, 86_400.0))
+    speed_limit: float = stated(0.0, "speed limit among moving obstacles; 0: five times the best speed", "M/S",
+                                (0.0, 1e3))
+    plant: str = one_of(("mujoco", "sde"), "simulate in MuJoCo (mujoco), or by the equation alone (sde)",
+                        metavar="NAME")
+    max_time: float = stated(30.0, "simulated time after which a run ends", "S", (1e-3, 86_400.0))
     real_time: bool = stated(False, "run against the clock, with as many classes and samples as there is time for; "
                              "results differ from run to run", group=RUN, commands=("run",))
     grow: int | None = stated(None, "vertices that the tree gains between two plans; in real time at most", "N",
@@ -239,7 +246,9 @@ def refuse_unused(given: Mapping[str, Any], methods: Sequence[str]) -> None:
     for name in [name for name in BY_SETTING if given.get(name) is not None]:
         flag = BY_SETTING[name].flag
         if name in ONLY and ONLY[name] not in methods:
-            raise OptionError(f"{flag} is of the method {ONLY[name]} alone, which is not asked for; leave it out")
+            raise OptionError(
+                f"{flag} is of the method {ONLY[name]} alone, which is not among those chosen; leave it out"
+            )
         if methods and all(given[name] != FIXED.get(one, {}).get(name, given[name]) for one in methods):
             raise OptionError(f"{flag}: the method {methods[0]} has no such choice; leave it out")
 

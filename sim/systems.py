@@ -51,7 +51,7 @@ class System:
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
     own: tuple[str, ...] = ()  # fields of `Settings` that scenes meant for other systems do not set
-    robots: str = ""  # name of its robots in the help; empty: the help leaves it out
+    robots: tuple[str, ...] = ()  # names of its robots in the help; none: the help leaves it out
     noise_in: str = ""  # the unit of `--noise`, for the help
     settings: Settings = field(init=False)  # of a run without options
 
@@ -73,8 +73,8 @@ class System:
 
     @property
     def called(self) -> str:
-        """Name in messages: the robot that the help names, or its own name."""
-        return self.robots or self.name
+        """Name in messages: the first robot that the help names, or its own name."""
+        return self.robots[0] if self.robots else self.name
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -183,7 +183,7 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
     System(
         name="single_integrator", dynamics=_dynamics("single_integrator:SingleIntegrator"),
         steering=_steering("straight_line:StraightLine"), R=2.0 * np.eye(2), states=POSE[:2], urge=lambda s: s.speed**2,
-        heeds=("noise", "speed"), robots="puck", noise_in="m/sqrt(s)",
+        heeds=("noise", "speed"), robots=("puck",), noise_in="m/sqrt(s)",
     ),
     System(
         name="unicycle",
@@ -193,24 +193,24 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
             "noise": 0.03, "phi": 1000.0, "vertices": 2000, "samples": 300, "period": 0.1, "limit": 0.8,
             "max_time": 60.0, "exploration": 10.0,  # with its own noise control sequences hardly move, and few arrive
         },
-        paper_samples=300, heeds=("noise", "speed", "rho"), robots="unicycle", noise_in="rad/sqrt(s)",
+        paper_samples=300, heeds=("noise", "speed", "rho"), robots=("unicycle", "diffdrive"), noise_in="rad/sqrt(s)",
     ),
     System(  # its noise has a unit, its paths a speed of their own
         name="double_integrator", dynamics=_dynamics("double_integrator:DoubleIntegrator"),
         steering=_steering("double_integrator:MassSteering"), R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"),
         defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"), robots="hover", noise_in="m/s/sqrt(s)",
+        own=("noise", "vertices", "samples", "dt", "period"), robots=("hover",), noise_in="m/s/sqrt(s)",
     ),
     System(  # its paths have a speed of their own
         name="rover", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=lambda s: s.speed**2, states=POSE,
         defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300, heeds=("noise", "speed"),
-        own=("vertices", "samples", "dt", "period"), robots="rover", noise_in="m/sqrt(s), 2b rad/sqrt(s)",
+        own=("vertices", "samples", "dt", "period"), robots=("rover",), noise_in="m/sqrt(s), 2b rad/sqrt(s)",
     ),
     System(
         name="second_order_car", dynamics=_dynamics("second_order_car:SecondOrderCar"), R=np.eye(2), q_min=1.0,
         q="pirrht.systems.second_order_car:cruising", states=(*POSE, "speed"), twists=3,
         defaults={"samples": 300, "period": 0.1, "phi": 1000.0, "max_time": 60.0}, paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"), robots="car", noise_in="rad/sqrt(s), m/s/sqrt(s)",
+        own=("noise", "vertices", "samples", "dt", "period"), robots=("car",), noise_in="rad/sqrt(s), m/s/sqrt(s)",
     ),
 )  # fmt: skip
 _known: dict[str, System] = {system.name: system for system in SYSTEMS}
@@ -246,7 +246,7 @@ def refuse(system: System, given: Mapping[str, Any]) -> None:
             *others, last = [one.called for one in _known.values() if name in one.heeds] or ["other systems"]
             who = f"{', '.join(others)} or {last}" if others else last
             ours = "" if system.name in BUILT_IN else f', or write `heeds=("{name}",)` and read it from its settings'
-            raise OptionError(f"--{name} is for {who}, and this robot is a {system.called}; leave it out{ours}")
+            raise OptionError(f"--{name} is for {who}, not for {system.called}; leave it out{ours}")
 
 
 def chosen(which: str | System) -> System:
@@ -291,7 +291,7 @@ def _why(error: BaseException, module: str, name: str, folder: str) -> str:
     file, missing = Path(module), isinstance(error, ModuleNotFoundError) and f"{module}.".startswith(f"{error.name}.")
     places = [f" (line {at.lineno} of {at.filename})" for at in _theirs(error, {Path(folder).resolve()})]
     if missing and (file.suffix == ".py" or os.sep in module):
-        return f"{file.name} is a file, and a module is wanted; in its folder, write --system {file.stem}:{name}"
+        return f"{file.name} is a file, not a module; in its folder, write --system {file.stem}:{name}"
     if missing:
         return f"there is no module {module} in {folder} or among what is installed; fix the name, or set PYTHONPATH"
     said = error if isinstance(error, PirrhtError) else one_line(error)

@@ -182,7 +182,7 @@ class ClassLaw:
 
 
 class ClassMixture:
-    """Control at any state near that of a plan, u(x) = sum_c w_c(x) u_c(x), by laws of C classes and wall drift."""
+    """Control at any state near a plan's, u(x) = sum_c w_c(x) u_c(x), by laws of C classes and wall drift."""
 
     def __init__(self, *, problem: Problem, state: Array, classes: Mapping[str, ClassLaw], push: Law) -> None:
         self.problem, self.state, self.classes, self.push = problem, state, classes, push
@@ -250,7 +250,7 @@ def pooled(
 
 
 def controls_followed(batch: Batch, estimate: Estimate) -> dict[str, ProposalControl | None]:
-    """Return what samples around each class followed, by name: of several feedback laws that of most weight."""
+    """Return the controls that samples of each class followed, by name; of several laws the one of most weight."""
     pairs = sorted(zip(estimate.proposal_weights, batch.proposals, strict=True), key=lambda pair: pair[0])
     rows = [one for _, one in pairs if one.key is not None]
     return {one.name: None for one in rows} | {one.name: one.lead for one in rows if one.lead.follows}

@@ -25,7 +25,7 @@ from pirrht.problem import Problem
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
 from pirrht.topology.homology import Driven, Homology
-from pirrht.topology.signature import integers
+from pirrht.topology.signature import class_id, integers
 
 ClassFromStart = tuple[int, ...]  # class of the driven path and the path ahead together
 K = TypeVar("K")
@@ -198,6 +198,10 @@ class Policy(ABC):
     def driven_class(self) -> tuple[int, ...]:
         """Return the class (M,) of the driven path, completed by a straight line to the goal point [turns]."""
         return self.run.path.winding()
+
+    def driven_id(self) -> str:
+        """Return the name of the class of the driven path, as tables print it: "1,0" for `driven_class` (1, 0)."""
+        return class_id(self.driven_class(), self.homology.named)
 
     def _state(self, x: Array) -> Array:
         """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed."""

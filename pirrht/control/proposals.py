@@ -71,7 +71,7 @@ def regrow(tree: HomologyTree | None, x: Array, time: float, tuning: ControlTuni
 def extract_references(
     tree: HomologyTree | None, x: Array, run: RunState, budget: TimeBudget, settings: ControlSettings, threads: int
 ) -> list[Reference]:
-    """Return the references at x (n,), cheapest first: of the tree (Algorithm 5), and what is left of guides."""
+    """Return the references at x (n,), cheapest first: those of the tree (Algorithm 5), and those left from guides."""
     method, memory = settings.use, run.memory
     if tree is None or method.most == 0:
         return []
@@ -121,7 +121,7 @@ def renewed(
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
     if before.movers or scene.movers:
         raise OptionError(
-            f"an update is of static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
             "Controller"
         )
     parts = "lower", "upper", "robot_radius", "robot_height"

@@ -91,7 +91,7 @@ def collision_probability(
     held = np.where(ended, 0.0, per_exposure * paths.exposure)
 
     def probabilities(chosen: BoolArray) -> tuple[float, float]:
-        """Return what is accepted, and what holding adds, among the chosen samples."""
+        """Return the accepted probability and the one that holding a control adds, among the chosen samples."""
         total = max(float(weight[chosen].sum()), 1e-300)
         added = float(weight[chosen] @ held[chosen]) / total
         return float(weight[chosen & ended].sum()) / total, 1.0 - math.exp(-added)

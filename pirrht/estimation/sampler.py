@@ -168,7 +168,7 @@ class PathIntegral:
         parts: list[Rollouts] = []
 
         def draw(multiple: float, fewest: int = 0) -> None:
-            """Draw a multiple of the batch, from a seed of its own; the first round has that of the plan."""
+            """Draw a multiple of the batch from a seed of its own; the first round takes the seed of the plan."""
             counts = np.maximum(fewest, np.rint(multiple * number)).astype(np.int64)
             own = np.random.SeedSequence([seed, len(parts)]).generate_state(1, np.uint64)[0] >> np.uint64(1)
             parts.append(self.rollout(batch.counting(counts.tolist()), int(own) if parts else seed))

@@ -90,7 +90,7 @@ class Domain:
 
     @classmethod
     def of(cls, space: FreeSpace) -> Domain:
-        """Take that of a scene; its clearance is the field's, border included, and FCL's close to obstacles [m]."""
+        """Take the domain of a scene; its clearance is the field's with the border, near obstacles FCL's [m]."""
 
         def at(points: Array) -> Array:
             out = np.empty(len(points))
@@ -113,7 +113,7 @@ class Equation(NamedTuple):
 
     @classmethod
     def of(cls, problem: Problem) -> Equation:
-        """Take those of a point with constant noise and constant q."""
+        """Take the numbers of a point with constant noise and constant q."""
         assert not callable(problem.q)
         b, rate = float(problem.dynamics.B_c(np.zeros(2))[0, 0]), problem.q / problem.temperature
         return cls(b, rate, problem.phi / problem.temperature, math.sqrt(2.0 * rate) / b)

@@ -50,7 +50,7 @@ class Legs(NamedTuple):
         return np.column_stack([self.path[:, :2], heading])
 
     def points(self, spacing: float) -> list[Array]:
-        """Both ends of each, (2, 2) [m]; no others, whatever the `spacing`."""
+        """Return both ends of each motion, (2, 2) [m], and no points in between, whatever the `spacing`."""
         return [row[[0, 1, 3, 4]].reshape(2, 2) for row in self.path]
 
     def places(self, times: Array) -> Array:

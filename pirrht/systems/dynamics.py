@@ -150,7 +150,7 @@ class Dynamics(ABC):
         return off
 
     def state_of(self, pose: Array) -> Array:
-        """The state (n,) at x, y [m] and heading [rad] (3,); whatever else it has is zero."""
+        """Return the state (n,) at x, y [m] and heading [rad] (3,); its other components are zero."""
         x = np.zeros(self.n)
         x[:2], x[list(self.angles)] = pose[:2], pose[2]
         return x

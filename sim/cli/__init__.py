@@ -16,18 +16,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
             _signal.signal(_signal.SIGINT, _signal.SIG_DFL)
-    from importlib.util import find_spec
-
-    from pirrht.errors import OptionError
+    from sim import extras
     from sim.cli import ending
 
     def command() -> int:
         from sim.cli import parser
 
         arguments = parser.read(argv)
-        missing = [one for one in ("defusedxml", "mujoco", "pyarrow", "rerun", "tqdm") if find_spec(one) is None]
-        if missing:
-            raise OptionError(f"{', '.join(missing)} is missing; install it with `pip install 'pirrht[sim]'`")
+        extras.require(f"pirrht {arguments.command}", "sim", *parser.extras_of(arguments))
         parser.check_outputs(arguments)
         from sim.cli import commands
 

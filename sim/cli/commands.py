@@ -131,7 +131,7 @@ def report(arguments: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:  # ValueError: a name that is no text
         raise refused("--output", folder, error) from None
     for file in (text, web):
-        check_writable(file, "--output")
+        check_writable(file, "--output", follow=False)
     try:
         drawn = pictures(known)
     except OptionError as error:
@@ -139,7 +139,7 @@ def report(arguments: argparse.Namespace) -> int:
         print(f"pirrht: {error}; report.html has no pictures", file=sys.stderr)
     print(terminal(known))
     for file, content in ((text, markdown(known)), (web, page(known, drawn))):
-        with replaced(file, "--output") as stream:
+        with replaced(file, "--output", follow=False) as stream:
             stream.write(content.encode())
         print(f"written: {path_text(file)}")
     if arguments.json is not None:

@@ -13,7 +13,7 @@ DOCS = Path(__file__).resolve().parents[2] / "docs"
 COLUMNS = "| option | meaning | default | values |\n|---|---|---|---|\n"
 HEAD = """# Command line
 
-<!-- Made by `python -m sim.cli.docs` of the options in sim/settings.py and sim/options.py; a test compares both. -->
+<!-- Made by `python -m sim.cli.docs`; a test compares both. -->
 
 `pirrht COMMAND --help` lists the options used daily, `--help-all` lists all. Exit status: 0 success; 1 a run that
 ended in a collision or time-out, or a sweep with errors; 2 bad input, explained in one line; 130 an interruption.
@@ -76,7 +76,9 @@ def _row(option: Option) -> str:
         low, high = (f"{bound:g}" if isinstance(bound, float) else bound for bound in option.bounds)
         values = f"{low} to {high}" + (", or `inf`" if option.infinite else "")
     mark = " \N{BULLET}" if option.name in NUMERICS else ""
-    cells = (f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values)
+    cells = [f"`{typed}`{mark}", option.text.replace("|", "\\|"), default_of(option), values]
+    while not cells[-1]:  # Markdown fills a row up
+        cells.pop()
     return f"| {' | '.join(cells)} |\n"
 
 

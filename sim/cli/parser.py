@@ -4,12 +4,14 @@ import argparse
 import sys
 from collections.abc import Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, NoReturn
 
 import pirrht
 from pirrht.control.settings import METHODS
 from pirrht.errors import OptionError
 from sim.drive.result import explained as figures
+from sim.extras import MAPS
 from sim.files import check_writable
 from sim.options import DAILY, options_of
 from sim.recording.columns import explained
@@ -59,8 +61,10 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
     words = sys.argv[1:] if argv is None else argv
     arguments, unknown = parser(everything="--help-all" in words).parse_known_args(words)
     if unknown:
-        near = get_close_matches(unknown[0], [option.flag for option in options_of(arguments.command)], 1, ALIKE)
-        meant = f" (did you mean {near[0]}?)" if near else ""
+        word, flags = unknown[0].partition("=")[0], [option.flag for option in options_of(arguments.command)]
+        begun = [flag for flag in flags if flag.startswith(word) and word.startswith("--")]
+        near = begun or get_close_matches(word, flags, 1, ALIKE)
+        meant = f" (did you mean {' or '.join(near)}?)" if near else ""
         raise OptionError(
             f"unrecognized arguments: {' '.join(unknown)}{meant}; see `pirrht {arguments.command} --help`"
         )
@@ -68,6 +72,13 @@ def read(argv: Sequence[str] | None = None) -> argparse.Namespace:
         if (value := getattr(arguments, option.dest)) is not None:
             option.check(value)
     return arguments
+
+
+def extras_of(arguments: argparse.Namespace) -> list[str]:
+    """Return the extras of the package that a command needs with its options."""
+    given = [(option, getattr(arguments, option.dest)) for option in options_of(arguments.command)]
+    maps = ["maps" for _, value in given if isinstance(value, Path) and value.suffix.lower() in MAPS]
+    return [option.extra for option, value in given if option.extra and value is not None] + maps
 
 
 def check_outputs(arguments: argparse.Namespace) -> None:
@@ -81,7 +92,9 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
     """Build the parser of all commands, whose help has `everything` or what is used daily."""
     whole = Parser(
         prog="pirrht",
-        description="Topology-guided path integral control (PI-RRHT*): FCL plans, MuJoCo simulates, Rerun records.",
+        allow_abbrev=False,
+        description="Topology-guided path integral control (PI-RRHT*). FCL checks for collisions, MuJoCo simulates, "
+        "Rerun records.",
     )
     whole.add_argument("--version", action="version", version=f"pirrht {pirrht.__version__}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
@@ -91,7 +104,8 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
         notes += [more] if everything or not takes_scene else [f"More options: pirrht {name} --help-all"]
         scene = "SCENE ..." if name == "sweep" else "SCENE"
         one = commands.add_parser(
-            name, help=text, add_help=False, usage=f"pirrht {name} {scene} [options]" if takes_scene else None,
+            name, help=text, add_help=False, allow_abbrev=False,
+            usage=f"pirrht {name} {scene} [options]" if takes_scene else None,
             description=text, epilog="\n\n".join(filter(None, notes)) or None,
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )  # fmt: skip
@@ -102,8 +116,10 @@ def parser(*, everything: bool = False) -> argparse.ArgumentParser:
 def robots_text() -> str:
     """Return the table of robots: unit of the noise, state, and the settings that differ between them."""
     columns = ("noise", "phi", "vertices", "samples", "period", "max_time")
-    numbers = [[f"{getattr(system.settings, name):g}" for name in columns] for system in _robots()]
-    rows = [[r.robots, r.noise_in, typed(r.states), *row] for r, row in zip(_robots(), numbers, strict=True)]
+    rows = []
+    for system in _robots():
+        numbers = [f"{getattr(system.settings, name):g}" for name in columns]
+        rows += [[robot, system.noise_in, typed(system.states), *numbers] for robot in system.robots]
     return table(["robot", "unit of --noise", "state", *columns], rows)
 
 

@@ -5,6 +5,7 @@ import functools
 import sys
 import time
 from dataclasses import replace
+from shutil import get_terminal_size
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from sim.text import counted, say
 
 SHARE_PATHS = 2000  # optimal paths that tell the exact share of each class
 LINE = "compiling kernels, {often} for each kind of robot and scene (`pirrht warm` does so ahead)"
-BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit} {postfix}"
+BAR = "{desc}: {percentage:3.0f}%|{bar}| {n:.4g}/{total:.4g}{unit}, {remaining} left{postfix}"
 COMPILING = "compiling: {n_fmt} kernels, {elapsed}"
 
 
@@ -38,7 +39,8 @@ class Progress(tqdm):  # type: ignore[misc]
     """A bar on a terminal, nothing in a pipe."""
 
     def __init__(self, what: str, total: float = 1.0, unit: str = "") -> None:
-        super().__init__(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=BAR)
+        wide = get_terminal_size().columns  # also where a terminal does not report its width
+        super().__init__(total=total, desc=what, unit=unit, leave=False, disable=None, bar_format=BAR, ncols=wide)
 
     def to(self, done: float) -> None:
         """Show how much of the total is done."""
@@ -77,7 +79,7 @@ class Notice(event.TimingListener):  # type: ignore[misc]
 
 @functools.cache
 def notice() -> Notice:
-    """Return that of this process, which hears from now on what is compiled."""
+    """Return the notice of this process, which from now on counts what is compiled."""
     listener = Notice()
     event.register("numba:compile", listener)
     return listener
@@ -200,7 +202,7 @@ def estimate(arguments: argparse.Namespace) -> int:
     if known := [one for one in collisions if one is not None]:
         say(tables.chance(known[0], settings.risk) + (", of the first repeat" if len(known) > 1 else ""))
     if dead := sum(e is None for e in estimates):
-        say(f"{dead} of {len(estimates)} repeats: no sample reached the goal; try more --samples, or another state")
+        say(f"in {dead} of {len(estimates)} repeats no sample reached the goal; try more --samples, or another state")
     if truth is not None:
         report_prediction(scenario, "the exact value is that")
     say("\n".join(tables.doubts(estimates, references, scenario.problem.temperature, settings.target_error)))

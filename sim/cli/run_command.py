@@ -138,9 +138,9 @@ def play(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments, loose=True)
     settings = scenario.settings
     for wrong, message in (
-        (settings.method == "optimal", "--method optimal would be solved for again whenever something moves"),
+        (settings.method == "optimal", "--method optimal would have to be solved again whenever something moves"),
         (settings.plant != "mujoco", "--plant sde has nothing that could be pushed or moved"),
-        (settings.target_error is not None, "--target-error does not go with runs in real time"),
+        (settings.target_error is not None, "--target-error does not work in real time"),
     ):
         if wrong:
             raise OptionError(f"{message}; leave it out")
@@ -157,7 +157,7 @@ def play(arguments: argparse.Namespace) -> int:
         if not arguments.headless:
             screen = stack.enter_context(closing(window.Window(game.plant)))
             screen.thread.start()
-            tqdm.write(f"drag with Ctrl and the right button what has been double-clicked; {window.KEYS}")
+            tqdm.write(f"double-click something, then drag it with Ctrl and the right button; {window.KEYS}")
         live = stack.enter_context(closing(Live(arguments, game)))
         while True:
             last = _driven(game.drive(start), [live.log], bool if screen is None else lambda: not screen.open)
@@ -181,7 +181,7 @@ def _next_start(game: Any, screen: Any, last: Frame | None) -> Any:
 
     screen.home = False
     if screen.open:
-        tqdm.write("move the goal to drive on, or strike Home to start over; close the window to end")
+        tqdm.write("move the goal to drive on, or press Home to start over; close the window to end")
     while screen.open:
         time.sleep(POLL)
         if screen.home or any(isinstance(e, events.Move) and e.what == events.GOAL for e in tuple(game.plant.asked)):
@@ -208,7 +208,7 @@ class Live:
             tqdm.write(WATCH.format(self._server.page))
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write all that is not written yet."""
         for recorder in self._recorders:
             recorder.close()
 

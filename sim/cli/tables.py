@@ -81,21 +81,24 @@ def doubts(
     poor = sum(e.doubtful for e in known)
     heavy = sum(e.heavy_tailed and not e.doubtful for e in known)
     lines = [
-        (poor, f"effective sample size (ESS) below {TUNING.few:g} in {poor} {of}; standard errors say nothing there"),
-        (heavy, f"weights of a heavy tail in {heavy} {of}: a path that was not drawn may outweigh all that were, and "
-         "standard errors are too small"),
+        (poor, f"the effective sample size (ESS) is below {TUNING.few:g} in {poor} {of}: do not trust standard errors "
+         "there"),
+        (heavy, f"the weights have a heavy tail in {heavy} {of}: a path that was not drawn may outweigh all others, "
+         "and standard errors are too small"),
     ]  # fmt: skip
     for r in references:
         thin = sum(e.class_ess.get(r.id, 0.0) < TUNING.lone for e in known)
         cheap = 2 * thin > len(known) and r.cost < least + DOUBT_RANGE * temperature
         if cheap or any(e.class_weights.get(r.id, 0.0) >= MIN_WEIGHT for e in known):
-            text = f"class {title(r.id)}: hardly a sample in {thin} {of}; standard errors do not know what it is worth"
+            text = (
+                f"class {title(r.id)}: hardly a sample arrived in {thin} {of}, so standard errors leave out its weight"
+            )
             lines.append((thin, text))
-    found = [f"{line}, try more --samples" for often, line in lines if often]
+    found = [f"{line}; try more --samples" for often, line in lines if often]
     if target is not None:
         missed = sum(float(e.control_error.max()) > target for e in known)
         drawn = max((sum(part.size for part in e.parts) for e in known), default=0)
-        found.append(f"--target-error {target:g}: not reached in {missed} {of}, at most {drawn} samples drawn")
+        found.append(f"--target-error {target:g} was not reached in {missed} {of}, with at most {drawn} samples")
     return found
 
 
@@ -105,8 +108,9 @@ def passages_line(found: dict[str, Any]) -> str:
         return ""
     (x, y), width, between = unused[0]["at"], unused[0]["width"], " and ".join(unused[0]["between"])
     return (
-        f"{len(unused)} of {counted(found['open'], 'open passage')} on no path, the narrowest {width:.2f} m wide at "
-        f"({x:.2f}, {y:.2f}) between {between}: more --vertices or --classes or a higher --limit may lead there"
+        f"no path leads through {len(unused)} of {counted(found['open'], 'open passage')}; the narrowest of these is "
+        f"{width:.2f} m wide at ({x:.2f}, {y:.2f}) between {between}; more --vertices or --classes or a higher --limit "
+        "may lead through"
     )
 
 
@@ -133,7 +137,8 @@ def odds(scenario: Scenario) -> str:
     margin = f", margin {scenario.margin:.3g} m" if scenario.margin > 0.0 else ""
     note = f" {scenario.risk_note}" if scenario.risk_note else ""
     risk = "" if scenario.settings.risk is None else f", risk {scenario.settings.risk:g}{note}"
-    return f"{scenario.system.called}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{risk}"
+    robot = scenario.loaded.robot if scenario.system.robots else scenario.system.name
+    return f"{robot}: {noise}, lambda {scenario.problem.temperature:.3g}{margin}{risk}"
 
 
 def chance(collision: CollisionProbability, risk: float | None = None) -> str:
@@ -150,10 +155,10 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
     executed = "no class" if run.executed_class is None else f"class {title(run.executed_class)}"
     so_far = " so far" if run.outcome == "timeout" else ""
     blocked = f", blocked for {run.blocked_time:.2f} s" if run.fallbacks else ""
-    late = "longer than the period (the simulation waited)" if run.real_time is None else "late"
+    late = "took longer than the period, and the simulation waited" if run.real_time is None else "were late"
     first, *later = (1e3 * seconds for seconds in run.plan_seconds)
-    say(f"{run.outcome} after {run.time:.2f} s: cost {run.cost:.3f}{so_far}, path of {run.path_length:.2f} m smoothed "
-        "over its jitter")  # fmt: skip
+    say(f"{run.outcome} after {run.time:.2f} s: cost {run.cost:.3f}{so_far}, path length {run.path_length:.2f} m "
+        "without the jitter of the noise")  # fmt: skip
     say(f"{executed}, {counted(run.class_switches, 'class switch', 'class switches')} "
         f"({counted(run.class_reversals, 'reversal')} of a decision), {counted(run.fallbacks, 'fallback')} (plans "
         f"without reference or surviving sample{blocked}), least clearance {run.min_clearance:.3f} m "
@@ -164,12 +169,15 @@ def summary(run: EpisodeMetrics, scenario: Scenario) -> None:
         say("noise moves the robot between two controls: --risk 0.01 or --margin M [m] makes plans leave more "
             "clearance")  # fmt: skip
     if run.doubtful_plans:
-        say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} on fewer than {TUNING.few:g} effective samples, the "
-            f"weakest on {run.least_ess:.1f} at {run.least_ess_time:.2f} s: a guess; try more --samples")  # fmt: skip
+        say(f"{run.doubtful_plans} of {counted(run.steps, 'plan')} had fewer than {TUNING.few:g} effective samples, "
+            f"the weakest {run.least_ess:.1f} at {run.least_ess_time:.2f} s: their controls are guesses; try more "
+            "--samples")  # fmt: skip
     if run.real_time is not None:
         say(episode.summary(run.real_time))
-    say(f"{counted(run.steps, 'control step')}: median {run.step_ms['median']:.1f} ms, p95 {run.step_ms['p95']:.1f}, "
-        f"max {max(later, default=first):.1f} after the first's {first:.1f}, {run.deadline_misses} {late}")  # fmt: skip
+    longest = f", the longest later one {max(later):.1f} ms" if later else ""
+    say(f"{counted(run.steps, 'control step')}: median {run.step_ms['median']:.1f} ms, 95th percentile "
+        f"{run.step_ms['p95']:.1f} ms; the first took {first:.1f} ms{longest}; "
+        f"{run.deadline_misses} {late}")  # fmt: skip
     if (truth := run.truth) is not None:
         say(f"compared with the optimal control: |u - u*| {truth['mean_control_error']:.3f} on average, "
             f"{truth['max_control_error']:.3f} at most; exact value at the start {truth['value']:.4f}")  # fmt: skip

@@ -194,7 +194,7 @@ class Executor(Plant):
         called, n, own = named(loaded.dynamics_name).called, problem.dynamics.n, type(problem.dynamics).__name__
         if n != len(loaded.states):
             states = f"{len(loaded.states)} states; {own} has {n}"
-            raise OptionError(f'robot "{loaded.robot}" moves as a {called} with {states}')
+            raise OptionError(f'robot "{loaded.robot}" moves as {called} with {states}')
         check_motion(model, called, problem.dynamics, loaded.command)
         self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms

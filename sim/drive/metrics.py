@@ -238,7 +238,7 @@ class EpisodeMetrics:
             self.first_plan, self.value_estimate = plan, plan.exact if estimate is None else estimate.value
         if plan.fallback is not None:
             if not was_blocked:
-                does = "braking" if plan.stops else "this robot cannot stop, and takes the longest free way"
+                does = "braking" if plan.stops else "this robot cannot stop and takes the path that stays free longest"
                 news.append(f"blocked at {begin:.2f} s: {plan.fallback}; {does}")
                 self.blocked.append((begin, begin))
             self.blocked[-1] = self.blocked[-1][0], self.time
@@ -246,7 +246,7 @@ class EpisodeMetrics:
             self.blocked_time = sum(end - start for start, end in self.blocked)
             return news
         if was_blocked:
-            news.append(f"a way at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s: going on")
+            news.append(f"a free path at {begin:.2f} s, after {begin - self.blocked[-1][0]:.2f} s: going on")
         if estimate is not None:
             if self.least_ess is None or estimate.ess < self.least_ess:
                 self.least_ess, self.least_ess_time = estimate.ess, begin

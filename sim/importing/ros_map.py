@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
 from pirrht.geometry.rectangles import Cells, cover
+from sim import extras
 from sim.files import why_unreadable
 from sim.importing.solids import Solid, World, transform
 from sim.mjcf.library import FARTHEST, MOST_PIXELS, content_of, refused
@@ -30,12 +31,11 @@ DEFAULTS = {"occupied_thresh": 0.65, "free_thresh": 0.196, "negate": 0, "trinary
 UNSEEN = 205  # grey that map_saver writes for an unknown cell
 HEIGHT = 0.5  # of the walls [m]
 FINEST, COARSEST = 1e-4, 100.0  # side of a cell [m]
-SUFFIXES = (".yaml", ".yml")
+SUFFIXES = extras.MAPS
 PICTURES = (".pgm", ".png", ".ppm", ".bmp", ".gif", ".jpg", ".jpeg", ".tif", ".tiff")
 
 _SHORT = reprlib.Repr()  # of values that refer to each other, the whole would fill the memory
 _SHORT.maxlevel = 2
-_EXTRA = "maps need PyYAML and Pillow; install them with `pip install 'pirrht[maps]'`"
 
 
 def read_map(path: Path, unknown: str = "occupied") -> World:
@@ -88,8 +88,9 @@ def read_map(path: Path, unknown: str = "occupied") -> World:
 
 def _values(path: Path) -> dict[str, Any]:
     """Read the values of all keys of a map, those of map_server where they are missing."""
-    with refused(_EXTRA, "", ImportError, most=0, kind=OptionError):
-        import yaml
+    extras.require(f"the map {path}", "maps")
+    import yaml
+
     deep = f"{path}: not YAML: it is nested too deeply; fix it there"
     wrong = yaml.YAMLError, ValueError  # of dates and of bytes that are no UTF-8
     with refused(deep, "", RecursionError, most=0), refused(f"{path}: not YAML: ", "; fix it there", *wrong):
@@ -147,8 +148,8 @@ def _image_file(path: Path, name: str, notes: list[str]) -> Path:
 
 def _read_image(path: Path, file: Path) -> tuple[NDArray[np.uint16], int, Cells]:
     """Brightness from 0, black, what white is of it, and what is transparent; (rows, columns) from the top."""
-    with refused(_EXTRA, "", ImportError, most=0, kind=OptionError):
-        from PIL import Image
+    from PIL import Image
+
     most = f"); a map has {MOST_PIXELS} pixels at most: crop it or make its resolution coarser"
     small = refused(f"{path}: image {file} is too large (", most, Image.DecompressionBombError)
     with small, refused(f"{path}: image {file} cannot be read (", ")", OSError, ValueError, SyntaxError):

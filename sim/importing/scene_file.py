@@ -22,6 +22,7 @@ from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, text
 from sim.mjcf import load, models_folder
 from sim.mjcf.library import FARTHEST, FINEST, content_of
+from sim.mjcf.load import SMALLER
 
 START, GOAL, BORDER = "--start X Y [TH]", "--goal X Y R", "--workspace X0 X1 Y0 Y1"
 WIDEST = 50.0  # a larger ground is Gazebo's usual 100 m, and not meant as a workspace [m]
@@ -80,14 +81,14 @@ def import_world(
         (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
         (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
         (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
-        (number, "motions", "--world is for files of motions, of which --motion tells; leave it out"),
+        (number, "motions", "--world is for files of motions (--motion); leave it out"),
     ):
         if given and kind != of:
             raise OptionError(words)
     if kind == "mesh" and not decompose:
         raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
     if kind == "world" and source.suffix.lower() in ros_map.PICTURES:
-        raise SceneError(f"{source}: a picture tells neither scale nor place; give the map's .yaml")
+        raise SceneError(f"{source}: a picture has neither scale nor place; give the map's .yaml")
     if kind == "world" and content.lstrip()[:1] == b"{":
         raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
     if kind == "motions":
@@ -97,23 +98,25 @@ def import_world(
     else:
         world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
-    obstacles, movers = _write(scene, source, target, world.notes)
-    turns = f"{target}: its robot is the {ROVER}, which turns almost on the spot; a command may name another"
+    obstacles, movers = _write(scene, source, target, world.notes, start or world.start)
+    turns = f"{target}: the scene is for the {ROVER}, which turns on the spot; --robot takes another robot"
     notes = (*world.notes, *([turns] if kind in ("map", "mesh") else []))
     geoms = len(world.solids) + len(world.bodies)
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
-def _write(scene: str, source: Path, target: Path, notes: Sequence[str]) -> tuple[int, int]:
+def _write(
+    scene: str, source: Path, target: Path, notes: Sequence[str], start: Sequence[float] | None
+) -> tuple[int, int]:
     """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers."""
     try:
         with tempfile.TemporaryDirectory(prefix=".import-", dir=target.parent) as folder:
             new = Path(folder) / f"{source.stem}.xml"
             new.write_text(scene, encoding="utf-8")
             try:
-                found = load(new).scene
+                found = load(new, start=start).scene
             except SceneError as error:
-                reason = str(error).removeprefix(f"{new}: ").replace(str(new), "as a scene")
+                reason = str(error).removeprefix(f"{new}: ").removesuffix(SMALLER).replace(str(new), "as a scene")
                 raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
             new.replace(target)
     except OSError as error:
@@ -126,7 +129,7 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     start, goal = task[0] or world.start, task[1] or world.goal
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
-        raise SceneError(f"{source}: a {world.kind} does not tell {missing}: give {START} and {GOAL}")
+        raise SceneError(f"{source}: this {world.kind} does not name {missing}: give {START} and {GOAL}")
     place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
     if not disc[2] >= FINEST:
         raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")

@@ -30,7 +30,7 @@ LIGHT = (0.42, 0.42, 0.0)
 
 
 def leave_out(spec: mujoco.MjSpec, names: Sequence[str]) -> str:
-    """Remove bodies with all that is in them or refers to them; a line on what is gone."""
+    """Remove bodies with all that is in them or refers to them; return a line that names what was removed."""
     gone: set[str] = set()
     names, before = list(dict.fromkeys(names)), len(spec.actuators)
     for name in names:

@@ -37,6 +37,7 @@ _FROM_ROBOT = (
     *("cone", "impratio", "solver", "iterations", "tolerance", "noslip_iterations"),
 )  # options of the physics
 _GEOM = mujoco.mjtGeom
+SMALLER = ", or choose a smaller --radius"
 DECOMPOSE = "`pirrht import MESH --decompose` makes convex parts of a mesh"
 REACH = 1e4  # of a goal at most [m]
 DEFAULT = "puck"  # the robot of scenes that name none
@@ -121,9 +122,10 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         if clearance <= 0.0:
             if (left := margin + clearance) > 0.0:
                 return load(scene, loose=loose, **{**options, "margin": 0.5 * left})
+            elsewhere = 'move site "start"' if task.start is None else "choose another --start"
             raise SceneError(
                 f'at the start ({start[0]:g}, {start[1]:g}) the robot touches body "{body}" (by {-clearance:.3g} m), '
-                'and it moves: move site "start", choose another --start, or write another first row'
+                f"and it moves: {elsewhere}, or write another first row of its motion"
             )
         mask = np.isin(np.arange(model.ngeom), [*solids])
         model.geom_contype[~(mask | mine)] = model.geom_conaffinity[~(mask | mine)] = 0  # the robot touches these alone
@@ -132,7 +134,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         place = np.array([start[POSE.index(name)] if name in POSE else 0.0 for name in states])
         Stance(model, states).place(data, place, np.zeros(2), np.zeros(model.nu))
         model.key_qpos[0] = data.qpos
-        _check_start(model, data, mask, concave)
+        _check_start(model, data, mask, concave, task)
     return Loaded(
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
         dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
@@ -221,7 +223,9 @@ def _start(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[float] | 
     return np.array(place, dtype=float)
 
 
-def _check_start(model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str]) -> None:
+def _check_start(
+    model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concave: Mapping[int, str], task: SceneOptions
+) -> None:
     mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_fwdPosition(model, data)
     touched = [g for pair in data.contact.geom[data.contact.dist < -ROUNDING] for g in pair if solid[g]]
@@ -231,7 +235,5 @@ def _check_start(model: mujoco.MjModel, data: mujoco.MjData, solid: Mask, concav
         if geom in concave:
             label = f"the convex hull of {concave[geom]}, with which MuJoCo collides: {DECOMPOSE}"
         spare = f', leave out body "{body}" (--without)' if body and body != "world" else ""
-        raise SceneError(
-            f'at the start ({x:g}, {y:g}) the robot touches {label}; move site "start"{spare}, or choose another '
-            "--start or a smaller --radius"
-        )
+        elsewhere = 'move site "start"' if task.start is None else "choose another --start"
+        raise SceneError(f"at the start ({x:g}, {y:g}) the robot touches {label}; {elsewhere}{spare}{SMALLER}")

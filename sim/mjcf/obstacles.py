@@ -61,7 +61,7 @@ def read_workspace(model: mujoco.MjModel, data: mujoco.MjData, given: Sequence[f
     if given is not None:
         bounds = np.array(given, dtype=float)
         if bounds.shape != (4,) or not np.all(np.abs(bounds) <= FARTHEST) or not np.all(bounds[::2] < bounds[1::2]):
-            raise SceneError(f"the workspace {bounds.tolist()} is none; give x0 < x1 and y0 < y1")
+            raise SceneError(f"the workspace {bounds.tolist()} is empty; give x0 < x1 and y0 < y1")
         return bounds[::2], bounds[1::2]
     site = site_of(model, "workspace")
     if site >= 0:
@@ -120,7 +120,7 @@ def _refuse_moving(model: mujoco.MjModel, robot: Mask) -> None:
         moving = [f'body "{model.body(root).name}" moves by {listed(names)}' for root, names in joints.items()]
         name = model.body(next(iter(joints))).name or "NAME"
         raise SceneError(
-            f"{listed(moving)}; obstacles stand, or move by rows: remove joints, load it with --freeze or "
+            f"{listed(moving)}; obstacles are static or follow a motion: remove joints, load it with --freeze or "
             f'--without {name}, or write <body mocap="true" ...> and a numeric "{MOTION}{name}"'
         )
 
@@ -131,7 +131,7 @@ def _obstacle(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Obstacle
     if shape == "plane":
         if data.geom_xmat[geom, 8] > _UP and data.geom_xpos[geom, 2] <= _TOUCH:
             return None
-        raise SceneError(f"{label} is a plane, but no horizontal floor at 0; move it, or write a box")
+        raise SceneError(f"{label} is a plane, but not the horizontal floor at z = 0; move it, or write a box")
     if shape not in {kind.value for kind in Kind}:
         raise SceneError(f"{label} is of type {shape}; remove it or write one of {', '.join(k.value for k in Kind)}")
     refuse_far(label, data.geom_xpos[geom], model.geom_size[geom])
@@ -242,7 +242,7 @@ def _motion(spec: mujoco.MjSpec, name: str, data: Array, repeat: bool) -> Motion
 
 
 def moved_geoms(model: mujoco.MjModel, names: Iterable[str]) -> Mask:
-    """The geoms that move with bodies of these names, those of bodies inside them too, (ngeom,)."""
+    """Return which geoms move with bodies of these names or with bodies inside them, (ngeom,)."""
     return np.isin(model.body_rootid[model.geom_bodyid], [model.body(name).id for name in names])
 
 

@@ -57,7 +57,9 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         body = next((b for b in spec.worldbody.bodies if b.name == "robot"), None)
         foot = next((g for g in (body.geoms if body else ()) if g.name == "footprint"), None)
         if body is None or foot is None or foot.type != _GEOM.mjGEOM_SPHERE:
-            raise SceneError('no body "robot" in the worldbody with a sphere geom "footprint", as it plans; write them')
+            lacking = 'body "robot" in its worldbody' if body is None else 'sphere geom "footprint" in its body "robot"'
+            form = 'a robot is a body "robot" with a sphere geom "footprint", of the size with which plans keep clear'
+            raise SceneError(f"this file has no {lacking}; add it: {form}")
         called = next((str(text.data) for text in spec.texts if text.name == "pirrht_dynamics"), None)
         if system is None and called not in names():
             found, wanted = f'"{called}"', " or ".join(f'"{known}"' for known in names())
@@ -243,7 +245,7 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
     x = dynamics.state_of(np.array([*model.key_qpos[0, :2], 0.0]))
     if command.shape[1] != (twists := len(dynamics.twist(x, dynamics.idle(x)))):
         raise OptionError(
-            f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of a {system} has {twists} "
+            f"the robot's pirrht_command has {command.shape[1]} columns, and the twist of {system} has {twists} "
             "numbers: give it a column for each, or `twist` a number for each"
         )
     names = [name for name in dynamics.states if name in (*VELOCITIES, *SPEED)]
@@ -265,7 +267,7 @@ def check_motion(model: mujoco.MjModel, system: str, dynamics: Dynamics, command
         if not np.allclose(made, meant, rtol=0.0, atol=0.1 * h):
             texts = ["(" + ", ".join(f"{v + 0.0:.4g}" for v in numbers) + ")" for numbers in (u, made, meant)]
             raise OptionError(
-                f"at 1 m/s, under the control {texts[0]} of a {system}, the robot's {', '.join(names)} change by "
+                f"at 1 m/s, under the control {texts[0]} of {system}, the robot's {', '.join(names)} change by "
                 f"{texts[1]} per second instead of {texts[2]}: make pirrht_command its mass over the gears of its "
                 "motors, leave out damping, friction, gravity and narrow ctrlranges along its slides, or name a "
                 "--system whose drift has them; half of the sideways acceleration keeps the speed in turns"

@@ -56,7 +56,7 @@ def first(scenario: Scenario, progress: Callable[[int], None] | None = None) -> 
 
 
 def build(scenario: Scenario, before: World) -> World:
-    """Grow a tree and make a controller; free space and tree are those of before where only the noise has changed."""
+    """Grow a tree and make a controller; if only the noise has changed, keep free space and tree."""
     tree, space = before.driver.tree, before.scenario.space
     if changed := scenario.loaded is not before.scenario.loaded:
         space = FreeSpace.of(scenario.loaded.scene)
@@ -103,7 +103,7 @@ class Live(Policy):
                 self.built = ready
                 return plan
         except PirrhtError as error:
-            self._tell(f"{error}; the drive goes on as planned before")
+            self._tell(f"{error}; the run continues with the earlier plan")
         return self.built.driver.plan(x, left)
 
     def ready(self, now: float) -> World | None:
@@ -147,7 +147,7 @@ class InteractivePlant(Executor):
         super().__init__(scenario.loaded, scenario.problem, period=scenario.settings.period)
 
     def reset(self, state: Array, time: float = 0.0) -> None:
-        """Start at a state (n,) at a time [s]; whatever has been moved stays there."""
+        """Start at a state (n,) at a time [s]; moved obstacles stay where they are."""
         super().reset(state, time)
         self._push = None
         self._show()
@@ -159,7 +159,7 @@ class InteractivePlant(Executor):
         return super().advance(control_at, rng)
 
     def take_note(self) -> None:
-        """Let whatever is due take place."""
+        """Apply all events that are due."""
         while self.script and self.script[0].at <= self.time + 1e-9:
             self._take(self.script.popleft())
         while self.asked:
@@ -205,7 +205,7 @@ class InteractivePlant(Executor):
         clearances = Collision(scene.world, scene.footprint).clearance(np.array([x[:2], scene.goal.center]))
         for place, clearance in zip(("the robot", "the goal"), clearances, strict=True):
             if clearance <= 0.0:
-                raise OptionError(f"that is on top of {place}, or too close; it stays where it was")
+                raise OptionError(f"the new place is on top of {place} or too close to it, so nothing moves")
         scenario = replace(s, loaded=replace(loaded, scene=scene), problem=s.system.problem(scene, s.settings))
         self.data.mocap_pos[row] += shift
         self._home[row] = self.data.mocap_pos[row]

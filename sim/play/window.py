@@ -73,7 +73,7 @@ class Window:
             self.refresh()
 
     def refresh(self) -> None:
-        """Show where everything is, and pass on what was done since."""
+        """Show where everything is, and pass on events since the last call."""
         with self.handle.lock():
             mujoco.mj_setState(self.model, self.data, self._plant.snapshot, SHOWN)
             events = self._dragged(self.handle.perturb)

@@ -143,7 +143,7 @@ def painted(grid: Desirability, space: FreeSpace, time: float, pixels: int) -> N
 
 
 def values(grid: Desirability, points: Array, time: float) -> Array:
-    """v at points (k, 2) [m], (k,) [cost]; of a robot with a heading that of the best one."""
+    """Return v at points (k, 2) [m], (k,) [cost]; at the best heading if the robot has one."""
     turns = 2.0 * np.pi * np.arange(HEADINGS) / HEADINGS if grid.problem.dynamics.angles else None
     states = [points] if turns is None else [np.column_stack([points, np.full(len(points), turn)]) for turn in turns]
     least: Array = np.min([np.asarray(grid.value(np.ascontiguousarray(x), time)) for x in states], axis=0)

@@ -195,7 +195,7 @@ class ToFile(ToViewer):
                 raise TimeoutError(f"nothing could be written for {PATIENCE:g} s")
 
     def end(self) -> None:
-        """Write the file's footer; what was there before goes."""
+        """Write the file's footer and replace the earlier file."""
         self.deliver()
         self.stream.native.disconnect()
         self._publish()
@@ -204,7 +204,7 @@ class ToFile(ToViewer):
                 self._old.unlink()
 
     def abandon(self) -> None:
-        """Put back what was there before."""
+        """Restore the file that was there before."""
         if self._draft is not None:
             self._draft.discard()
             if self._old is not None:
@@ -292,6 +292,6 @@ class Recorder:
             sink.put(row)
 
     def close(self) -> None:
-        """Write what is left and close everything; an OptionError if the file could not be written."""
+        """Write all that is not written yet and close everything; an OptionError if the file could not be written."""
         for sink in self._sinks:
             sink.close()

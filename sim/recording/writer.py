@@ -118,7 +118,7 @@ class Writer:
         return True
 
     def end(self) -> None:
-        """Write what is left."""
+        """Write all that is not written yet."""
         rows, self._batch = self._batch, []
         self._secured, self._waiting_since = 0, inf
         if not rows:

@@ -1,6 +1,7 @@
 """A report for people: tables and sentences for a terminal and as Markdown, and with pictures as a page by itself."""
 
 import io
+import re
 from base64 import b64encode
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -12,13 +13,16 @@ from typing import Any
 import numpy as np
 
 from pirrht.control.settings import METHODS
+from pirrht.errors import printable
 from sim.drawing.colors import OTHER_COLOR, ClassColors, method_color, rgb, title
-from sim.plotting import pyplot
+from sim.plotting import literal, pyplot
 from sim.report.summary import ALL, BASE, BEST, LEVEL, Row, p_value
 from sim.text import counted, table
 
 SHOWN = 4  # classes in a table
 MOST = 6  # scenes with pictures of their own; of more, all together
+LEVELS = 24  # noise levels of a scene in pictures at most
+METHODS_SHOWN = 8  # methods in pictures at most
 COLORED = 6  # classes with a colour of their own
 MARKS = "osD^vP"  # of methods
 _STYLE = """
@@ -29,13 +33,14 @@ th:first-child, td:first-child, th:nth-child(3), td:nth-child(3) { text-align: l
 """
 METHOD = (
     "Brackets hold 95 % intervals: Wilson's for shares, percentile bootstrap for means and ratios, Bonett and Price's "
-    "for differences of paired shares. Comparisons are paired by scene and seed. p: McNemar's exact test for reaching "
-    "the goal, sign flips for cost where both arrive, with Holm's adjustment over all comparisons in brackets; "
-    f"significant means an adjusted p < {LEVEL:g}. '{ALL}' treats runs as independent. Step times depend on the "
-    "machine and its load."
+    "for differences of paired shares. Comparisons are paired by scene and seed. The p-values are those of McNemar's "
+    "exact test for reaching the goal, and of sign flips for the cost where both methods arrive. Brackets after them "
+    "hold Holm's adjustment over all comparisons; a difference is significant if its adjusted p-value is below "
+    f"{LEVEL:g}. Rows of '{ALL}' treat runs as independent. Step times depend on the machine and its load."
 )
 Block = tuple[str, Sequence[Any]]  # a tag of HTML, and texts; of a table rows of cells, of pictures texts and PNGs
 PREFIXES = {"h1": "# ", "h2": "## ", "li": "* "}  # of Markdown, by HTML's tag
+MARKUP = re.compile(r"[\\`*_<&|$~]|(?<=\])\(")  # what Markdown and its renderers take for more than text
 
 
 def lead(report: Row) -> list[str]:
@@ -43,10 +48,10 @@ def lead(report: Row) -> list[str]:
     asked = f"{counted(report['asked'], 'run')} asked for {'is' if report['asked'] == 1 else 'are'} there."
     lines = [f"{report['found']} of {asked}"]
     if report["found"] < report["asked"]:
-        lines[0] += " The sweep is unfinished: its command, given again, goes on."
+        lines[0] += " The sweep is unfinished; give its command again to continue it."
     failed = sum(report["errors"].values())
     if failed:
-        lines.append(f"{counted(failed, 'run')} ended with an error and count in no figure:")
+        lines.append(f"{counted(failed, 'run')} ended with an error; no figure counts them:")
         lines += [f"{number} x {error}" for error, number in report["errors"].items()]
     settings = " ".join(
         f"--{name.replace('_', '-')} {' '.join(map(str, value)) if isinstance(value, list) else value}"
@@ -57,12 +62,14 @@ def lead(report: Row) -> list[str]:
 
 
 def findings(report: Row) -> list[str]:
-    """State plainly what is significant."""
+    """State which differences are significant."""
     questions = counted(report["questions"], "comparison")
     if not report["questions"]:
         return [f"No comparison: no seed came to an end both with {BASE} and with another method."]
     if report["findings"]:
-        return [*(f"Significant: {line}." for line in report["findings"]), f"Significant of {questions}; no other is."]
+        found = [f"Significant: {line}." for line in report["findings"]]
+        verb = "is" if len(found) == 1 else "are"
+        return [*found, f"{len(found)} of {questions} with {BASE} {verb} significant."]
     line = f"None of {questions} with {BASE} is significant."
     if report["least_p"] >= LEVEL:
         line += (
@@ -79,14 +86,15 @@ def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[tuple[str,
         ("Outcomes", "Shares of the runs that came to an end.", points,
          {"runs": _of("runs"), "errors": _of("errors"), "goal %": _of("success", ".1f", 100),
           "collision %": _of("collision", ".1f", 100), "time-out %": _of("timeout", ".1f", 100)}),
-        ("Cost and path", f"Of runs that reached the goal. Ratios to `{BEST}` are of seeds by which both did.", points,
+        ("Cost and path", "Means over runs that reached the goal. Ratios to the optimal law are over seeds with which "
+         "both reached it.", points,
          {"cost": _of("cost"), **optimal, "path [m]": _of("path_length"), "time [s]": _of("time")}),
-        ("Decisions", "Class switches per run; reversals: from a class of nine tenths of the weight to another such "
-         "one; wall time of a control step: means over runs of median and 95th percentile; shares of the driven "
-         "classes.", points,
+        ("Decisions", "Class switches per run. A reversal is a switch between two classes that each had nine tenths of "
+         "the weight. Step times are wall times of a control step, medians and 95th percentiles averaged over runs. "
+         "Classes are those of the driven paths.", points,
          {"switches": _of("class_switches", ".2f"), "reversals": _of("class_reversals", ".2f"), "step median [ms]":
           _of("step_ms", ".2f"), "step p95 [ms]": _of("step_p95_ms", ".2f"), "classes %": _classes}),
-        (f"Against {BASE}", f"Differences from `{BASE}` on equal seeds: goals gained and lost, percentage points, mean "
+        (f"Against {BASE}", f"Differences from {BASE} on equal seeds: goals gained and lost, percentage points, mean "
          "cost.", comparisons,
          {"pairs": _of("pairs"), "goals": lambda c: f"+{c['gained']} -{c['lost']}",
           "points": _of("success", "+.1f", 100), "p goals": _p_values("success"), "both arrive": _of("arrived"),
@@ -102,7 +110,8 @@ def tables(points: Sequence[Row], comparisons: Sequence[Row]) -> list[tuple[str,
 def terminal(report: Row) -> str:
     """Format the report for a terminal."""
     tables = figures(report["points"], report["comparisons"])
-    return "\n\n".join(["\n".join(lead(report)), tables, "\n".join(findings(report))])
+    first, last = ("\n".join(map(printable, lines)) for lines in (lead(report), findings(report)))
+    return f"{first}\n\n{tables}\n\n{last}"
 
 
 def figures(points: Sequence[Row], comparisons: Sequence[Row]) -> str:
@@ -129,12 +138,17 @@ def markdown(report: Row) -> str:
     """The report as a Markdown file."""
     parts = list[str]()
     for tag, content in _blocks(report, {}):
-        lines = [PREFIXES.get(tag, "") + line for line in content if tag != "table"]
+        lines = [PREFIXES.get(tag, "") + _plain(line) for line in content if tag != "table"]
         if tag == "table":
-            lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in content]
+            lines = ["| " + " | ".join(map(_plain, row)) + " |" for row in content]
             lines.insert(1, "|" + " --- |" * len(content[0]))
         parts += ["\n".join(lines)] if tag in ("li", "table") else lines
     return "\n\n".join(parts) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Return text in one line that Markdown shows as it is, whatever somebody called a scene."""
+    return MARKUP.sub(r"\\\g<0>", printable(text))
 
 
 def page(report: Row, pictures: Mapping[str, str]) -> str:
@@ -148,13 +162,13 @@ def page(report: Row, pictures: Mapping[str, str]) -> str:
             rows = ("".join(_element("td" if k else "th", cell) for cell in row) for k, row in enumerate(content))
             parts.append(f"<div><table><tr>{'</tr><tr>'.join(rows)}</tr></table></div>")
         else:
-            parts += [_element("p" if tag == "li" else tag, line.replace("`", "")) for line in content]
+            parts += [_element("p" if tag == "li" else tag, line) for line in content]
     head, body = f'<meta charset="utf-8">{_element("title", name)}<style>{_STYLE}</style>', "\n".join(parts)
     return f'<!DOCTYPE html>\n<html lang="en"><head>{head}</head><body>\n{body}\n</body></html>\n'
 
 
 def _element(tag: str, text: str) -> str:
-    return f"<{tag}>{escape(text)}</{tag}>"
+    return f"<{tag}>{escape(printable(text))}</{tag}>"
 
 
 def _of(field: str, form: str = ".3f", scale: float = 1.0) -> Callable[[Row], str]:
@@ -186,7 +200,8 @@ def pictures(report: Row) -> dict[str, str]:
     """PNGs in base64 by what they show: success, cost, classes, step times; OptionError if matplotlib is missing."""
     plt, scenes = pyplot("report.html"), list(dict.fromkeys(p["scene"] for p in report["points"]))
     scenes = [ALL] if len(scenes) > MOST + 1 else [scene for scene in scenes if scene != ALL]
-    shown, drawn = [p for p in report["points"] if p["scene"] in scenes], {}
+    shown, left_out = _pictured([p for p in report["points"] if p["scene"] in scenes])
+    drawn = dict[str, str]()
     for what, label, field, scale in (
         ("Success", "runs that reach the goal [%]", "success", 100.0),
         ("Cost", "cost of runs that reach the goal", "cost", 1.0),
@@ -195,10 +210,22 @@ def pictures(report: Row) -> dict[str, str]:
     ):
         if known := [p for p in shown if np.isfinite(p[field]["value"])]:
             draw = partial(_levels, label=label, field=field, scale=scale)
-            drawn[f"{what} against noise, with 95 % intervals"] = _png(plt, known, draw)
+            drawn[f"{what} against noise, with 95 % intervals{left_out}"] = _png(plt, known, draw)
     if known := [p for p in shown if p["classes"]]:
-        drawn["Homology classes of the driven paths"] = _png(plt, known, _shares)
+        drawn[f"Homology classes of the driven paths{left_out}"] = _png(plt, known, _shares)
     return drawn
+
+
+def _pictured(points: Sequence[Row]) -> tuple[list[Row], str]:
+    """Return the rows that pictures have space for, noise levels evenly picked, and a note if these are not all."""
+    methods = list(dict.fromkeys(p["method"] for p in points))[:METHODS_SHOWN]
+    kept = set[tuple[str, float]]()
+    for scene in {p["scene"] for p in points}:
+        levels = sorted({p["noise"] for p in points if p["scene"] == scene})
+        picked = np.linspace(0, len(levels) - 1, min(LEVELS, len(levels)))
+        kept |= {(scene, levels[round(k)]) for k in picked}
+    shown = [p for p in points if p["method"] in methods and (p["scene"], p["noise"]) in kept]
+    return shown, "" if len(shown) == len(points) else f" ({len(shown)} of {len(points)} rows of the tables)"
 
 
 def _png(plt: Any, points: Sequence[Row], draw: Callable[[Any, list[Row]], None]) -> str:
@@ -209,7 +236,7 @@ def _png(plt: Any, points: Sequence[Row], draw: Callable[[Any, list[Row]], None]
     figure = plt.Figure(figsize=size, layout="constrained")
     for axes, scene in zip(figure.subplots(1, len(scenes), squeeze=False)[0], scenes, strict=True):
         draw(axes, [p for p in points if p["scene"] == scene])
-        axes.set_title(scene, fontsize=10)
+        axes.set_title(literal(scene), fontsize=10)
         axes.spines[["top", "right"]].set_visible(False)
         axes.legend(fontsize=8, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     stream = io.BytesIO()
@@ -225,7 +252,7 @@ def _levels(axes: Any, points: Sequence[Row], label: str, field: str, scale: flo
         x = [noises.index(p["noise"]) + 0.08 * (i - (len(methods) - 1) / 2) for p in own]
         y, low, high = scale * np.array([[p[field][name] for name in ("value", "low", "high")] for p in own]).T
         off = np.nan_to_num(np.clip([y - low, high - y], 0.0, None))
-        look = {"fmt": MARKS[rank % len(MARKS)], "color": rgb(method_color(rank)), "label": method}
+        look = {"fmt": MARKS[rank % len(MARKS)], "color": rgb(method_color(rank)), "label": literal(method)}
         axes.errorbar(x, y, yerr=off, ls="-", lw=1.0, ms=5, capsize=3, **look)
     axes.set_xticks(range(len(noises)), [f"{b:g}" for b in noises])
     axes.set(xlabel="noise b", ylabel=label, xlim=(-0.5, len(noises) - 0.5))
@@ -240,10 +267,10 @@ def _shares(axes: Any, points: Sequence[Row]) -> None:
     total = Counter({name: sum(own.get(name, 0.0) for own in shares) for own in shares for name in own})
     for name, _ in total.most_common(COLORED):
         share = np.array([own.get(name, 0.0) for own in shares])
-        axes.barh(range(len(rows)), share, left=left, color=rgb(colors[name]), label=f"class {title(name)}")
+        axes.barh(range(len(rows)), share, left=left, color=rgb(colors[name]), label=literal(f"class {title(name)}"))
         left = left + share
     if len(total) > COLORED:
         axes.barh(range(len(rows)), 100 - left, left=left, color=rgb(OTHER_COLOR), label="other")
-    names = [f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})" for p in rows]
+    names = [literal(f"b = {p['noise']:g}  {p['method']}  (n = {p['arrived']})") for p in rows]
     axes.set_yticks(range(len(rows)), names, fontsize=8)
     axes.set(xlim=(0, 100), xlabel="share of the runs that reached the goal [%]")

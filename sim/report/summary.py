@@ -22,7 +22,10 @@ LEVEL = 0.05
 BEST = "optimal"  # what costs are held against
 ALL = "all scenes"
 Z = 1.959963984540054  # of a two-sided 95 % interval
-REPEATS = 10_000
+REPEATS = 10_000  # of a bootstrap
+DRAWS = 5_000_000  # of all bootstraps of a field, from which on each has fewer repeats
+LEAST_REPEATS = 1_000
+MOST_POINTS = 5_000  # combinations of scene, noise and method of a report
 BLOCK = 4_000_000  # numbers that are drawn at a time
 QUESTIONS = {"success": "pairs", "cost": "arrived"}  # of a comparison, and the count of pairs that could answer
 MORE = ("less", "more")
@@ -50,6 +53,13 @@ def report(dataset: Dataset) -> dict[str, Any]:
             run = f"{r['scene']}, b = {r['noise']}, {r['method']}, seed {r['seed']}"
             remedy = "remove its part-*.parquet, and its runs are made again"
             raise OptionError(f"{dataset.runs}: the run {run} has no usable {wrong[0]}; {remedy}")
+    combinations = len({tuple(r[name] for name in KEY) for r in records})
+    if combinations > MOST_POINTS:
+        remedy = f"read the rows themselves, pandas.read_parquet({str(dataset.runs)!r})"
+        raise OptionError(
+            f"{dataset.folder} has {combinations} combinations of scene, noise and method, and a report at most "
+            f"{MOST_POINTS}: {remedy}"
+        )
     points, comparisons = summed(records)
     questions = sum(c[pairs] > 0 for c in comparisons for pairs in QUESTIONS.values())
     most = max((c["pairs"] for c in comparisons), default=0)
@@ -78,7 +88,8 @@ def summed(records: Iterable[Record]) -> tuple[list[Row], list[Row]]:
     asked = [(c, name) for c in compared for name, pairs in QUESTIONS.items() if c[pairs]]
     for (c, name), p in zip(asked, holm([c[f"{name}_p"] for c, name in asked]), strict=True):
         c[f"{name}_adjusted"] = p
-    return [_point(key, groups) for key in groups], compared
+    repeats = max(LEAST_REPEATS, min(REPEATS, DRAWS // max(1, len(groups))))
+    return [_point(key, groups, repeats) for key in groups], compared
 
 
 def _order(record: Record) -> tuple[Any, ...]:
@@ -86,15 +97,20 @@ def _order(record: Record) -> tuple[Any, ...]:
     return record["scene"], record["noise"], rank, record["method"], record["seed"]
 
 
-def _point(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
+def _point(key: Key, groups: Mapping[Key, Sequence[Record]], repeats: int) -> Row:
     """Sum up the runs of one scene (or `ALL`), noise level and method."""
     runs = [r for r in groups[key] if r["outcome"] is not None]
     arrived = [r for r in runs if r["outcome"] == "goal"]
     ends = Counter(r["outcome"] for r in runs)
     classes = Counter(r["executed_class"] for r in arrived) if key[0] != ALL else Counter[str]()
+    steps = [r["step_ms"] for r in runs]
 
-    def average(values: Iterable[float | None]) -> Interval:
-        return mean([value for value in values if value is not None and isfinite(value)])
+    def averages(records: Sequence[Record], *names: str) -> dict[str, Interval]:
+        """Return the means of fields over the records that have all of them, by one bootstrap."""
+        values = np.array([[r[name] for r in records] for name in names], dtype=float)  # None becomes NaN
+        return dict(zip(names, means(values[:, np.isfinite(values).all(axis=0)], repeats=repeats), strict=True))
+
+    step = averages(steps, "median", "p95")
 
     return {
         **dict(zip(KEY, key, strict=True)),
@@ -102,12 +118,12 @@ def _point(key: Key, groups: Mapping[Key, Sequence[Record]]) -> Row:
         "arrived": len(arrived),
         "errors": len(groups[key]) - len(runs),  # runs that count nowhere else
         **{name: wilson(ends[end], len(runs)) for name, end in OUTCOMES.items()},
-        **{name: average(r[name] for r in arrived) for name in ("cost", "path_length", "time")},
-        "cost_over_optimal": mean(*_costs(_pairs(runs, groups.get((*key[:2], BEST), ())))),  # of equal seeds
+        **averages(arrived, "cost", "path_length", "time"),
+        "cost_over_optimal": mean(*_costs(_pairs(runs, groups.get((*key[:2], BEST), ()))), repeats=repeats),
         "classes": {str(name): wilson(count, len(arrived)) for name, count in classes.most_common()},  # driven ones
-        **{name: average(r[name] for r in runs) for name in ("class_switches", "class_reversals")},
-        "step_ms": average(r["step_ms"]["median"] for r in runs),
-        "step_p95_ms": average(r["step_ms"]["p95"] for r in runs),
+        **averages(runs, "class_switches", "class_reversals"),
+        "step_ms": step["median"],
+        "step_p95_ms": step["p95"],
     }
 
 
@@ -180,28 +196,36 @@ def wilson(successes: int, runs: int) -> Interval:
     return _interval(successes / runs, known.low, known.high)
 
 
-def mean(values: ArrayLike, over: ArrayLike | None = None, seed: int = 0) -> Interval:
+def mean(values: ArrayLike, over: ArrayLike | None = None, *, repeats: int = REPEATS) -> Interval:
     """A mean over independent runs (k,), with a percentile bootstrap interval if there are two or more.
 
     With `over` (k,), the other's values of pairs of runs, the ratio of both means, by a bootstrap that draws pairs.
     """
+    rows = [np.asarray(one, dtype=float)[None] for one in (values, over) if one is not None]
+    (known,) = means(*rows, repeats=repeats)
+    return known
+
+
+def means(values: ArrayLike, over: ArrayLike | None = None, *, repeats: int = REPEATS) -> list[Interval]:
+    """Means of f fields over k runs (f, k) as of `mean`; one bootstrap draws runs for all of them."""
     from scipy.stats import bootstrap
 
     def statistic(*drawn: Array, axis: int = -1) -> Any:
-        means = [np.mean(x, axis=axis) for x in drawn]
-        return means[0] if over is None else means[0] / means[1]
+        first, *rest = (np.mean(x, axis=axis) for x in drawn)
+        return first / rest[0] if rest else first
 
     samples = [np.asarray(x, dtype=float) for x in (values, over) if x is not None]
-    if len(samples[0]) == 0:
-        return _interval()
+    fields, count = samples[0].shape
+    if count == 0:
+        return [_interval() for _ in range(fields)]
     value = statistic(*samples)
-    if len(samples[0]) == 1:
-        return _interval(value)
+    if count == 1:
+        return [_interval(one) for one in value]
     found = bootstrap(
-        samples, statistic, paired=over is not None, vectorized=True, n_resamples=REPEATS,
-        batch=max(1, BLOCK // len(samples[0])), method="percentile", rng=np.random.default_rng(seed),
+        samples, statistic, paired=over is not None, vectorized=True, n_resamples=repeats,
+        batch=max(1, BLOCK // (fields * count)), method="percentile", rng=np.random.default_rng(0), axis=-1,
     ).confidence_interval  # fmt: skip
-    return _interval(value, found.low, found.high)
+    return [_interval(*one) for one in zip(value, found.low, found.high, strict=True)]
 
 
 def paired_shares(gained: int, lost: int, pairs: int) -> Interval:

@@ -135,7 +135,7 @@ class Scenario:
         return np.random.SeedSequence(s.seed if s.plan_seed is None else s.plan_seed).spawn(3)[0], sampler, plant
 
     def plant_rng(self) -> np.random.Generator:
-        """Return the plant's noise; one increment per physics step whatever the method."""
+        """Return the generator of the plant's noise; it draws one increment per physics step, whatever the method."""
         return np.random.default_rng(self._seeds()[2])
 
     @property
@@ -173,7 +173,7 @@ class Scenario:
 
     @property
     def held(self) -> float:
-        """Time for which a control is the same [s]: a physics step, or the period where plans are held."""
+        """Return how long a control is held [s]: a physics step, or the period if plans are held."""
         return self.settings.period if self.settings.between == "hold" else self.physics_step
 
     def empty_tree(
@@ -234,7 +234,7 @@ class Scenario:
         except OptionError:
             where, who = (" among moving bodies", "puck") if self.moving else ("", "puck or unicycle")
             raise OptionError(
-                f"no grid solves the problem of a {self.system.called}{where}, so its exact value and optimal control "
+                f"no grid solves the problem of {self.system.called}{where}, so its exact value and optimal control "
                 f"are not known: leave out --truth, choose another --method than optimal, or --robot {who}"
             ) from None
         return Desirability.of(self.problem, self.space, dt=dt, progress=progress)

@@ -11,6 +11,7 @@ from urllib.parse import urlsplit
 
 import pirrht
 from pirrht.errors import OptionError, PirrhtError
+from sim.extras import require
 from sim.sweeps.engine import CHUNK_TASKS, Crew, Stop, chunk
 
 PATIENCE = 8.0  # for the scheduler to do what a client asks [s]
@@ -74,7 +75,7 @@ class Cluster(Crew):
         """Raise PirrhtError if the scheduler is gone."""
         gone = isinstance(error, (asyncio.CancelledError, CancelledError, OSError))
         if gone or self._client.status != "running":
-            remedy = "with -o finished runs are kept, and the same command goes on when it is back"
+            remedy = "with -o finished runs are kept; give the same command when it is back"
             raise PirrhtError(f"--scheduler {self._address}: the scheduler is gone; {remedy}") from None
 
 
@@ -90,10 +91,9 @@ def probe(address: str) -> None:
             raise ValueError("missing port" if parts.hostname else "missing machine")
     except ValueError as error:
         raise _silent(address, error) from None
-    try:
-        from distributed import rpc
-    except ImportError:
-        raise OptionError("--scheduler needs Dask; install it with: pip install 'pirrht[cluster]'") from None
+    require("--scheduler", "cluster")
+    from distributed import rpc
+
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said in one line
 
     async def identity() -> Any:

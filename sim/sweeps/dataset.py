@@ -75,6 +75,8 @@ class Dataset:
         try:
             if self.folder.exists() and not self.folder.is_dir():
                 raise OptionError(f"--output {path_text(self.folder)} is a file; give the path of a folder")
+            if self.runs.is_symlink():
+                raise self._other("has a link where its folder runs should be, and a sweep writes through none")
             if not self.file.exists():
                 strange = [file.name for file in self.folder.glob("[!.]*") if file != self.runs] or self.files()
                 if strange:
@@ -120,7 +122,7 @@ class Dataset:
                 shutil.rmtree(left, ignore_errors=True)
         except OSError as error:
             raise refused("--output", self.folder, error) from None
-        with replaced(self.file, "--output") as stream:
+        with replaced(self.file, "--output", follow=False) as stream:
             stream.write((json.dumps(content, indent=2) + "\n").encode())
             stream.flush()
             os.fsync(stream.fileno())
@@ -130,7 +132,7 @@ class Dataset:
         """Keep other sweeps out of the folder by OptionError; a process that is killed keeps nobody out."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            stream = (self.folder / ".lock").open("ab+")
+            stream = os.fdopen(os.open(self.folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, 0o666), "r+b")
         except (OSError, ValueError) as error:
             raise refused("--output", self.folder, error) from None
         with stream:
@@ -164,7 +166,7 @@ class Dataset:
                 raise refused("--output", self.folder, error) from None
 
     def add(self, record: Mapping[str, Any] | None = None) -> bool:
-        """Take a finished run in, if there is one, and write what has waited long enough.
+        """Take in a finished run, if there is one, and write rows that have waited long enough.
 
         Returns:
             whether that has begun to go wrong; what cannot be written is kept for the next time.
@@ -195,7 +197,7 @@ class Dataset:
 
 
 def plain(value: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping as JSON gives it back, without what was not said."""
+    """Return a mapping as JSON reads it back, without values that are None."""
     known: dict[str, Any] = json.loads(json.dumps({k: v for k, v in value.items() if v is not None}))
     return known
 

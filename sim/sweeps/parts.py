@@ -104,7 +104,7 @@ def add(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     import pyarrow.parquet as pq
 
     taken = [int(file.name[5:11]) for file in folder.glob("part-*.parquet") if file.name[5:11].isdecimal()]
-    draft = Draft(folder / f"part-{max(taken, default=-1) + 1:06d}-{secrets.token_hex(4)}.parquet")
+    draft = Draft(folder / f"part-{max(taken, default=-1) + 1:06d}-{secrets.token_hex(4)}.parquet", follow=False)
     try:
         with os.fdopen(draft.handle, "wb") as stream:
             pq.write_table(pa.Table.from_pylist(list(rows), schema=schema()), stream, compression="zstd")

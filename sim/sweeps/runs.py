@@ -31,7 +31,7 @@ _alone = threading.Lock()  # a worker with several threads drives one robot at a
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One drive; equal seeds mean equal plant noise whatever the method."""
+    """One run; runs with equal seeds have equal plant noise, whatever the method."""
 
     scene: str
     method: str

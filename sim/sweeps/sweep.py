@@ -243,7 +243,7 @@ def sweep(
             done[key_of(record)] = record
     if stop.asked:
         if dataset is not None:
-            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}; the same command goes on"
+            kept = f"{len(done)} of {counted(len(asked), 'run')} kept in {dataset.folder}; the same command continues"
             print(kept, file=sys.stderr)
         signal.raise_signal(stop.number)  # whoever heeds signals says how this ends
         raise KeyboardInterrupt
@@ -270,5 +270,5 @@ def _records(
             if record is not None:
                 yield record
             if stop.asked == 1 and not warned:
-                progress.write("stopping: the runs under way are waited for; Ctrl-C again ends them", sys.stderr)
+                progress.write("stopping after the current runs; Ctrl-C again ends them at once", sys.stderr)
                 warned = True

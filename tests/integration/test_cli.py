@@ -1,18 +1,24 @@
 """The command line keeps its contract: names in JSON, exit statuses, and one line for whoever gave it wrong input."""
 
-import importlib.util
 import json
+import os
+import re
+import sys
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from repository import ROOT
 
-from sim.cli import main
+from sim import extras
+from sim.cli import main, parser, plan_command, tables
 from sim.cli.docs import TYPES
 from sim.cli.fields import FILES
-from sim.mjcf import load, models_folder, scene_names
+from sim.mjcf import load, models_folder, robot_names, scene_names
+from sim.options import OPTIONS
 from sim.scenario import prepare
 
 Run = Callable[..., tuple[int, Any]]
@@ -85,7 +91,7 @@ def test_plan_reports_open_passages_that_no_path_leads_through(figures, capsys):
     unused = figures("plan", "slit", "--vertices", "500", "--classes", "1")[1]["passages"]["unused"]
     assert [one.keys() for one in unused] == [{"at", "width", "between"}] * 2
     assert ["lower wall", "upper wall"] not in [sorted(one["between"]) for one in unused]
-    assert "2 of 3 open passages on no path" in capsys.readouterr().out
+    assert "no path leads through 2 of 3 open passages; the narrowest" in capsys.readouterr().out
 
 
 def test_plan_reports_the_lengths_per_class_while_the_tree_grew(figures, tmp_path: Path):
@@ -208,7 +214,12 @@ def test_estimate_reports_what_its_standard_errors_do_not_know(capsys):
     words = "--at 2.2 2.6 --noise 0.3 --repeat 4 --vertices 200 --guide open-loop --target-error 0.001 --budget 400"
     assert main(["estimate", "slit", *words.split()]) == 0
     lines = capsys.readouterr().out
-    for line in ("(ESS) below 10 in", "try more --samples", "not reached in 4 of 4 repeats", "1200 samples drawn"):
+    for line in (
+        "(ESS) is below 10 in",
+        "try more --samples",
+        "not reached in 4 of 4 repeats",
+        "with at most 1200 samples",
+    ):
         assert line in lines
 
 
@@ -256,7 +267,57 @@ def test_warm_compiles_kernels_of_a_robot(capsys):
 
 
 def test_without_a_package_of_the_simulation_a_command_names_the_one_that_installs_it(monkeypatch, capsys):
-    real = importlib.util.find_spec
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "mujoco" else real(name))
+    real = extras.find_spec
+    monkeypatch.setattr(extras, "find_spec", lambda name: None if name == "mujoco" else real(name))
     assert main(["scenes"]) == 2
-    assert capsys.readouterr().err == "pirrht: mujoco is missing; install it with `pip install 'pirrht[sim]'`\n"
+    told = "pirrht: pirrht scenes needs mujoco; install with: pip install 'pirrht[sim]', or 'pirrht[all]' for every"
+    assert capsys.readouterr().err == f"{told} command\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "modules", "offer"),
+    [
+        ("run slit --video a.mp4", "tqdm, av, PIL", "'pirrht[sim,video]'"),
+        ("plan slit --png a.png --convergence b.png", "tqdm, matplotlib", "'pirrht[sim,figures]'"),
+        ("import map.yaml -o scene.xml", "tqdm, yaml, PIL", "'pirrht[sim,maps]'"),
+        ("sweep slit --scheduler tcp://localhost:1", "tqdm, distributed", "'pirrht[sim,cluster]'"),
+        ("plan slit", "tqdm", "'pirrht[sim]'"),
+    ],
+)
+def test_everything_that_a_command_lacks_is_offered_at_once_and_before_any_work(
+    words, modules, offer, monkeypatch, capsys
+):
+    there = {"defusedxml", "mujoco", "pyarrow", "rerun", "OpenGL"}
+    monkeypatch.setattr(extras, "find_spec", lambda name: name if name in there else None)
+    assert main(words.split()) == 2
+    told = f"pirrht: pirrht {words.split()[0]} needs {modules}; install with: pip install {offer}, or 'pirrht[all]'"
+    assert capsys.readouterr().err == f"{told} for every command\n"
+
+
+def test_the_extra_all_holds_what_every_command_needs():
+    with (ROOT / "pyproject.toml").open("rb") as stream:
+        known = tomllib.load(stream)["project"]["optional-dependencies"]
+    (everything,) = known["all"]
+    assert sorted(everything.removeprefix("pirrht[").removesuffix("]").split(",")) == sorted(extras.EXTRAS)
+    assert extras.EXTRAS.keys() <= known.keys()
+    assert {option.extra for option in OPTIONS} - {""} <= extras.EXTRAS.keys()
+
+
+def test_the_line_of_a_run_names_its_robot_and_the_help_has_a_row_for_each():
+    scenario = prepare("slit", robot="diffdrive")
+    assert tables.odds(scenario).startswith("diffdrive: noise 0.1 rad/sqrt(s), lambda")
+    assert all(re.search(rf"^{name} ", parser.robots_text(), re.M) for name in robot_names())
+
+
+@pytest.mark.parametrize(("columns", "wide"), [("70", 70), (None, 80)])
+def test_progress_shows_on_a_terminal_even_if_that_reports_no_width(columns, wide, monkeypatch, capsys):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if columns:
+        monkeypatch.setenv("COLUMNS", columns)
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr(os, "get_terminal_size", lambda _: os.terminal_size((0, 0)))
+    with plan_command.Progress("film", 10, " pictures") as bar:
+        bar.to(3)
+        bar.refresh()
+    shown = capsys.readouterr().err.split("\r")
+    assert any(re.search(r"film: +30%\|.* 3/10 pictures", line) and len(line) == wide for line in shown)

@@ -93,7 +93,7 @@ def test_every_command_of_a_page_runs_in_the_order_of_the_page(page, folder, mon
 
 
 API = "\n".join(blocks(named("api.md"), "python"))  # one script, from top to bottom
-ENDS = {"class Boat(": "GOAL", blocks(named("README.md"), "python")[0]: "class (1 0|0 -1|0 0)"}  # last lines
+ENDS = {"class Boat(": "GOAL", blocks(named("README.md"), "python")[0]: "class (1,0|0,-1|0,0)"}  # last lines
 SNIPPETS = [
     pytest.param(text, id=f"{page.name} {i}", marks=[pytest.mark.thorough] * ("class Boat(" in text))
     for page in PAGES

@@ -89,7 +89,7 @@ def test_ctrl_c_waits_for_what_is_under_way_and_the_same_command_goes_on(long_sw
     assert last == "pirrht: interrupted"
     assert "Traceback" not in told
     done = rows(tmp_path / "sweep")
-    assert kept == f"{len(done)} of 160 runs kept in {tmp_path / 'sweep'}; the same command goes on"
+    assert kept == f"{len(done)} of 160 runs kept in {tmp_path / 'sweep'}; the same command continues"
     assert 20 <= len(done) <= 22  # those that were written, and what two processes were at
     assert all(row in expected for row in done)
     assert main(["sweep", *words, "-o", str(tmp_path / "sweep")]) == 0

@@ -90,7 +90,7 @@ def test_a_run_reports_how_many_of_its_plans_are_guesses(tmp_path, capsys):
     assert main([*words, "--samples", "2"]) == 1
     said, known = capsys.readouterr().out, json.loads(file.read_text())
     assert known["doubtful_plans"] > 0
-    weak = f"{known['doubtful_plans']} of 10 plans on fewer than 10 effective samples, the weakest on"
+    weak = f"{known['doubtful_plans']} of 10 plans had fewer than 10 effective samples, the weakest"
     assert f"{weak} {known['least_ess']:.1f} at {known['least_ess_time']:.2f} s" in said
     assert said.count("the control is a guess") == 1
     assert known["path_length"] < known["noisy_path_length"]

@@ -41,7 +41,7 @@ def test_a_robot_in_a_door_is_not_hit(tmp_path, robot, predict, stays):
 def test_a_robot_that_cannot_stop_is_reported(tmp_path, capsys):
     main(["run", door(tmp_path), "--robot", "unicycle", "--predict", "velocity", "--max-time", "3"])
     said = capsys.readouterr()
-    assert "this robot cannot stop, and takes the longest free way" in said.out + said.err
+    assert "this robot cannot stop and takes the path that stays free longest" in said.out + said.err
 
 
 @pytest.mark.parametrize("name", scene_names())

@@ -2,9 +2,11 @@
 
 import doctest
 import inspect
+import io
 import re
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -64,6 +66,13 @@ def test_a_trees_picture_has_an_edge_per_vertex_but_the_root(slit, slit_tree):
     assert reached <= len(edges.get_paths()) < slit_tree.size
     assert len(axes.get_legend().get_texts()) == 3
     assert slit_tree.plot(axes=matplotlib.figure.Figure().subplots()).get_legend() is None
+
+
+def test_a_scene_whose_name_would_be_a_formula_is_drawn_under_its_name(plan):
+    scene = replace(plan.space.scene, name="$x^$")
+    axes = replace(plan, space=SimpleNamespace(scene=scene)).plot(axes=matplotlib.figure.Figure().subplots())
+    axes.figure.savefig(io.BytesIO())
+    assert axes.get_title() == r"\$x^\$ at 0.00 s"
 
 
 @pytest.mark.parametrize("draw", ["plan", "tree"])

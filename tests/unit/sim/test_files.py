@@ -51,6 +51,20 @@ def test_a_link_stays_and_its_target_is_written(tmp_path):
     assert (link.is_symlink(), target.read_bytes(), list(target.parent.iterdir())) == (True, b"new", [target])
 
 
+@pytest.mark.parametrize("target", ["victim", "nowhere", "/dev/null"])
+def test_a_file_whose_name_is_ours_takes_the_place_of_a_link(tmp_path, target):
+    (tmp_path / "victim").write_bytes(b"mine")
+    (tmp_path / "victim").chmod(0o600)
+    (tmp_path / "report").symlink_to(target)
+    check_writable(tmp_path / "report", "-o", follow=False)
+    with replaced(tmp_path / "report", "-o", follow=False) as stream:
+        stream.write(b"new")
+    assert (tmp_path / "victim").read_bytes() == b"mine"
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report", "victim"]
+    assert not (tmp_path / "report").is_symlink()
+    assert (tmp_path / "report").read_bytes() == b"new"
+
+
 @linux
 def test_devices_are_written_straight_to():
     write_json(Path("/dev/null"), {"a": 1})

@@ -13,7 +13,7 @@ import pytest
 import sweep_samples
 
 from sim.cli import main
-from sim.report import rendering
+from sim.report import rendering, summary
 from sim.report.summary import ALL, holm, mcnemar, mean, paired_shares, report, sign_flips, wilson
 from sim.sweeps.dataset import Dataset
 
@@ -149,6 +149,54 @@ def test_without_matplotlib_the_report_has_no_pictures_and_says_so(dataset, caps
     assert "<img" not in (dataset.folder / "report.html").read_text()
 
 
+HOSTILE = ("$x^$", "<img src=x onerror=alert(1)>", "[a](http://example.org)", "_a_ *b* `c` | d\n# e", "\x1b[2J$")
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_of_scenes_methods_and_errors_are_shown_as_text_everywhere(name, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    asked = {"methods": ["pi-rrht", name], "noise": {name: [0.1]}, "seeds": [0, 2]}
+    records = [record(method, seed, scene=name) for method in asked["methods"] for seed in (0, 1)]
+    records[0] |= {"outcome": None, "error": f"ValueError: {name}"}
+    folder = stored(tmp_path / "sweep", records, asked).folder
+    assert main(["report", str(folder)]) == 0
+    assert all(character.isprintable() for character in capsys.readouterr().out.replace("\n", ""))
+    text, html = ((folder / f"report.{ending}").read_text() for ending in ("md", "html"))
+    plain = re.sub(r"\\[^\w\s]", "", text)  # without what a backslash turns into text
+    assert not re.search(r"<|`|\]\(|\*\w|\$", plain)
+    assert not re.search(r"^# e", plain, re.M)
+    rows = [line for line in plain.splitlines() if line.startswith("|")]
+    assert {row.count("|") for row in rows} == {7, 9, 11}
+    page = Sources()
+    page.feed(html)
+    assert page.open == []
+    assert all(source.startswith("data:image/png;base64,") for source in page.found)
+
+
+def test_a_report_takes_the_place_of_a_link_and_leaves_its_target_alone(dataset, tmp_path):
+    victim = tmp_path / "victim"
+    victim.write_text("mine")
+    for name in ("report.md", "report.html"):
+        (dataset.folder / name).symlink_to(victim)
+    assert main(["report", str(dataset.folder)]) == 0
+    assert victim.read_text() == "mine"
+    assert not any((dataset.folder / name).is_symlink() for name in ("report.md", "report.html"))
+
+
+def test_many_noise_levels_share_the_pictures_and_too_many_are_refused(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("matplotlib")
+    noises = [0.01 * (k + 1) for k in range(60)]
+    records = [record("pi-rrht", 0, noise=noise) for noise in noises]
+    dataset = stored(tmp_path / "sweep", records, {"methods": ["pi-rrht"], "noise": {"slit": noises}, "seeds": [0, 1]})
+    drawn = rendering.pictures(report(dataset))
+    assert drawn
+    assert all("(24 of 60 rows of the tables)" in what for what in drawn)
+    assert rendering.markdown(report(dataset)).count("| slit |") == 3 * len(noises)
+    monkeypatch.setattr(summary, "MOST_POINTS", 59)
+    assert main(["report", str(dataset.folder)]) == 2
+    assert "60 combinations of scene, noise and method, and a report at most 59" in capsys.readouterr().err
+
+
 # -- sweeps that are unfinished, empty, damaged or too small ------------------------------------------------------
 
 
@@ -250,7 +298,7 @@ def test_the_bootstrap_of_a_mean_agrees_with_the_normal_interval():
 @pytest.mark.slow
 def test_the_bootstrap_covers_as_often_as_it_says():
     rng = np.random.default_rng(2)
-    hits = [(i := mean(rng.exponential(1.0, 60), seed=seed))["low"] <= 1.0 <= i["high"] for seed in range(200)]
+    hits = [(i := mean(rng.exponential(1.0, 60)))["low"] <= 1.0 <= i["high"] for seed in range(200)]
     assert 0.88 <= np.mean(hits) <= 0.985
 
 

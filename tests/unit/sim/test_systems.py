@@ -98,7 +98,7 @@ def test_a_robot_names_any_registered_system(folder):
     [
         ("rafts", "write MODULE:NAME"),
         (":RAFT", "write MODULE:NAME"),
-        ("boats/rafts.py:RAFT", "rafts.py is a file, and a module is wanted; in its folder, write --system rafts:RAFT"),
+        ("boats/rafts.py:RAFT", "rafts.py is a file, not a module; in its folder, write --system rafts:RAFT"),
         ("nowhere:RAFT", "there is no module nowhere in"),
         ("rafts.deep:RAFT", "there is no module rafts.deep in"),
         ("rafts:KAYAK", "KAYAK is missing; write a sim.systems.System of rafts: RAFT"),
@@ -196,7 +196,7 @@ def test_a_system_that_cannot_work_is_refused(field, value, what):
 
 def test_numbers_that_a_system_has_none_of_are_refused(folder):
     for option, robot, who in (("speed", "hover", "puck, unicycle or rover"), ("rho", "puck", "unicycle")):
-        with pytest.raises(OptionError, match=f"--{option} is for {who}, and this robot is a {robot}"):
+        with pytest.raises(OptionError, match=f"--{option} is for {who}, not for {robot}"):
             prepare("slit", robot=robot, given={option: 2.0})
     with pytest.raises(OptionError, match=r'--noise is for .*; leave it out, or write `heeds=\("noise",\)`'):
         prepare("slit", system=raft(heeds=()), given={"noise": 0.2})

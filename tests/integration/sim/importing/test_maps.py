@@ -12,6 +12,7 @@ Image = pytest.importorskip("PIL.Image")
 
 from sdf_samples import refused  # noqa: E402
 
+from pirrht.errors import SceneError  # noqa: E402
 from pirrht.geometry.scene import Kind  # noqa: E402
 from sim import cli  # noqa: E402
 from sim.importing.ros_map import read_map  # noqa: E402
@@ -120,7 +121,7 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
     loaded = load(scene)
     said = capsys.readouterr().out
     assert f"{len(loaded.scene.obstacles)} of them obstacles" in said
-    assert "its robot is the rover" in said
+    assert "the scene is for the rover" in said
     assert len(loaded.scene.obstacles) <= 12
     assert {obstacle.kind for obstacle in loaded.scene.obstacles} == {Kind.BOX}
     np.testing.assert_allclose([*loaded.scene.lower, *loaded.scene.upper], [0, 0, 8, 8])
@@ -130,8 +131,8 @@ def test_rooms_become_a_scene_that_can_be_planned_in(tmp_path: Path, capsys):
 BOTH = {"start": [2, 2], "goal": [6, 6, 0.3]}
 ASKED = [
     (BOTH, "a turned map needs --workspace X0 X1 Y0 Y1, for example "),
-    ({}, "a map does not tell the start and the goal: give --start X Y [TH] and --goal X Y R"),
-    ({"goal": [6, 6, 0.3]}, "a map does not tell the start: give --start"),
+    ({}, "this map does not name the start and the goal: give --start X Y [TH] and --goal X Y R"),
+    ({"goal": [6, 6, 0.3]}, "this map does not name the start: give --start"),
     ({"start": [2, 2], "goal": [7, 3, -0.3]}, "--goal: its radius is -0.3; it must be positive"),
 ]
 
@@ -140,6 +141,14 @@ ASKED = [
 def test_what_a_map_does_not_tell_is_asked_for(tmp_path: Path, task, what: str):
     path = written(tmp_path, rooms(), origin="[0, 0, 0.2]")
     refused(lambda: import_world(path, tmp_path / "a.xml", **task), what)
+
+
+def test_a_start_in_a_wall_of_a_map_is_refused_by_the_option_that_an_import_has(tmp_path: Path):
+    path = written(tmp_path, rooms())
+    with pytest.raises(SceneError, match=r"the robot touches .*; choose another --start$") as caught:
+        import_world(path, tmp_path / "a.xml", start=[4.0, 0.7], goal=[6, 6, 0.3])
+    assert "site" not in str(caught.value)
+    assert "--radius" not in str(caught.value)
 
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x]\n" + "".join(  # gigabytes, if unfolded

@@ -112,7 +112,10 @@ def test_another_noise_keeps_the_tree_and_shakes_robot_and_samples_alike():
         (Move(at=0.1, what="goal", to=(3.4, 2.8)), ["on top of the goal"]),
         (Move(at=0.1, what="upper wall", to=(1.1, 2.5)), ["on top of the robot"]),
         (Move(at=0.1, what="goal", to=(50.0, 2.5)), ["outside the workspace"]),
-        (Move(at=0.1, what="goal", to=(5.0, 3.0)), ["goal moved", "no plan here; the drive goes on as planned before"]),
+        (
+            Move(at=0.1, what="goal", to=(5.0, 3.0)),
+            ["goal moved", "no plan here; the run continues with the earlier plan"],
+        ),
     ],
 )
 def test_what_cannot_be_moved_or_planned_changes_no_plan_and_is_reported(monkeypatch, event, reasons):

@@ -59,10 +59,10 @@ GOOD, HEAVY, LOST = estimate(), estimate(heavy=True), estimate(own=1.0, weight=0
         ((GOOD, GOOD, None), 0.0, ""),
         ((estimate(ess=3.0, heavy=True), GOOD), 0.0, "below 10 in 1 of 2 repeats"),
         ((HEAVY, HEAVY, GOOD), 0.0, "heavy tail in 2 of 3 repeats"),
-        ((LOST, LOST), 0.0, "class 0,0: hardly a sample in 2 of 2 repeats"),
+        ((LOST, LOST), 0.0, "class 0,0: hardly a sample arrived in 2 of 2 repeats"),
         ((LOST, LOST), 6.0, ""),  # too costly a class to matter
         ((LOST, estimate(weight=0.001), estimate(weight=0.001)), 0.0, ""),
-        ((LOST, estimate(weight=0.2), estimate(weight=0.2)), 0.0, "hardly a sample in 1 of 3"),
+        ((LOST, estimate(weight=0.2), estimate(weight=0.2)), 0.0, "hardly a sample arrived in 1 of 3"),
     ],
 )
 def test_doubts_that_standard_errors_hide_are_reported(estimates, cost, line):

@@ -103,7 +103,7 @@ def test_a_bad_task_is_refused_with_the_option_to_add(task, word, tmp_path):
         ("a.yaml", {"without": ["robot"]}, "only models of a Gazebo world"),
         ("a.sdf", {"decompose": True}, "--decompose is for meshes"),
         ("a.obj", {}, "add --decompose"),
-        ("a.pgm", {}, "a.pgm: a picture tells neither scale nor place; give the map's .yaml"),
+        ("a.pgm", {}, "a.pgm: a picture has neither scale nor place; give the map's .yaml"),
     ],
 )
 def test_options_of_other_kinds_of_files_are_refused(tmp_path, name, options, words):

@@ -59,7 +59,7 @@ def test_what_a_robot_cannot_do_is_refused_unless_the_plant_is_the_equation(mach
 )
 def test_a_command_that_does_not_accelerate_the_robot_by_itself_is_refusal(tmp_path, change, control, made):
     message = refusal("slit", robot=robot(tmp_path, change), by=prepare)
-    assert f"the control {control} of a hover" in message
+    assert f"the control {control} of hover" in message
     assert f"vx, vy change by {made} per second instead of {control}: make pirrht_command its mass over" in message
 
 

@@ -68,7 +68,7 @@ def test_a_robot_file_that_keeps_the_conventions_is_read_and_one_by_another_endi
 
 BAD_ROBOTS = [
     ({"body": '<body name="car">'}, 'body "robot"'),
-    ({"geom": '<geom size="0.1"/>'}, '"footprint"'),
+    ({"geom": '<geom size="0.1"/>'}, 'this file has no sphere geom "footprint" in its body "robot"; add it'),
     ({"geom": '<geom name="footprint" type="box" size=".1 .1 .1"/>'}, '"footprint"'),
     ({"geom": '<geom name="footprint" size="0.1" pos="0.1 0 0.1"/>'}, '"footprint"'),
     ({"geom": '<geom name="footprint" size="0.1" contype="0" conaffinity="0"/>'}, "contype"),

@@ -103,6 +103,24 @@ def test_files_of_others_are_never_overwritten(dataset, clock):
     assert seeds(dataset) == [1, 2, 10, 11, 12, 30]
 
 
+def test_a_sweep_writes_through_no_link_of_a_folder_that_somebody_sent(dataset, tmp_path):
+    victim, manifest = tmp_path / "victim", dataset.file.read_bytes()
+    victim.write_bytes(manifest)
+    dataset.file.unlink()
+    dataset.file.symlink_to(victim)
+    dataset.begin(SETTINGS, SCENES, {**ASKED, "seeds": [0, 20]})
+    assert victim.read_bytes() == manifest
+    assert not dataset.file.is_symlink()
+    (dataset.folder / ".lock").symlink_to(tmp_path / "made")
+    with pytest.raises(OptionError, match="--output"), dataset.locked():
+        pass
+    assert not (tmp_path / "made").exists()
+    dataset.runs.rename(tmp_path / "elsewhere")
+    dataset.runs.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OptionError, match="writes through none"):
+        dataset.begin(SETTINGS, SCENES, ASKED)
+
+
 def test_a_later_sweep_takes_away_what_a_killed_one_left_half_written_and_nothing_else(dataset, monkeypatch):
     monkeypatch.setattr(module, "LIBRARIES", ("numpy", "no-such-library"))
     dataset.add(record(0))
