@@ -1,35 +1,24 @@
 """Check numbers that people give to scenes: finite, of their shape, and none larger than any scene's."""
 
-import reprlib
 from collections.abc import Collection
 from typing import Any, TypeVar
 
 import numpy as np
 
-from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.formatting import short
 from pirrht.geometry.tuning import TUNING
 
 FARTHEST = TUNING.farthest
 T = TypeVar("T")
-_FEW = 6  # numbers in a line
-_SHORT = reprlib.Repr()
-_SHORT.maxother = _SHORT.maxstring = 60
-
-
-def shown(value: Any) -> str:
-    """Return a value in one short line: a few numbers of an array, anything else as Python writes it."""
-    if type(value) is np.ndarray and value.ndim == 1 and len(value) <= _FEW and value.dtype.kind in "iuf":
-        return formatting.vector(value)
-    return " ".join(_SHORT.repr(value).split())
 
 
 def rows_of(value: Any, what: str, must: str) -> Any:
     """Return a sequence of rows as it is; SceneError: it is text, or has no length, as None or a generator."""
     single = getattr(value, "ndim", 1) == 0  # an array of one number, which has the methods of a sequence
     if single or isinstance(value, str | bytes) or not isinstance(value, Collection):
-        raise SceneError(f"{what} is {shown(value)}; it must be a sequence of {must}")
+        raise SceneError(f"{what} is {short(value)}; it must be a sequence of {must}")
     return value
 
 
@@ -38,7 +27,7 @@ def parts_of(value: Any, kind: type[T], what: str) -> tuple[T, ...]:
     parts = tuple(rows_of(value, what, f"{kind.__name__} objects"))
     for i, part in enumerate(parts, start=1):
         if not isinstance(part, kind):
-            raise SceneError(f"{what}: number {i} is {shown(part)}; it must be of type {kind.__name__}")
+            raise SceneError(f"{what}: number {i} is {short(part)}; it must be of type {kind.__name__}")
     return parts
 
 
@@ -47,7 +36,7 @@ def numbers(value: Any, shape: tuple[int | None, ...], what: str, must: str) -> 
     array = _floats(value)
     fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape, strict=True))
     if not fits or not np.abs(array).max(initial=0.0) <= FARTHEST:
-        raise SceneError(f"{what} is {shown(value)}; it must be {must}, finite and at most {FARTHEST:g}")
+        raise SceneError(f"{what} is {short(value)}; it must be {must}, finite and at most {FARTHEST:g}")
     return array
 
 
@@ -55,7 +44,7 @@ def number(value: Any, what: str, must: str, least: float = TUNING.smallest) -> 
     """Return a number that is at least so large; SceneError: it is another, or none."""
     array = _floats(value)
     if array.ndim != 0 or not least <= array <= FARTHEST:
-        raise SceneError(f"{what} is {shown(value)}; it must be {must}, from {least:g} to {FARTHEST:g}")
+        raise SceneError(f"{what} is {short(value)}; it must be {must}, from {least:g} to {FARTHEST:g}")
     return float(array)
 
 

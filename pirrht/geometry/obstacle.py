@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from pirrht.geometry.checks import FARTHEST, number, numbers, parts_of, rows_of, shown
+from pirrht.formatting import short
+from pirrht.geometry.checks import FARTHEST, number, numbers, parts_of, rows_of
 from pirrht.geometry.tuning import TUNING
 
 
@@ -65,9 +66,9 @@ class Obstacle:
     faces: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        label = f"obstacle {shown(self.name)}"
+        label = f"obstacle {short(self.name)}"
         if not isinstance(self.name, str) or not isinstance(self.kind, Kind):
-            raise SceneError(f"{label} is of kind {shown(self.kind)}; give a text as its name, and a Kind")
+            raise SceneError(f"{label} is of kind {short(self.kind)}; give a text as its name, and a Kind")
         size = numbers(self.size, (3,), f"{label}: size", "MuJoCo's three sizes of its kind [m]")
         position = numbers(self.position, (3,), f"{label}: position", "x, y, z [m]")
         rotation = numbers(self.rotation, (3, 3), f"{label}: rotation", "a matrix (3, 3)")
@@ -110,7 +111,7 @@ class Motion:
 
     def __post_init__(self) -> None:
         if not isinstance(self.repeat, bool | np.bool_):
-            raise SceneError(f"a motion has repeat {shown(self.repeat)}; it must be True or False")
+            raise SceneError(f"a motion has repeat {short(self.repeat)}; it must be True or False")
         must = "a time, x, y and a yaw"
         given = rows_of(self.rows, "the rows of a motion", must)
         rows = np.array([numbers(row, (4,), f"row {i} of a motion", must) for i, row in enumerate(given, start=1)])
@@ -184,7 +185,7 @@ class Mover:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not isinstance(self.motion, Motion):
-            raise SceneError(f"mover {shown(self.name)} moves by {shown(self.motion)}; give a text and a Motion")
+            raise SceneError(f"mover {short(self.name)} moves by {short(self.motion)}; give a text and a Motion")
         object.__setattr__(self, "solids", parts_of(self.solids, Obstacle, f"mover {self.name}: solids"))
         if not self.solids:
             raise SceneError(f"mover {self.name} has no solids; give it one or more")

@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.formatting import short
 from pirrht.geometry import solids
-from pirrht.geometry.checks import number, numbers, parts_of, shown
+from pirrht.geometry.checks import number, numbers, parts_of
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
@@ -154,7 +155,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str):
-            raise SceneError(f"the name of a scene is {shown(self.name)}; it must be a text")
+            raise SceneError(f"the name of a scene is {short(self.name)}; it must be a text")
         self._check_parts()
         of = f"{self.name}: the "
         measured = {
@@ -183,9 +184,9 @@ class Scene:
         for key, kind in (("obstacles", Obstacle), ("movers", Mover), ("waivers", Waiver)):
             object.__setattr__(self, key, parts_of(getattr(self, key), kind, f"{self.name}: {key}"))
         if not isinstance(self.goal, Goal):
-            raise SceneError(f"{self.name}: the goal is {shown(self.goal)}; it must be a Goal")
+            raise SceneError(f"{self.name}: the goal is {short(self.goal)}; it must be a Goal")
         if not isinstance(self.defaults, dict) or not all(isinstance(name, str) for name in self.defaults):
-            raise SceneError(f"{self.name}: the defaults are {shown(self.defaults)}; they must be numbers by name")
+            raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
 
     @classmethod
     def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:

@@ -8,7 +8,8 @@ from numpy.typing import ArrayLike
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
-from pirrht.geometry.checks import numbers, rows_of, shown
+from pirrht.formatting import short
+from pirrht.geometry.checks import numbers, rows_of
 from pirrht.geometry.obstacle import Kind, Obstacle, about_vertical
 from pirrht.geometry.tuning import TUNING
 
@@ -61,7 +62,7 @@ def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
     for i, row in enumerate(rows):
         given = numbers(row, (None,), f"{what}: row {i + 1}", columns)
         if len(given) not in widths:
-            raise SceneError(f"{what}: row {i + 1} is {shown(row)}; it must be {columns}")
+            raise SceneError(f"{what}: row {i + 1} is {short(row)}; it must be {columns}")
         out[i, : len(given)] = given
     return out
 

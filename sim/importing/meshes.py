@@ -122,7 +122,7 @@ def _read(path: Path) -> Array:
 
 
 def _bodies(piece: Array) -> Iterator[Array]:
-    """Split a surface (t, 3, 3) into those that are closed, normals outward, and what remains; each face counts once."""
+    """Split a surface (t, 3, 3) into closed ones, normals outward, and what remains; each face counts once."""
     piece, twice = _from_one_side(piece)
     faces = _indexed(piece)
     count = len(faces)
