@@ -50,6 +50,8 @@ def number(value: Any, what: str, must: str, least: float = TUNING.smallest) -> 
 
 def _floats(value: Any) -> Array:
     """Return what is an array of numbers as such, anything else as one that is not a number."""
+    if type(value) is np.ndarray and value.dtype == np.float64:  # as most are
+        return value
     try:
         array = np.asarray(value)
         if array.dtype.kind in "iufO" and not np.ma.is_masked(value):

@@ -66,14 +66,14 @@ class Obstacle:
     faces: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
-        label = f"obstacle {short(self.name)}"
         if not isinstance(self.name, str) or not isinstance(self.kind, Kind):
-            raise SceneError(f"{label} is of kind {short(self.kind)}; give a text as its name, and a Kind")
+            raise SceneError(f"obstacle {short(self.name)} is {short(self.kind)}; give a text as its name, and a Kind")
+        label, used = f"obstacle {self.name!r}", _SIZES[self.kind]
         size = numbers(self.size, (3,), f"{label}: size", "MuJoCo's three sizes of its kind [m]")
         position = numbers(self.position, (3,), f"{label}: position", "x, y, z [m]")
         rotation = numbers(self.rotation, (3, 3), f"{label}: rotation", "a matrix (3, 3)")
-        if not size[: _SIZES[self.kind]].min(initial=TUNING.smallest) > 0.0:
-            raise SceneError(f"{label}: size is {size.tolist()}; the first {_SIZES[self.kind]} must be positive")
+        if used and not size[:used].min() > 0.0:
+            raise SceneError(f"{label}: size is {size.tolist()}; the first {used} must be positive")
         if not np.abs(rotation @ rotation.T - _UNIT).max() < TUNING.askew:
             raise SceneError(f"{label}: rotation is {rotation.tolist()}; its columns must be orthogonal unit vectors")
         object.__setattr__(self, "size", size)

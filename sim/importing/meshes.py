@@ -90,20 +90,26 @@ def split(
     Returns corners of each part (v, 3) [m], and how far a hull sticks out at most [m], 0 if all are within `CONCAVE`.
     Once the budget is spent, the hull is returned.
     """
-    budget, triangles = budget or Budget(), _read(path) * scale
+    triangles = _read(path) * scale
     if not len(triangles):
         raise SceneError(f"{path}: it has no triangles; export it again")
     if not np.all(np.abs(triangles) <= FARTHEST):
         raise SceneError(f"{path}: corners are farther out than {FARTHEST:g} m; scale it down")
-    pieces = [] if hull else _pieces(triangles)
-    bodies = [body for piece in pieces for body in _bodies(piece)] if len(pieces) <= MOST_PARTS else []
-    parts = [part for body in bodies for part in _convex(body, budget)] if len(bodies) <= MOST_PARTS else []
-    if not 0 < len(parts) <= MOST_PARTS or budget.left < 0.0:
+    parts = [] if hull else _parts(triangles, budget or Budget())
+    if not parts:
         whole = _hull(triangles)
         few = triangles[:: 1 + int(_work(triangles, whole) / MOST_WORK)]  # their depths are those of nearly all
         parts = [(whole.points[whole.vertices], 0.0 if hull else float(_depths(few, whole).max()))]
     rough = max(depth for _, depth in parts)
     return [corners for corners, _ in parts], rough if rough > CONCAVE else 0.0
+
+
+def _parts(triangles: Array, budget: Budget) -> list[tuple[Array, float]]:
+    """Cut triangles (t, 3, 3) into convex parts as of `_convex`; none where they are too many or take too much work."""
+    pieces = _pieces(triangles)
+    bodies = [body for piece in pieces for body in _bodies(piece)] if len(pieces) <= MOST_PARTS else []
+    parts = [part for body in bodies for part in _convex(body, budget)] if len(bodies) <= MOST_PARTS else []
+    return parts if len(parts) <= MOST_PARTS and budget.left >= 0.0 else []
 
 
 def _read(path: Path) -> Array:
