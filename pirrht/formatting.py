@@ -1,8 +1,15 @@
 """Format objects at the prompt: one line each."""
 
+import reprlib
 from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
 
 WIDEST = 24  # most characters of a name
+FEW = 6  # numbers of an array in one line
+_SHORT = reprlib.Repr()
+_SHORT.maxother = _SHORT.maxstring = 60
 
 
 def name(text: str) -> str:
@@ -35,3 +42,10 @@ def turns(id: str) -> str:
     each = [int(k) for k in id.split(",")] if id.count(",") >= 4 else []
     parts = [f"{'+' if k > 0 else '-'}{i}" * abs(k) for i, k in enumerate(each, 1) if k]
     return (" ".join(parts) or "straight") if each else id
+
+
+def short(value: Any) -> str:
+    """Return a value in one short line: a few numbers of an array, anything else as Python writes it."""
+    if type(value) is np.ndarray and value.ndim == 1 and len(value) <= FEW and value.dtype.kind in "iuf":
+        return vector(value)
+    return " ".join(_SHORT.repr(value).split())

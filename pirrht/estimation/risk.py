@@ -97,7 +97,8 @@ def collision_probability(
         return float(weight[chosen & ended].sum()) / total, 1.0 - math.exp(-added)
 
     accepted, added = probabilities(np.ones(len(weight), dtype=np.bool_))
-    terms = weight * (ended + (1.0 - added) * (held + math.log1p(-added)) - accepted)
+    spared = math.log1p(-added) if added < 1.0 else 0.0  # counts for nothing where a collision is certain
+    terms = weight * (ended + (1.0 - added) * (held + spared) - accepted)
     return CollisionProbability(
         probability=min(1.0, accepted + added), accepted=accepted, held=added,
         error=float(deviation(terms[:, None], first, estimate.rollouts.tables.mirrored)[0]),

@@ -7,6 +7,7 @@ of the minimum of the clearance with the smaller radius and the distance to the 
 """
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -47,7 +48,10 @@ def _in_collision(scene: Scene, what: str, point: Array, more: str) -> str:
 
 
 def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
-    """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out."""
+    """Return the disc around a point (2,) [m] in which less margin counts; the largest one if no path leads out.
+
+    SceneError: none does since an obstacle is under or over the robot wherever it goes.
+    """
     body = scene.body.radius
     clearance = float(collision.distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
@@ -55,9 +59,23 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     discs = [least]
     while discs[-1] < TUNING.max_reach * body:
         discs.append(2.0 * discs[-1])
-    tried = ((radius, disc) for radius in radii for disc in discs[:-1] if _leads_out(collision, point, radius, disc))
-    radius, disc = next(tried, (radii[-1], discs[-1]))
-    return Waiver(float(point[0]), float(point[1]), disc, scene.robot_radius - radius)
+    for radius, disc in product(radii, discs[:-1]):
+        if _leads_out(collision, point, radius, disc):
+            return Waiver(float(point[0]), float(point[1]), disc, scene.robot_radius - radius)
+    _refuse_beneath(scene, collision, point)
+    return Waiver(float(point[0]), float(point[1]), discs[-1], scene.robot_radius - radii[-1])
+
+
+def _refuse_beneath(scene: Scene, collision: Collision, point: Array) -> None:
+    """Refuse an obstacle under or over a point (2,) [m]: no direction leads away from it, as from a floor."""
+    walls = collision.nearest_walls(point[None], range(len(scene.obstacles)), scene.robot_radius)
+    if walls.which[0] >= 0 and not walls.away[0].any():
+        name, height = scene.obstacles[walls.which[0]].name, scene.robot_height
+        raise SceneError(
+            f'{scene.name}: obstacle "{name}" lies under or over the robot at ({point[0]:g}, {point[1]:g}) and all '
+            f"around, {walls.first[0]:.3g} m from its centre at a height of {height:g} m; the robot keeps "
+            f"{scene.robot_radius:g} m: remove it if it is a floor, or choose a smaller robot radius or margin"
+        )
 
 
 def _leads_out(collision: Collision, point: Array, radius: float, disc: float) -> bool:

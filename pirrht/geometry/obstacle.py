@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.formatting import short
+from pirrht.geometry.checks import FARTHEST, number, numbers, parts_of, rows_of
+from pirrht.geometry.tuning import TUNING
 
 
 class Kind(Enum):
@@ -25,6 +28,10 @@ class Kind(Enum):
     CAPSULE = "capsule"
     ELLIPSOID = "ellipsoid"
     MESH = "mesh"
+
+
+_SIZES = {Kind.SPHERE: 1, Kind.CYLINDER: 2, Kind.CAPSULE: 2, Kind.BOX: 3, Kind.ELLIPSOID: 3, Kind.MESH: 0}  # used
+_UNIT = np.eye(3)
 
 
 def about_vertical(yaw: float) -> Array:
@@ -45,6 +52,9 @@ class Obstacle:
         rotation: its axes in world coordinates, as columns, (3, 3).
         vertices: corners of a mesh's convex hull in its own frame, (k, 3) [m].
         faces: triangles of that hull, (l, 3) indices of corners.
+
+    Raises:
+        SceneError: a number is none, or larger than any scene's, or the rotation is none; names the obstacle.
     """
 
     name: str
@@ -54,6 +64,34 @@ class Obstacle:
     rotation: Array
     vertices: Array | None = None
     faces: NDArray[np.int64] | None = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.kind, Kind):
+            raise SceneError(f"obstacle {short(self.name)} is {short(self.kind)}; give a text as its name, and a Kind")
+        label, used = f"obstacle {self.name!r}", _SIZES[self.kind]
+        size = numbers(self.size, (3,), f"{label}: size", "MuJoCo's three sizes of its kind [m]")
+        position = numbers(self.position, (3,), f"{label}: position", "x, y, z [m]")
+        rotation = numbers(self.rotation, (3, 3), f"{label}: rotation", "a matrix (3, 3)")
+        if used and not size[:used].min() > 0.0:
+            raise SceneError(f"{label}: size is {size.tolist()}; the first {used} must be positive")
+        if not np.abs(rotation @ rotation.T - _UNIT).max() < TUNING.askew:
+            raise SceneError(f"{label}: rotation is {rotation.tolist()}; its columns must be orthogonal unit vectors")
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "position", position)
+        object.__setattr__(self, "rotation", rotation)
+        if self.kind is Kind.MESH:
+            self._check_hull(label)
+
+    def _check_hull(self, label: str) -> None:
+        """Refuse corners and faces that are no hull."""
+        vertices = numbers(self.vertices, (None, 3), f"{label}: vertices", "four corners x, y, z [m] or more")
+        faces = numbers(self.faces, (None, 3), f"{label}: faces", "three indices of corners each")
+        indices = faces.astype(np.int64)
+        whole = len(vertices) >= 4 and len(faces) >= 4 and np.array_equal(indices, faces)
+        if not whole or indices.min() < 0 or indices.max() >= len(vertices):
+            raise SceneError(f"{label} has no hull; give four corners or more, and four faces or more of their indices")
+        object.__setattr__(self, "faces", indices)
+        object.__setattr__(self, "vertices", vertices)
 
     def __repr__(self) -> str:
         return f"Obstacle({self.name!r}, {self.kind.value} at {formatting.vector(self.position)})"
@@ -72,12 +110,13 @@ class Motion:
     _rows: list[list[float]] = field(init=False, repr=False)  # the same rows as numbers
 
     def __post_init__(self) -> None:
-        rows = np.array(self.rows, dtype=float)
-        if rows.ndim != 2 or rows.shape[1] != 4 or not len(rows):
-            raise SceneError(f"a motion has rows of shape {rows.shape}; each is a time, x, y and a yaw")
-        if not np.isfinite(rows).all():
-            row = int(np.flatnonzero(~np.all(np.isfinite(rows), axis=1))[0])
-            raise SceneError(f"row {row + 1} of a motion is {rows[row].tolist()}; all numbers must be finite")
+        if not isinstance(self.repeat, bool | np.bool_):
+            raise SceneError(f"a motion has repeat {short(self.repeat)}; it must be True or False")
+        must = "a time, x, y and a yaw"
+        given = rows_of(self.rows, "the rows of a motion", must)
+        rows = np.array([numbers(row, (4,), f"row {i} of a motion", must) for i, row in enumerate(given, start=1)])
+        if not len(rows):
+            raise SceneError(f"a motion has no rows; each is {must}")
         if rows[0, 0] != 0.0:
             raise SceneError(f"the first row of a motion is at {rows[0, 0]:g} s; it must be at 0")
         late = rows[1:, 0] <= rows[:-1, 0]
@@ -87,6 +126,7 @@ class Motion:
             raise SceneError(f"row {row + 1} of a motion is at {times}; times must increase")
         if self.repeat and len(rows) < 2:
             raise SceneError("a motion that starts over has one row; it needs two or more")
+        number(self.offset, "the offset of a motion", "a time [s]", -FARTHEST)
         object.__setattr__(self, "rows", rows)
         object.__setattr__(self, "_rows", rows.tolist())
 
@@ -142,6 +182,13 @@ class Mover:
     name: str
     solids: tuple[Obstacle, ...]  # in the body's own frame, x and y from its origin, heights above the ground [m]
     motion: Motion
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not isinstance(self.motion, Motion):
+            raise SceneError(f"mover {short(self.name)} moves by {short(self.motion)}; give a text and a Motion")
+        object.__setattr__(self, "solids", parts_of(self.solids, Obstacle, f"mover {self.name}: solids"))
+        if not self.solids:
+            raise SceneError(f"mover {self.name} has no solids; give it one or more")
 
     def __repr__(self) -> str:
         return f"Mover({self.name!r}, {self.motion!r})"

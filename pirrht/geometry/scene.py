@@ -12,7 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 from pirrht import formatting
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
+from pirrht.formatting import short
 from pirrht.geometry import solids
+from pirrht.geometry.checks import number, numbers, parts_of
 from pirrht.geometry.obstacle import Kind, Mover, Obstacle
 from pirrht.geometry.tuning import TUNING
 
@@ -41,6 +43,10 @@ class Goal:
 
     center: Array
     radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", numbers(self.center, (2,), "the goal center", "x, y [m]"))
+        object.__setattr__(self, "radius", number(self.radius, "the goal radius", "a positive number [m]"))
 
     def __repr__(self) -> str:
         return f"Goal({formatting.vector(self.center)}, radius {self.radius:g} m)"
@@ -109,7 +115,8 @@ class Scene:
         waivers: discs in which less margin counts; `FreeSpace.of` sets them.
 
     Raises:
-        SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
+        SceneError: start or goal lie outside the workspace, something is empty, or a number is none or larger than
+            1e6; names the scene.
 
     Examples:
         >>> import numpy as np
@@ -147,22 +154,39 @@ class Scene:
         )
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.robot_radius) and self.robot_radius > 0):
-            raise SceneError(f"{self.name}: the robot radius is {self.robot_radius:g}; it must be positive")
-        if not 0.0 <= self.margin < self.robot_radius:
-            raise SceneError(
-                f"{self.name}: the margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}"
-            )
-        if not (np.isfinite(self.goal.radius) and self.goal.radius > 0):
-            raise SceneError(f"{self.name}: the goal radius is {self.goal.radius:g}; it must be positive")
+        if not isinstance(self.name, str):
+            raise SceneError(f"the name of a scene is {short(self.name)}; it must be a text")
+        self._check_parts()
+        of = f"{self.name}: the "
+        measured = {
+            "lower": numbers(self.lower, (2,), f"{of}least corner of the workspace", "x, y [m]"),
+            "upper": numbers(self.upper, (2,), f"{of}greatest corner of the workspace", "x, y [m]"),
+            "start": numbers(self.start, (3,), f"{of}start", "x, y [m] and a heading [rad]"),
+            "robot_radius": number(self.robot_radius, f"{of}robot radius", "a positive number [m]"),
+            "robot_height": number(self.robot_height, f"{of}height of the robot's centre", "a number [m]", 0.0),
+            "margin": number(self.margin, f"{of}margin", "a part of the robot radius [m]", 0.0),
+        }
+        for key, value in measured.items():
+            object.__setattr__(self, key, value)
+        if not self.margin < self.robot_radius:
+            raise SceneError(f"{of}margin is {self.margin:g}; it is a part of the robot radius, {self.robot_radius:g}")
         if not np.all(self.lower < self.upper):
-            raise SceneError(f"{self.name}: the workspace is empty, from {self.lower} to {self.upper}")
+            raise SceneError(f"{of}workspace is empty, from {self.lower} to {self.upper}")
         for what, point in (("start", self.start), ("goal", self.goal.center)):
-            if not (np.all(np.isfinite(point)) and self.world.contains(point[:2])):
+            if not self.world.contains(point[:2]):
                 raise SceneError(
-                    f"{self.name}: the {what} ({point[0]:g}, {point[1]:g}) lies outside the workspace "
+                    f"{of}{what} ({point[0]:g}, {point[1]:g}) lies outside the workspace "
                     f"[{self.lower[0]:g}, {self.upper[0]:g}] x [{self.lower[1]:g}, {self.upper[1]:g}]"
                 )
+
+    def _check_parts(self) -> None:
+        """Refuse obstacles, movers, a goal and defaults of other types."""
+        for key, kind in (("obstacles", Obstacle), ("movers", Mover), ("waivers", Waiver)):
+            object.__setattr__(self, key, parts_of(getattr(self, key), kind, f"{self.name}: {key}"))
+        if not isinstance(self.goal, Goal):
+            raise SceneError(f"{self.name}: the goal is {short(self.goal)}; it must be a Goal")
+        if not isinstance(self.defaults, dict) or not all(isinstance(name, str) for name in self.defaults):
+            raise SceneError(f"{self.name}: the defaults are {short(self.defaults)}; they must be numbers by name")
 
     @classmethod
     def from_boxes(cls, boxes: ArrayLike, *, lower: ArrayLike, upper: ArrayLike, **task: Unpack[Task]) -> Scene:
@@ -215,16 +239,20 @@ class Scene:
             origin: lower left corner of the grid, (2,) [m].
             task: `from_boxes`'s. SceneError: it is no such grid, or a number is missing or cannot be.
         """
-        grid, corner = np.asarray(occupied), solids.table([origin], (2,), "origin", "x, y [m]")[0]
-        if grid.ndim != 2 or grid.size == 0 or grid.dtype != np.bool_:
+        corner = numbers(origin, (2,), "the origin", "x, y [m]")
+        try:
+            grid = np.asarray(occupied)
+        except ValueError:  # rows of several lengths
+            grid = np.array(None)
+        if grid.ndim != 2 or grid.size == 0 or grid.dtype != np.bool_ or np.ma.is_masked(occupied):
+            masked = " with masked cells" if np.ma.is_masked(occupied) else ""
             raise SceneError(
-                f"the grid is of {grid.dtype} and shape {grid.shape}; it must hold booleans (rows, columns), such as "
-                "`grid > 50` makes them"
+                f"the grid is of {grid.dtype} and shape {grid.shape}{masked}; it must hold booleans (rows, columns), "
+                "such as `grid > 50` makes them"
             )
-        if not (np.isfinite(resolution) and resolution > 0):
-            raise SceneError(f"the resolution is {resolution:g}; it must be the side of a cell, a positive number [m]")
-        obstacles = solids.cells(grid, resolution, corner, _height(task))
-        return cls._of(obstacles, corner, corner + resolution * np.array(grid.shape[::-1]), **task)
+        side = number(resolution, "the resolution", "the side of a cell, a positive number [m]")
+        obstacles = solids.cells(grid, side, corner, _height(task))
+        return cls._of(obstacles, corner, corner + side * np.array(grid.shape[::-1]), **task)
 
     @classmethod
     def _of(
@@ -232,9 +260,10 @@ class Scene:
         goal: Goal | ArrayLike, robot_radius: float, robot_height: float = 0.1, name: str = "scene",
     ) -> Scene:  # fmt: skip
         if not isinstance(goal, Goal):
-            x, y, radius = solids.table([goal], (3,), "goal", "x, y, radius [m]")[0]
+            x, y, radius = numbers(goal, (3,), "the goal", "x, y, radius [m]")
             goal = Goal(center=np.array([x, y]), radius=float(radius))
-        low, high = solids.table([lower, upper], (2,), "lower and upper", "x, y [m]")
+        low = numbers(lower, (2,), "lower", "x, y [m]")
+        high = numbers(upper, (2,), "upper", "x, y [m]")
         begin = solids.table([start], (2, 3), "start", "x, y [m] and perhaps a heading [rad]")[0]
         return cls(
             name=name, lower=low, upper=high, obstacles=obstacles, goal=goal, start=begin, robot_radius=robot_radius,
@@ -259,4 +288,5 @@ class Scene:
 
 def _height(task: Task) -> float:
     """Return the height [m] of walls that are as far from a robot as their outlines are."""
-    return max(TUNING.wall_height, 2.0 * task.get("robot_height", 0.0))
+    centre = number(task.get("robot_height", 0.0), "the height of the robot's centre", "a number [m]", 0.0)
+    return max(TUNING.wall_height, 2.0 * centre)

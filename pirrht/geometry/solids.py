@@ -8,37 +8,40 @@ from numpy.typing import ArrayLike
 
 from pirrht.arrays import Array, BoolArray
 from pirrht.errors import SceneError
+from pirrht.formatting import short
+from pirrht.geometry.checks import numbers, rows_of
 from pirrht.geometry.obstacle import Kind, Obstacle, about_vertical
 from pirrht.geometry.tuning import TUNING
 
 
 def boxes(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make boxes of a height [m] from rows (k, 4 or 5): least x, y, greatest x, y [m], a yaw about the middle [rad]."""
-    numbers = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
-    half, middle = 0.5 * (numbers[:, 2:4] - numbers[:, :2]), 0.5 * (numbers[:, :2] + numbers[:, 2:4])
+    given = table(rows, (4, 5), "boxes", "x0, y0, x1, y1 [m] and perhaps a yaw [rad]")
+    half = 0.5 * (given[:, 2:4] - given[:, :2])
+    middle = 0.5 * (given[:, :2] + given[:, 2:4])
     for i in np.flatnonzero(np.any(half < TUNING.smallest, axis=1)):
-        raise SceneError(f"box {i + 1} is {numbers[i].tolist()}; x0 must be less than x1, and y0 than y1")
+        raise SceneError(f"box {i + 1} is {given[i].tolist()}; x0 must be less than x1, and y0 than y1")
     return tuple(
         _upright(f"box {i}", Kind.BOX, np.append(h, 0.5 * height), xy, float(yaw))
-        for i, (h, xy, yaw) in enumerate(zip(half, middle, numbers[:, 4], strict=True), start=1)
+        for i, (h, xy, yaw) in enumerate(zip(half, middle, given[:, 4], strict=True), start=1)
     )
 
 
 def discs(rows: ArrayLike, height: float) -> tuple[Obstacle, ...]:
     """Make upright cylinders of a height [m] from rows (k, 3): x, y, radius [m]."""
-    numbers = table(rows, (3,), "discs", "x, y, radius [m]")
-    for i in np.flatnonzero(numbers[:, 2] < TUNING.smallest):
-        raise SceneError(f"disc {i + 1} is {numbers[i].tolist()}; its radius must be positive")
+    given = table(rows, (3,), "discs", "x, y, radius [m]")
+    for i in np.flatnonzero(given[:, 2] < TUNING.smallest):
+        raise SceneError(f"disc {i + 1} is {given[i].tolist()}; its radius must be positive")
     return tuple(
         _upright(f"disc {i}", Kind.CYLINDER, np.array([radius, 0.5 * height, 0.0]), np.array([x, y]))
-        for i, (x, y, radius) in enumerate(numbers, start=1)
+        for i, (x, y, radius) in enumerate(given, start=1)
     )
 
 
 def prisms(polygons: Sequence[ArrayLike], height: float) -> tuple[Obstacle, ...]:
     """Make upright prisms of a height [m] over polygons (l, 2) [m]; triangles where one is not convex."""
     solids = []
-    for i, polygon in enumerate(polygons, start=1):
+    for i, polygon in enumerate(rows_of(polygons, "polygons", "polygons, each of corners x, y [m]"), start=1):
         parts = _convex_parts(f"polygon {i}", table(polygon, (2,), f"polygon {i}", "corners x, y [m]"))
         names = [f"polygon {i}"] if len(parts) == 1 else [f"polygon {i}.{k}" for k in range(1, len(parts) + 1)]
         solids += [_prism(name, part, height) for name, part in zip(names, parts, strict=True)]
@@ -55,16 +58,12 @@ def cells(occupied: BoolArray, resolution: float, origin: Array, height: float) 
 
 def table(rows: Any, widths: tuple[int, ...], what: str, columns: str) -> Array:
     """Return rows of finite numbers (k, widest), filled up with 0; SceneError names a row of anything else."""
-    out = np.zeros((len(rows), widths[-1]))
+    out = np.zeros((len(rows_of(rows, what, f"rows: {columns}")), widths[-1]))
     for i, row in enumerate(rows):
-        try:
-            numbers = np.array(row, dtype=float)
-        except (TypeError, ValueError):
-            numbers = np.zeros(())
-        if numbers.ndim != 1 or len(numbers) not in widths or not np.isfinite(numbers).all():
-            given = " ".join(str(row).split())[:60]
-            raise SceneError(f"{what}: row {i + 1} is {given}; it must be finite numbers {columns}")
-        out[i, : len(numbers)] = numbers
+        given = numbers(row, (None,), f"{what}: row {i + 1}", columns)
+        if len(given) not in widths:
+            raise SceneError(f"{what}: row {i + 1} is {short(row)}; it must be {columns}")
+        out[i, : len(given)] = given
     return out
 
 

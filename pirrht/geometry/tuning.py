@@ -51,6 +51,8 @@ class GeometryTuning(NamedTuple):
     similar: float = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
     # Walls from plain numbers
     wall_height: float = 0.5  # [m]; more for a robot whose centre is higher
+    farthest: float = 1e6  # any number of a scene [m, rad, s]: beyond, a double is no longer fine to a micrometre
+    askew: float = 1e-6  # by which the columns of a rotation may be off orthogonal unit vectors
     smallest: float = 1e-6  # side, radius, or root of the area of a solid that counts as one [m]
 
 

@@ -6,7 +6,7 @@ so that a file that is there already is never replaced by a broken one.
 """
 
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from string import Template
@@ -17,6 +17,8 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import OptionError, SceneError
+from pirrht.geometry.collision import Collision
+from pirrht.geometry.fitting import fitted
 from sim.importing import dynabarn, meshes, ros_map
 from sim.importing.sdf import read_sdf
 from sim.importing.solids import World, distinct, text
@@ -73,30 +75,26 @@ def import_world(
     kind = "motions" if motion else _KINDS.get(source.suffix.lower(), "world")
     what = "the JSON file of a set of motions" if kind == "motions" else "an SDF world file or the YAML file of a map"
     content = content_of(source, what)
-    if target.suffix.lower() != ".xml":
-        raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
-    if target.exists() and target.samefile(source):
-        raise SceneError(f"{target}: this is the world itself; choose another name")
+    _check_target(source, target)
     for given, of, words in (
         (decompose, "mesh", f"--decompose is for meshes, {', '.join(meshes.SUFFIXES)}; leave it out"),
         (without, "world", f"{source}: only models of a Gazebo world can be left out by name"),
         (unknown, "map", f"--unknown is for maps, {' or '.join(ros_map.SUFFIXES)}; leave it out"),
         (number, "motions", "--world is for files of motions (--motion); leave it out"),
-    ):
+        (kind == "mesh" and not decompose, "",
+         f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts"),
+    ):  # fmt: skip
         if given and kind != of:
             raise OptionError(words)
-    if kind == "mesh" and not decompose:
-        raise OptionError(f"{source}: MuJoCo collides with the hull of a mesh; add --decompose for its parts")
-    if kind == "world" and source.suffix.lower() in ros_map.PICTURES:
-        raise SceneError(f"{source}: a picture has neither scale nor place; give the map's .yaml")
-    if kind == "world" and content.lstrip()[:1] == b"{":
-        raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
-    if kind == "motions":
-        world = dynabarn.read(source, number)
-    elif kind == "map":
-        world = ros_map.read_map(source, unknown or "occupied")
-    else:
-        world = meshes.read_mesh(source) if kind == "mesh" else read_sdf(source, models, without)
+    if kind == "world":
+        _check_world(source, content)
+    read: dict[str, Callable[[], World]] = {
+        "motions": lambda: dynabarn.read(source, number),
+        "map": lambda: ros_map.read_map(source, unknown or "occupied"),
+        "mesh": lambda: meshes.read_mesh(source),
+        "world": lambda: read_sdf(source, models, without),
+    }
+    world = read[kind]()
     scene = _scene_text(source, target.stem, world, (start, goal, workspace))
     obstacles, movers = _write(scene, source, target, world.notes, start or world.start)
     turns = f"{target}: the scene is for the {ROVER}, which turns on the spot; --robot takes another robot"
@@ -105,19 +103,42 @@ def import_world(
     return Imported(path=target, geoms=geoms, obstacles=obstacles, movers=movers, notes=notes)
 
 
+def _check_target(source: Path, target: Path) -> None:
+    """Refuse a name under which no scene can be written."""
+    if target.suffix.lower() != ".xml":
+        raise SceneError(f"{target}: MuJoCo reads MJCF from files that end in .xml; name it so")
+    if target.exists() and target.samefile(source):
+        raise SceneError(f"{target}: this is the world itself; choose another name")
+
+
+def _check_world(source: Path, content: bytes) -> None:
+    """Refuse files that are no worlds, by name of what they are."""
+    if source.suffix.lower() in ros_map.PICTURES:
+        raise SceneError(f"{source}: a picture has neither scale nor place; give the map's .yaml")
+    if content.lstrip()[:1] == b"{":
+        raise SceneError(f"{source}: this is no SDF world but JSON; if it is a file of motions, add --motion")
+
+
 def _write(
     scene: str, source: Path, target: Path, notes: Sequence[str], start: Sequence[float] | None
 ) -> tuple[int, int]:
-    """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers."""
+    """Write a scene next to its target, load it, and let it take the target's place; its obstacles and movers.
+
+    Start and goal must be free for the robot and the margin with which it is planned in.
+    """
     try:
         with tempfile.TemporaryDirectory(prefix=".import-", dir=target.parent) as folder:
             new = Path(folder) / f"{source.stem}.xml"
             new.write_text(scene, encoding="utf-8")
+            robot = ""
             try:
-                found = load(new, start=start).scene
+                loaded = load(new, start=start)
+                found, robot = loaded.scene, f"; its robot is the {loaded.robot}"
+                fitted(found, Collision(found.world, found.footprint))
             except SceneError as error:
-                reason = str(error).removeprefix(f"{new}: ").removesuffix(SMALLER).replace(str(new), "as a scene")
-                raise SceneError("; ".join((f"{source}: {reason}", *notes))) from None
+                reason = str(error).removeprefix(f"{new}: ").removeprefix(f"{new.stem}: ").removesuffix(SMALLER)
+                reason = reason.replace(str(new), "as a scene")
+                raise SceneError("; ".join((f"{source}: {reason}{robot}", *notes))) from None
             new.replace(target)
     except OSError as error:
         raise SceneError(f"{target}: cannot be written ({error.strerror}); choose another folder") from None
@@ -126,6 +147,23 @@ def _write(
 
 def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[float] | None]) -> str:
     """The MJCF text of a world, given start, goal and workspace, if they were."""
+    place, disc = _task(source, world, task)
+    bounds = _workspace(source, world, task[2], np.vstack([place[:2], disc[:2]]))
+    centre = (bounds[1::2] + bounds[::2]) / 2
+    half = (bounds[1::2] - bounds[::2]) / 2
+    assets, geoms = _elements(world)
+    lines = {"custom": _custom(world), "assets": assets, "parts": [*geoms, *world.bodies]}
+    template = Template((models_folder() / "templates" / "imported.xml").read_text())
+    return template.substitute(
+        {key: "\n".join(f"    {element}" for element in elements) for key, elements in lines.items()},
+        name=quoteattr(name), centre=text(*centre), half=text(*half),
+        height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
+        start=text(*place[:2]), heading=text(*place[2:]) or "0", goal=text(*disc[:2]), radius=text(disc[2]),
+    )  # fmt: skip
+
+
+def _task(source: Path, world: World, task: Sequence[Sequence[float] | None]) -> tuple[Array, Array]:
+    """Start (2,) or (3,) and goal (3,), as given, or else the world's."""
     start, goal = task[0] or world.start, task[1] or world.goal
     if start is None or goal is None:
         missing = " and ".join(f"the {what}" for what, one in (("start", start), ("goal", goal)) if one is None)
@@ -133,15 +171,30 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
     place, disc = _numbers(source, START, start, (2, 3)), _numbers(source, GOAL, goal, (3,))
     if not disc[2] >= FINEST:
         raise SceneError(f"{source}: --goal: its radius is {disc[2]:g}; it must be positive, {FINEST:g} or more")
-    bounds = _workspace(source, world, task[2], np.vstack([place[:2], disc[:2]]))
-    half = (bounds[1::2] - bounds[::2]) / 2
-    robot = "unicycle" if world.kind == "world" else ROVER
-    options = world.options or {"robot": robot, **({"noise": "0.03"} if world.kind == "world" else {}), **_OPTIONS}
-    custom = [f'<{"text" if k == "robot" else "numeric"} name="pirrht_{k}" data="{v}"/>' for k, v in options.items()]
-    assets, geoms = [], []
+    return place, disc
+
+
+def _custom(world: World) -> list[str]:
+    """Elements with the options and motions of a scene."""
+    gazebo = world.kind == "world"
+    own = {"robot": "unicycle", "noise": "0.03"} if gazebo else {"robot": ROVER}
+    options = world.options or {**own, **_OPTIONS}
+    kinds = {"robot": "text"}  # all others are numbers
+    return [
+        *(f'<{kinds.get(key, "numeric")} name="pirrht_{key}" data="{value}"/>' for key, value in options.items()),
+        *world.custom,
+    ]
+
+
+def _elements(world: World) -> tuple[list[str], list[str]]:
+    """Elements of the meshes and geoms of a world's solids."""
+    assets: list[str] = []
+    geoms: list[str] = []
     for solid, label in zip(world.solids, distinct((solid.name for solid in world.solids), {"floor"}), strict=True):
         material = _MATERIALS.get(solid.shape, "boulder")
-        quaternion, called, shape = np.zeros(4), quoteattr(label), f'size="{text(*solid.size)}"'
+        quaternion = np.zeros(4)
+        called = quoteattr(label)
+        shape = f'size="{text(*solid.size)}"'
         mujoco.mju_mat2Quat(quaternion, solid.pose[:3, :3].ravel())
         if solid.vertices is not None:
             assets.append(f'<mesh name={called} vertex="{text(*solid.vertices.ravel())}"/>')
@@ -150,14 +203,7 @@ def _scene_text(source: Path, name: str, world: World, task: Sequence[Sequence[f
             f'<geom name={called} type="{solid.shape}" material="{material}" {shape} '
             f'pos="{text(*solid.pose[:3, 3])}" quat="{text(*quaternion)}"/>'
         )
-    lines = {"custom": [*custom, *world.custom], "assets": assets, "parts": [*geoms, *world.bodies]}
-    template = Template((models_folder() / "templates" / "imported.xml").read_text())
-    return template.substitute(
-        {key: "\n".join(f"    {element}" for element in elements) for key, elements in lines.items()},
-        name=quoteattr(name), centre=text(*(bounds[1::2] + bounds[::2]) / 2), half=text(*half),
-        height=text(1.15 * max(half[1], half[0] * 3 / 4) / np.tan(np.radians(42 / 2))),  # of 4 to 3 pictures
-        start=text(*place[:2]), heading=text(*place[2:]) or "0", goal=text(*disc[:2]), radius=text(disc[2]),
-    )  # fmt: skip
+    return assets, geoms
 
 
 def _numbers(source: Path, option: str, given: Sequence[float] | Array, counts: tuple[int, ...]) -> Array:

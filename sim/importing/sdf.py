@@ -9,7 +9,7 @@ import xml.etree.ElementTree as ET
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import NoReturn
 
@@ -17,9 +17,9 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import SceneError
-from sim.importing.meshes import split
+from sim.importing.meshes import Budget, split
 from sim.importing.sdf_files import read_world
-from sim.importing.solids import Solid, World, part_solid, transform
+from sim.importing.solids import LOW, Solid, World, is_low, part_solid, transform
 from sim.mjcf.library import FARTHEST, FINEST, MOST_NESTED, listed, refused
 
 _SHAPES = {  # measures of a geometry, and how many numbers each has
@@ -32,11 +32,10 @@ _SHAPES = {  # measures of a geometry, and how many numbers each has
 _HALVES = {"box": 0.5, "cylinder": [1.0, 0.5], "capsule": [1.0, 0.5]}  # MuJoCo's sizes in units of these
 _SHORTEST = 1e-9  # quaternion that still has a direction
 _LEVEL = 1e-6  # how far a ground plane may be off [m] and [1]
-LOWEST = 0.01  # robots drive over what is no higher, like carpets [m]
 _NOTES = {
     "moving": "not static in Gazebo, here obstacles that stay where they start (or leave them out by name): ",
     "actors": "actors have no collisions and are left out: ",
-    "low": f"no higher than {LOWEST:g} m, so driven over and left out: ",
+    "low": LOW,
     "rough": "meshes too intricate to split, whose hulls stick out by up to {:.2g} m: ",
 }
 
@@ -68,7 +67,7 @@ class Frames:
         self.root, self._path = root, path
         self._parents = {part: parent for parent in root.iter() for part in parent}
         self._poses: dict[ET.Element, Array | None] = {root: np.eye(4)}  # None: being found
-        self.named = cache(self._named)
+        self.named, self._state, self._states = cache(self._named), cache(self._state_of), cache(self._states_in)
         for change in ("insertions", "deletions"):
             if root.find(f"state[1]/{change}/*") is not None:
                 self.refuse(root, f"<state> has <{change}>; save the world anew or remove them")
@@ -135,19 +134,24 @@ class Frames:
         frame = element.get("placement_frame") if element.tag == "model" else None
         return placed @ np.linalg.inv(Frames(element, self._path).resolve(frame, element)) if frame else placed
 
-    def _state(self, element: ET.Element) -> ET.Element | None:
+    def _state_of(self, element: ET.Element) -> ET.Element | None:
         """Find what a state block says of a model or link."""
         if element is self.root:
             return element.find("state")
         around = self._state(self._parents[element]) if element.tag in ("model", "link") else None
         if around is None:
             return None
+        states = self._states(around)
         names = (element.get("name", ""), self.label(element))
-        state = next((one for one in around.findall(element.tag) if one.get("name") in names), None)
+        state = next((states[element.tag, name] for name in names if (element.tag, name) in states), None)
         scale = None if state is None else state.findtext("scale")
         if scale is not None and (numbers(scale, 3) is None or np.any(numbers(scale, 3) != 1.0)):
             self.refuse(element, f"<state> scales it by {scale.strip()!r}; scale its sizes and write 1 1 1")
         return state
+
+    def _states_in(self, around: ET.Element) -> dict[tuple[str, str], ET.Element]:
+        """Return what a state block says, by tag and name; the first of several counts."""
+        return {(one.tag, one.get("name", "")): one for one in reversed(around)}
 
     def _matrix(self, pose: ET.Element, element: ET.Element) -> Array:
         quaternion = pose.get("rotation_format") == "quat_xyzw"
@@ -162,7 +166,7 @@ class Frames:
 class _Reader(Frames):
     def __init__(self, root: ET.Element, path: Path, without: frozenset[str]) -> None:
         super().__init__(root, path)
-        self._without, self._split = without, cache(split)
+        self._without, self._split = without, cache(partial(split, budget=Budget()))
         self._noted: dict[str, dict[str, float]] = defaultdict(dict)  # names by note
 
     def world(self) -> World:
@@ -237,9 +241,7 @@ class _Reader(Frames):
             size = np.concatenate([self._measure(collision, shape, *one) for one in _SHAPES[shape.tag]])
             solids = [Solid(name, shape.tag, size * _HALVES.get(shape.tag, 1.0), pose)]
         for solid in solids:
-            up, vertices = solid.pose[2, :3], solid.vertices
-            reach = np.abs(up) @ solid.size if solid.shape == "box" else np.inf
-            if 0 < solid.pose[2, 3] + (reach if vertices is None else (vertices @ up).max()) <= LOWEST:
+            if is_low(solid):
                 self._noted["low"][name] = 0.0
             else:
                 yield solid

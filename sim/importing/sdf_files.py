@@ -10,6 +10,7 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
+from functools import cache
 from pathlib import Path
 from typing import NoReturn
 from urllib.parse import unquote
@@ -70,6 +71,7 @@ class _Includes:
     def __init__(self, source: Path, folders: Sequence[Path]) -> None:
         self._source, self._folders, self._elements = source, folders, 0
         self._models: dict[Path, ET.Element | None] = {}  # by file; None: being read
+        self._model_file, self._roots = cache(self._first_file), cache(self._roots_around)
 
     def expand(self, element: ET.Element, file: Path) -> None:
         """Replace the includes of a world or model, nested ones as well, and find its collision meshes."""
@@ -91,7 +93,7 @@ class _Includes:
         uri = (include.findtext("uri") or "").strip()
         if not uri:
             raise SceneError(f"{file}: an <include> has no <uri>; write <uri>model://NAME</uri>, or remove it")
-        path = next((inner for found in self._find(uri, file) for inner in self._files_of(found)), None)
+        path = self._model_file(uri, file)
         short = uri.replace("%20", " ").rstrip("/").rpartition("/")[2].lower().replace(" ", "_")
         if path is None and short in BUILT_IN:
             return ET.Element("light")
@@ -102,6 +104,10 @@ class _Includes:
         for value in (part for part in include if part.tag in ("pose", "static")):
             model[:] = [part for part in model if part.tag != value.tag] + [value]
         return model
+
+    def _first_file(self, uri: str, file: Path) -> Path | None:
+        """Find the SDF file of the model that an address written in a file names."""
+        return next((inner for found in self._find(uri, file) for inner in self._files_of(found)), None)
 
     def _model(self, path: Path, uri: str) -> ET.Element:
         if path not in self._models:
@@ -125,7 +131,7 @@ class _Includes:
         if self._elements > MOST_ELEMENTS:
             raise SceneError(f"{self._source}: with its includes it has more than {MOST_ELEMENTS} elements")
 
-    def _files_of(self, path: Path) -> Iterator[Path]:
+    def _files_of(self, path: Path, versions: bool = True) -> Iterator[Path]:
         """Yield the SDF files of a model's folder, first that of the highest version in its model.config."""
         if path.is_file():
             yield path
@@ -138,8 +144,9 @@ class _Includes:
             yield from self._find((newest.text or "").strip(), config)
         if (path / "model.sdf").is_file():
             yield path / "model.sdf"
-        for version in sorted((p for p in path.glob("*") if p.name.isdecimal()), key=lambda p: -int(p.name)):
-            yield from self._files_of(version)  # of the cache of Gazebo Fuel
+        folders = (inner for inner in path.glob("*") if inner.name.isdecimal()) if versions else ()
+        for version in sorted(folders, key=lambda inner: -int(inner.name)):
+            yield from self._files_of(version, versions=False)  # of the cache of Gazebo Fuel
 
     def _find(self, uri: str, file: Path) -> Iterator[Path]:
         """Yield what exists at an address written in a file, the likeliest first."""
@@ -164,7 +171,7 @@ class _Includes:
         name, inner = fuel[1], fuel[2] or ""
         return [form + inner for form in (name, name.lower(), name.lower().replace(" ", "_"))]
 
-    def _roots(self, file: Path) -> list[Path]:
+    def _roots_around(self, file: Path) -> list[Path]:
         parents = (folder for one in (file, self._source) for folder in _normal(one).parents[:_ABOVE])
         around = [folder / name for folder in parents for name in _INSIDE]
         roots = dict.fromkeys(_normal(folder) for folder in (*self._folders, *around))

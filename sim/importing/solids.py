@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from itertools import chain, count, product
+from itertools import product
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -10,6 +10,8 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array
 
 FLAT = 1e-3  # least thickness of a part of a mesh [m]
+LOWEST = 0.01  # robots drive over what is no higher, like carpets and floors [m]
+LOW = f"no higher than {LOWEST:g} m, so driven over and left out: "
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +47,13 @@ def part_solid(name: str, pose: Array, vertices: Array) -> Solid:
     return Solid(name, "mesh", np.zeros(3), pose, vertices)
 
 
+def is_low(solid: Solid) -> bool:
+    """Return whether a solid ends a little above the ground, so that robots drive over it."""
+    up, vertices = solid.pose[2, :3], solid.vertices
+    reach = np.abs(up) @ solid.size if solid.shape == "box" else np.inf
+    return bool(0 < solid.pose[2, 3] + (reach if vertices is None else (vertices @ up).max()) <= LOWEST)
+
+
 def as_box(corners: Array) -> tuple[Array, Array] | None:
     """Find the box with these corners (8, 3), if there is one: its pose (4, 4) and half sizes (3,) [m]."""
     edges = (corners - corners[0])[np.argsort(np.linalg.norm(corners - corners[0], axis=1))][1:]
@@ -74,9 +83,12 @@ def transform(values: Array, *, degrees: bool = False) -> Array:
 
 def distinct(names: Iterable[str], taken: Iterable[str], mark: str = " ", first: int = 2) -> Iterator[str]:
     """Yield names, each with a number where it is taken."""
-    seen = set(taken)
+    seen, numbers = set(taken), dict[str, int]()
     for name in names:
-        own = next(own for own in chain([name], (f"{name}{mark}{k}" for k in count(first))) if own not in seen)
+        own = name
+        while own in seen:
+            number = numbers.get(name, first)
+            own, numbers[name] = f"{name}{mark}{number}", number + 1
         seen.add(own)
         yield own
 

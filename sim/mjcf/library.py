@@ -24,9 +24,10 @@ import numpy as np
 
 from pirrht.arrays import Array
 from pirrht.errors import PirrhtError, SceneError, printable
+from pirrht.geometry.tuning import TUNING
 from sim.files import MISSING, why_unreadable
 
-FARTHEST = 1e6  # of any coordinate or measure [m] and angle [rad]: beyond, a double is no longer fine to a micrometre
+FARTHEST = TUNING.farthest  # of any coordinate or measure [m] and angle [rad]
 FINEST = 1e-6  # of any measure of an imported file [m]
 LARGEST_TEXT, LARGEST_FILE = 32 * 2**20, 128 * 2**20  # bytes; worlds of the BARN data set have one megabyte
 MOST_PARTS = 60_000  # bodies, geoms and sites of an MJCF file with all that it includes: MuJoCo takes 7 s for them

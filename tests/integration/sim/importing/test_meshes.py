@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, SceneError
+from pirrht.freespace import FreeSpace
+from sim.importing import meshes
 from sim.importing.scene_file import import_world
 from sim.mjcf import load
 
@@ -31,6 +33,35 @@ def test_each_part_is_an_obstacle_where_it_was(tmp_path):
     reaches = [(o.position, np.abs(o.rotation) @ o.size) for o in scene.obstacles]
     extents = [[*(at - reach), *(at + reach)] for at, reach in reaches]
     np.testing.assert_allclose(sorted(np.round(extents, 5).tolist()), np.reshape(WALLS, (2, 6)), atol=1e-5)
+
+
+@pytest.mark.parametrize("low", [0.0, 0.5], ids=["shares corners", "apart"])
+def test_a_floor_of_one_sheet_is_driven_over(tmp_path, low):
+    floor = trimesh.Trimesh([(low, low, 0), (4, low, 0), (4, 4, 0), (low, 4, 0)], [(0, 1, 2), (0, 2, 3)])
+    walls = [trimesh.creation.box(bounds=wall) for wall in WALLS]
+    trimesh.util.concatenate([*walls, floor]).export(tmp_path / "room.obj")
+    imported = import_world(tmp_path / "room.obj", tmp_path / "scene.xml", decompose=True, **TASK)
+    assert (imported.geoms, imported.obstacles) == (2, 2)
+    assert "driven over and left out: part " in imported.notes[0]
+    FreeSpace.of(load(imported.path).scene)
+
+
+@pytest.mark.parametrize(("task", "what"), [({"start": (3.5, 3.5)}, "start"), ({"goal": (3.5, 3.5, 0.2)}, "goal")])
+def test_start_and_goal_are_checked_with_the_robot_that_plans(tmp_path, task, what):
+    """A board that touches the top of the sphere as which the rover plans, and not the rover itself."""
+    boxes = [*WALLS, [(3, 3, 0.19), (4, 4, 0.3)]]
+    trimesh.util.concatenate([trimesh.creation.box(bounds=box) for box in boxes]).export(tmp_path / "shelf.obj")
+    known = {"start": (1.0, 1.0), "goal": (2.0, 2.0, 0.3)} | task
+    with pytest.raises(SceneError, match=rf"shelf.obj: the {what} \(3.5, 3.5\) is in collision.*rover"):
+        import_world(tmp_path / "shelf.obj", tmp_path / "scene.xml", decompose=True, **known)
+    assert not (tmp_path / "scene.xml").exists()
+
+
+def test_what_would_take_coacd_minutes_is_refused(ring, tmp_path, monkeypatch):
+    pytest.importorskip("coacd")
+    monkeypatch.setattr(meshes, "MOST_FACES", 2000)
+    with pytest.raises(SceneError, match="2400 triangles would take CoACD minutes; simplify it to 2000 triangles"):
+        import_world(ring, tmp_path / "scene.xml", decompose=True, **TASK)
 
 
 def test_coacd_itself_parts_a_mesh(ring, tmp_path):

@@ -12,7 +12,9 @@ from sdf_samples import BALL, PLANE, TASK, ball, collision, imported, link, mode
 
 from pirrht.errors import SceneError
 from sim.cli import main
+from sim.importing import sdf_files
 from sim.importing.scene_file import import_world
+from sim.importing.solids import distinct
 from sim.mjcf import load
 
 
@@ -155,6 +157,35 @@ def test_the_configuration_names_the_file_and_caches_the_newest_version(run, tmp
         put(tmp_path / "models" / "ground desk" / str(version), ball("", name=f"v{version}"))
     fuel = include(f"{FUEL}/Ground Desk", "<pose>4 -2 0 0 0 0</pose>")
     assert list(places(run(include("model://desk") + fuel))) == ["new", "v10"]
+
+
+def test_versions_of_a_model_hold_no_versions(run, tmp_path, monkeypatch):
+    folder = tmp_path / "models" / "loop"
+    folder.mkdir(parents=True)
+    for link_to_itself in ("1", "2"):
+        (folder / link_to_itself).symlink_to(".")
+    searched = []
+    glob = Path.glob
+    monkeypatch.setattr(Path, "glob", lambda self, pattern: searched.append(self) or glob(self, pattern))
+    with pytest.raises(SceneError, match="'model://loop' is in none of"):
+        run(include("model://loop"))
+    assert len(searched) < 100
+
+
+def test_the_file_of_a_model_is_searched_once_and_its_copies_are_numbered(run, tmp_path, monkeypatch):
+    put(tmp_path / "models" / "desk", DESK)
+    searched = []
+    find = sdf_files._Includes._find
+    monkeypatch.setattr(sdf_files._Includes, "_find", lambda *words: searched.append(words[1]) or find(*words))
+    assert list(places(run(include("model://desk") * 40))) == ["desk", *(f"desk_{k}" for k in range(39))]
+    assert searched == ["model://desk", "model.sdf"]
+
+
+def test_many_equal_names_are_told_apart():
+    found = list(distinct(["a"] * 20_000 + ["b", "a 7"], ["b"]))
+    assert len(set(found)) == len(found)
+    assert found[:3] == ["a", "a 2", "a 3"]
+    assert found[-2:] == ["b 2", "a 7 2"]
 
 
 def test_an_include_names_poses_and_fixes_its_model(run, tmp_path):

@@ -88,6 +88,9 @@ def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wal
     assert 0.0 < found.accepted == pytest.approx(weight[part.paths.outcome == 2].sum() / weight.sum())
     assert found.accepted < found.probability <= found.most
     assert set(found.classes) == set(plan.classes.values())
+    certain = collision_probability(problem, plan.estimate, step=1e9)
+    assert certain.probability == 1.0
+    assert np.isfinite(certain.error)
 
 
 def test_a_control_that_is_held_for_a_period_collides_more_often_than_one_held_for_a_physics_step():

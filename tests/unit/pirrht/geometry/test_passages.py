@@ -138,6 +138,15 @@ def test_clearance_with_a_waiver_changes_no_faster_than_places_do_and_the_field_
     assert np.median(here[free] - sampled[free]) < 0.02
 
 
+def test_a_floor_that_reaches_into_the_margin_everywhere_is_named() -> None:
+    floor = replace(
+        block("floor", 3.0, 3.0, (9.0, 9.0)), size=np.array([9.0, 9.0, 0.001]), position=np.array([3, 3, 0])
+    )
+    scene = replace(scene_of([floor], start=(1.0, 1.0), goal=(5.0, 5.0)), margin=0.01)
+    with pytest.raises(SceneError, match=r'obstacle "floor" lies under or over the robot at \(1, 1\).*0.099 m'):
+        FreeSpace.of(scene)
+
+
 def test_a_start_that_touches_is_refused_whatever_the_margin() -> None:
     with pytest.raises(SceneError, match=r"start \(2, 1.05\) is in .* of radius 0.1 \(it lacks 0.05 m"):
         FreeSpace.of(beside_wall((2.0, 1.05)))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from trees import point
 
-from pirrht import Kind, Obstacle, Scene, SceneError
+from pirrht import Goal, Kind, Obstacle, Scene, SceneError
 from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.obstacle import Motion, Mover
@@ -112,7 +112,7 @@ CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "u
         (lambda: Scene.from_grid(np.zeros((3, 3)), 1.0, **CORNERED), "the grid is of float64 .*grid > 50"),
         (lambda: Scene.from_grid(np.zeros(3, bool), 1.0, **CORNERED), r"shape \(3,\)"),
         (lambda: Scene.from_grid(np.zeros((5, 6), bool), 0.0, **CORNERED), "the resolution is 0"),
-        (lambda: Scene.from_boxes([], **ROOM | {"goal": (1, 2)}), "goal: .* x, y, radius"),
+        (lambda: Scene.from_boxes([], **ROOM | {"goal": (1, 2)}), r"the goal is \(1, 2\); it must be x, y, radius"),
         (lambda: Scene.from_boxes([], **ROOM | {"start": (9, 2)}), "the start .* outside the workspace"),
     ],
 )
@@ -120,6 +120,73 @@ def test_what_cannot_be_a_scene_is_refused_in_one_line(made, words: str):
     with pytest.raises(SceneError, match=words) as caught:
         made()
     assert "\n" not in str(caught.value)
+
+
+HOSTILE = (
+    *(None, "abc", b"x", np.nan, np.inf, -np.inf, 1e160, 1e17, True, 1j, 10**400, object(), [None], {1: 2}),
+    *(np.ma.masked_array([1.0, 2.0, 0.3], [0, 1, 0]), [[1.0], [2.0, 3.0]], [1.0, "2", 0.3], [1.0, np.nan, 0.3]),
+)
+NO_OBSTACLE = {"name": "o", "kind": Kind.BOX, "size": np.ones(3), "position": np.ones(3), "rotation": np.eye(3)}
+TETRAHEDRON = {"vertices": np.eye(4, 3), "faces": np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])}
+PLAIN = {"lower": np.zeros(2), "upper": np.ones(2), "start": np.full(3, 0.5), "robot_radius": 0.1, "obstacles": ()}
+GOAL = Goal(center=np.full(2, 0.5), radius=0.1)
+MAKERS = {
+    **{
+        key: (lambda v, key=key: Scene.from_boxes([[1, 1, 2, 2]], **ROOM | {key: v})) for key in (*ROOM, "robot_height")
+    },
+    "boxes": lambda v: Scene.from_boxes(v, **ROOM),
+    "discs": lambda v: Scene.from_discs([v], **ROOM),
+    "polygons": lambda v: Scene.from_polygons(v, **ROOM),
+    "polygon": lambda v: Scene.from_polygons([v], **ROOM),
+    "corner": lambda v: Scene.from_polygons([[(1, 1), (2, 1), v]], **ROOM),
+    "grid": lambda v: Scene.from_grid(v, 1.0, **CORNERED),
+    "resolution": lambda v: Scene.from_grid(np.zeros((5, 6), bool), v, **CORNERED),
+    "origin": lambda v: Scene.from_grid(np.zeros((5, 6), bool), 1.0, origin=v, **CORNERED),
+    "center": lambda v: Goal(center=v, radius=0.3),
+    "radius": lambda v: Goal(center=np.ones(2), radius=v),
+    **{
+        key: (lambda v, key=key: Obstacle(**NO_OBSTACLE | {key: v})) for key in ("kind", "size", "position", "rotation")
+    },
+    **{
+        key: (lambda v, key=key: Obstacle(**NO_OBSTACLE | TETRAHEDRON | {"kind": Kind.MESH, key: v}))
+        for key in TETRAHEDRON
+    },
+    **{
+        f"scene {key}": (lambda v, key=key: Scene(**{"name": "a", "goal": GOAL, **PLAIN, key: v}))
+        for key in (*PLAIN, "goal", "margin", "movers", "waivers")
+    },
+    "rows": lambda v: Motion(rows=v),
+    "offset": lambda v: Motion(rows=np.zeros((1, 4)), offset=v),
+    "solids": lambda v: Mover(name="m", solids=v, motion=Motion(rows=np.zeros((1, 4)))),
+}
+
+
+@pytest.mark.parametrize("field", MAKERS)
+def test_no_field_of_a_scene_takes_what_is_no_number_of_bearable_size(field: str):
+    for value in HOSTILE:
+        with pytest.raises(SceneError) as caught:
+            MAKERS[field](value)
+        assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (lambda: Scene.from_boxes([[1, 1, 2, 2]], **ROOM, robot_height=-1), "height of the robot's centre is -1"),
+        (lambda: Scene.from_boxes([[1, 1, 2, 2]], **ROOM, robot_height=np.nan), "height of the robot's centre is nan"),
+        (lambda: Scene.from_polygons([1e160 * np.array(U_SHAPE)], **ROOM), "polygon 1: row 1 is .* at most 1e\\+06"),
+        (lambda: Scene.from_discs([[2, 2, 1e17]], **ROOM), "discs: row 1 is .* at most 1e\\+06"),
+        (lambda: Scene.from_boxes((row for row in BOXES), **ROOM), "boxes is <generator .* a sequence of rows"),
+        (lambda: Scene.from_grid(np.zeros((5, 6), bool), None, **CORNERED), "the resolution is None"),
+        (lambda: Scene.from_boxes(BOXES, **ROOM, name=3), "the name of a scene is 3"),
+        (lambda: Obstacle(**NO_OBSTACLE | {"size": np.array([1, 1, 0])}), "obstacle 'o': size is .* positive"),
+        (lambda: Obstacle(**NO_OBSTACLE | {"rotation": np.ones((3, 3))}), "obstacle 'o': rotation is"),
+        (lambda: Scene.from_grid(np.ma.masked_array(np.zeros((5, 6), bool), True), 1, **CORNERED), "with masked cells"),
+    ],
+)
+def test_what_would_make_walls_vanish_is_named(made, words: str):
+    with pytest.raises(SceneError, match=words):
+        made()
 
 
 @pytest.mark.parametrize(

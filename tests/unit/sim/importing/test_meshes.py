@@ -3,6 +3,7 @@
 COLLADA files give the triangles that Gazebo draws: units and nodes count, the up axis does not.
 """
 
+import sys
 from itertools import product
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from scipy.spatial.transform import Rotation
 from sdf_samples import refused
 from trimesh.triangles import area
 
-from sim.importing.meshes import CONCAVE, read_collada, split
+from pirrht.errors import SceneError
+from sim.importing.meshes import CONCAVE, Budget, read_collada, split
 from sim.importing.solids import as_box
 
 RING = trimesh.creation.annulus(2.8, 3.0, 2.0, sections=6)
@@ -51,6 +53,73 @@ def test_parts_fill_what_the_mesh_fills(tmp_path, mesh, name, options, count, fi
     assert len(found) == count
     assert rough == 0
     assert volume(found) == pytest.approx(filled, rel=1e-5)
+
+
+def soup(triangles: np.ndarray) -> trimesh.Trimesh:
+    """Triangles in any order, each from any of its corners on."""
+    rng = np.random.default_rng(0)
+    mixed = [np.roll(one, rng.integers(3), axis=0) for one in rng.permutation(triangles)]
+    return trimesh.Trimesh(np.reshape(mixed, (-1, 3)), np.arange(3 * len(mixed)).reshape(-1, 3), process=False)
+
+
+def crates() -> trimesh.Trimesh:
+    """Three thin crates side by side, with both faces where two of them meet."""
+    bounds = [[(0.1 * x, 0, 0), (0.1 * x + 0.1, 1, 1)] for x in range(3)]
+    return trimesh.util.concatenate([trimesh.creation.box(bounds=one) for one in bounds])
+
+
+@pytest.mark.parametrize(("mesh", "count"), [(RING, 6), (SHELL, 4), (TWO, 2), (crates(), 3)])
+@pytest.mark.parametrize("second", [np.s_[:, ::-1], np.s_[::2, ::-1], np.s_[:, :]], ids=["back", "part", "again"])
+def test_a_surface_that_is_stored_from_both_sides_counts_once(tmp_path, mesh, count, second):
+    soup(np.concatenate([mesh.triangles, mesh.triangles[second]])).export(tmp_path / "both.stl")
+    soup(mesh.triangles).export(tmp_path / "one.stl")
+    found, rough = split(tmp_path / "both.stl")
+    expected, _ = split(tmp_path / "one.stl")
+    assert len(found) == len(expected) == count
+    assert rough == 0
+    assert volume(found) == pytest.approx(volume(expected), rel=1e-5)
+
+
+def test_a_closed_surface_may_be_wound_in_both_ways(tmp_path):
+    triangles = RING.triangles.copy()
+    triangles[::3] = triangles[::3, ::-1]
+    soup(triangles).export(tmp_path / "ring.stl")
+    found, _ = split(tmp_path / "ring.stl")
+    assert len(found) == 6
+    assert volume(found) == pytest.approx(RING.volume, rel=1e-5)
+
+
+def test_both_sides_of_other_triangles_are_no_block_without_a_word(tmp_path):
+    corners = np.array(
+        [(r * x, r * y, z) for z in (0, 1) for r in (2.0, 3.0) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+    )
+    around = [(a, (a + 1) % 4) for a in range(4)]
+    quads = [(k + a, k + b, k + 8 + b, k + 8 + a) for k in (0, 4) for a, b in around]
+    quads += [(k + a, k + b, k + 4 + b, k + 4 + a) for k in (0, 8) for a, b in around]
+    faces = [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d), (d, b, a), (d, c, b))]
+    soup(corners[faces]).export(tmp_path / "ring.stl")
+    found, rough = split(tmp_path / "ring.stl")
+    assert len(found) == 1
+    assert rough > CONCAVE
+
+
+def test_walls_that_share_corners_with_a_floor_are_parts_of_their_own(tmp_path):
+    walls = [trimesh.creation.box(bounds=one) for one in ([(0, 0, 0), (6, 0.2, 1)], [(0, 3.8, 0), (6, 4, 1)])]
+    floor = trimesh.Trimesh([(0, 0, 0), (6, 0, 0), (6, 4, 0), (0, 4, 0)], [(0, 1, 2), (0, 2, 3)])
+    trimesh.util.concatenate([*walls, floor]).export(tmp_path / "room.stl")
+    found, _ = split(tmp_path / "room.stl")
+    assert sorted(round(float(np.ptp(corners[:, 2])), 3) for corners in found) == [0.001, 1.0, 1.0]
+
+
+def test_what_is_left_to_split_when_the_work_is_done_is_a_hull_that_is_reported(tmp_path):
+    RING.export(tmp_path / "ring.stl")
+    trimesh.creation.icosphere(2).export(tmp_path / "ball.stl")
+    budget = Budget(1e5)
+    found, rough = split(tmp_path / "ring.stl", budget=budget)
+    assert len(found) == 1
+    assert rough > CONCAVE
+    assert budget.left < 0.0
+    assert split(tmp_path / "ball.stl", budget=budget)[1] == 0  # a hull anyway
 
 
 def test_round_shapes_are_within_the_tolerance(tmp_path):
@@ -110,6 +179,16 @@ BAD = [
 def test_what_is_no_mesh_is_refused_by_name_in_one_line(tmp_path, name, data, words):
     (tmp_path / name).write_bytes(data)
     refused(lambda: split(tmp_path / name), name, words)
+
+
+def test_text_that_is_not_utf_8_needs_no_other_library(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "charset_normalizer", None)
+    (tmp_path / "a.obj").write_bytes(b"# T\xfcr\no T\xfcr\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(split(tmp_path / "a.obj")[0]) == 1
+    (tmp_path / "b.stl").write_bytes(b"\xff\xfe\x80" * 40)
+    with pytest.raises(SceneError, match=r"b.stl: (this is no mesh|it has no triangles)") as caught:
+        split(tmp_path / "b.stl")
+    assert "charset" not in str(caught.value)
 
 
 CORNERS = "0 0 0  1 0 0  1 1 0  0 1 0"
