@@ -48,10 +48,15 @@ class ClearanceChecker:
         self._crowd = MovingObstacles(scene.movers, scene.footprint)
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
-    def at(self, x: Array, now: float, enough: float = inf) -> float:
-        """Return the clearance at x (n,) and a time [s], 0 or less in a collision; a bound from `enough` on [m]."""
-        free, moving = self._static(x, enough), self._crowd.surely(x, now)
-        return min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now))
+    def least(self, states: Array, times: Array) -> float:
+        """Return the least clearance at states (k, n) and times (k,) [s], the last ones next to the robot now [m]."""
+        static = self._clearance(states[:, :2])
+        self._disc = float(static[-1]), float(states[-1, 0]), float(states[-1, 1])
+        free = float(static.min())
+        for x, now in zip(states, times, strict=True):
+            if self._crowd.surely(x, now) < free:
+                free = min(free, self._crowd.clearance(x[:2], now))
+        return free
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
         """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
@@ -141,7 +146,8 @@ class Plant:
         (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
-        outcome, cost, length, clearance, k = None, 0.0, 0.0, inf, 0
+        outcome, cost, length, k = None, 0.0, 0.0, 0
+        times = self._begun + (self._steps + np.arange(1, self._count + 1)) * h
         while k < self._count and outcome is None:
             u = controls[k]
             u[:] = control_at(x, k * h)
@@ -150,7 +156,6 @@ class Plant:
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
             length += hypot(x[0] - before[0], x[1] - before[1])
-            clearance = min(clearance, checker.at(x, self.time, clearance))
             if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x):
                 outcome = Outcome.COLLISION
             elif hypot(x[0] - gx, x[1] - gy) <= scene.goal.radius:
@@ -160,7 +165,7 @@ class Plant:
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
         return Advance(
             outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
-            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else clearance,
+            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
         )  # fmt: skip
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:

@@ -188,7 +188,7 @@ class EpisodeMetrics:
             else:
                 self._driven = Driven(task.homology, plan.state, begin)
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
-        clearance = self._checker.at(plan.state, begin)
+        clearance = self._checker.least(plan.state[None], np.array([begin]))
         self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
         self._length.add(task.problem, advance.states, advance.time / len(advance.states), advance.length)
         self._driven.observe(advance.states, self.time)
