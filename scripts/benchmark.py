@@ -43,7 +43,10 @@ PARTS = {
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
-TABLES = ("speed", "first-run", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
+TABLES = (
+    "speed", "first-run", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets",
+    "trace",
+)  # fmt: skip
 
 
 def main() -> int:

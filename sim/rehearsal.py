@@ -11,6 +11,7 @@ import sys
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
@@ -73,7 +74,7 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
             tree.homology.winding(np.zeros((2, 3)))
 
 
-def compile_last(scene: str | os.PathLike[str], given: Mapping[str, Any]) -> None:
+def compile_last(scene: str | Path, given: Mapping[str, Any]) -> None:
     """Compile for a run what samples need, then the rest: whoever plans meanwhile comes to them last."""
     small = small_of(prepare(scene, given=given, room=room_of))
     if small.settings.method not in TREELESS:
@@ -83,13 +84,16 @@ def compile_last(scene: str | os.PathLike[str], given: Mapping[str, Any]) -> Non
     rehearse(small, driving=True)
 
 
-def helper(scene: str | os.PathLike[str], given: Mapping[str, Any]) -> subprocess.Popen[bytes] | None:
+def helper(scene: str | Path, given: Mapping[str, Any]) -> subprocess.Popen[bytes] | None:
     """Begin `compile_last` in another process; None where that is of no use: one core, or nothing is kept on disk."""
     if len(os.sched_getaffinity(0)) < 2 or not cache.kept():
         return None
     command = [sys.executable, "-P", "-m", "sim.rehearsal"]  # -P: nothing is imported from the current folder
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    process = subprocess.Popen(command, start_new_session=True, **pipes)  # which Ctrl-C does not reach
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,  # which Ctrl-C does not reach
+    )  # fmt: skip
+    assert process.stdin is not None
     with suppress(BrokenPipeError):
         process.stdin.write(pickle.dumps((scene, given)))
         process.stdin.flush()
@@ -97,7 +101,8 @@ def helper(scene: str | os.PathLike[str], given: Mapping[str, Any]) -> subproces
 
 
 def _end_with_input() -> None:
-    sys.stdin.buffer.read()
+    while os.read(0, 4096):
+        pass
     os._exit(1)
 
 

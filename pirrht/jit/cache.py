@@ -5,7 +5,8 @@ arguments, compiler and processor. So an edit costs the kernels that it touches 
 that refers to a value that could change unseen has no name, and its code is not kept.
 
 Loading a kernel runs code of its file. So nothing is read but from a folder and files that belong to this user or to
-root and that nobody else may write to or replace, and nothing is unpickled unless it has the digest with which its file begins.
+root and that nobody else may write to or replace. Nothing is unpickled unless it has the digest with which its file
+begins.
 """
 
 import builtins
@@ -228,7 +229,7 @@ def locked(key: str | None) -> Iterator[None]:
     stream = None
     if key is not None and fcntl is not None:
         with suppress(OSError):
-            stream = open(_own_folder() / f"{key}.lock", "ab", opener=_opened)
+            stream = open(_own_folder() / f"{key}.lock", "ab", opener=_opened)  # noqa: SIM115
             began = time.monotonic()
             while not _is_ours(stream):
                 if time.monotonic() - began > _patience[-1]:
@@ -260,7 +261,7 @@ def kept() -> bool:
 
 @cache
 def folder() -> Path:
-    """Return the folder of kernels: in NUMBA_CACHE_DIR, else next to the package, in the user's cache or a temporary one.
+    """Return the folder of kernels: in NUMBA_CACHE_DIR, else next to the package, else in the user's cache, or /tmp.
 
     It is the first that this user may write to and nobody else. The variable is read from the environment, since a file
     of the current folder may change numba's own.

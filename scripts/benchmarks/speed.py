@@ -41,7 +41,7 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
 def plant(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
     """Table and JSON of a physics step of the plant, without the control law: processor time."""
     figures = {scene: physics_step(scene) for scene in ([options.scene] if options.scene else SCENES)}
-    table = [[f"step of the plant, {name}", f"{1e6 * seconds:.1f}", "us", *4 * ["-"]] for name, seconds in figures.items()]
+    table = [[f"step of the plant, {name}", f"{1e6 * spent:.1f}", "us", *4 * ["-"]] for name, spent in figures.items()]
     return table, {name: {"median": seconds, "unit": "s"} for name, seconds in figures.items()}
 
 

@@ -45,7 +45,7 @@ class ClearanceChecker:
 
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
         self._clearance = clearance or Collision(scene.world, scene.footprint).clearance
-        self._crowd = MovingObstacles(scene.movers, scene.footprint)
+        self._crowd = MovingObstacles(scene.movers, scene.footprint) if scene.movers else None
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
     def least(self, states: Array, times: Array) -> float:
@@ -53,9 +53,10 @@ class ClearanceChecker:
         static = self._clearance(states[:, :2])
         self._disc = float(static[-1]), float(states[-1, 0]), float(states[-1, 1])
         free = float(static.min())
-        for x, now in zip(states, times, strict=True):
-            if self._crowd.surely(x, now) < free:
-                free = min(free, self._crowd.clearance(x[:2], now))
+        if self._crowd is not None:
+            for x, now in zip(states, times, strict=True):
+                if self._crowd.surely(x, now) < free:
+                    free = min(free, self._crowd.clearance(x[:2], now))
         return free
 
     def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
@@ -66,7 +67,7 @@ class ClearanceChecker:
             lambda s: self._static(before + s * way), lambda a, b: (b - a) * length, undecided=False
         ):
             return True
-        return self._crowd.meets(before[:2], begin, x[:2], now)
+        return self._crowd is not None and self._crowd.meets(before[:2], begin, x[:2], now)
 
     def _static(self, x: Array, enough: float = inf) -> float:
         free, at_x, at_y = self._disc
@@ -143,22 +144,25 @@ class Plant:
         The control is queried at every physics step; `rng` gives the period's increments, in the order of the steps.
         """
         h, problem, checker, x, scene = self.physics_step, self._problem, self._checker, self.state, self._problem.scene
-        (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
+        (left, low), (right, high), (gx, gy) = scene.lower.tolist(), scene.upper.tolist(), scene.goal.center.tolist()
+        at_x, at_y = x[:2].tolist()
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
         outcome, cost, length, k = None, 0.0, 0.0, 0
-        times = self._begun + (self._steps + np.arange(1, self._count + 1)) * h
+        times = self._begun + h * np.arange(self._steps + 1.0, self._steps + 1.0 + self._count)
         while k < self._count and outcome is None:
             u = controls[k]
             u[:] = control_at(x, k * h)
             cost += (problem.rate(x) + 0.5 * float(u.dot(problem.control_cost(x)).dot(u))) * h
             before = x
+            was_at_x, was_at_y = at_x, at_y
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
-            length += hypot(x[0] - before[0], x[1] - before[1])
-            if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x):
+            at_x, at_y = x[:2].tolist()
+            length += hypot(at_x - was_at_x, at_y - was_at_y)
+            if not (left < at_x < right and low < at_y < high) or self._touching(before, x):
                 outcome = Outcome.COLLISION
-            elif hypot(x[0] - gx, x[1] - gy) <= scene.goal.radius:
+            elif hypot(at_x - gx, at_y - gy) <= scene.goal.radius:
                 outcome = Outcome.GOAL
             k += 1
         if not np.isfinite(cost):
