@@ -36,11 +36,11 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
+from pirrht.jit.ownership import Foreign, is_foreign, own
+
 try:
     import fcntl
-    import grp
-    import pwd
-except ImportError:  # a system without such locks, where everyone compiles, and without owners
+except ImportError:  # a system without such locks: everyone compiles
     fcntl = None  # type: ignore[assignment]
 
 UNUSED = 30 * 86400.0  # a kernel that was not loaded for so long is removed [s]
@@ -175,7 +175,7 @@ def load(key: str | None, made: Callable[[Any], Any]) -> Any:
             found = os.fstat(stream.fileno())  # of what is read, whatever the name stands for by now
             if not stat.S_ISREG(found.st_mode):
                 return None
-            if _is_foreign(found):
+            if is_foreign(found):
                 _warn_once(f"a compiled kernel is not used, since another user may have written it: {path}")
                 return None
             if time.time() - found.st_mtime > DAY:
@@ -274,64 +274,22 @@ def folder() -> Path:
     paths = [Path(home).resolve() / place for home in homes if home and not home.startswith("~")]
     for path in paths:
         with suppress(OSError):
-            if os.access(_own(path), os.W_OK):
+            if os.access(own(path), os.W_OK):
                 return path
     return paths[0]
-
-
-class Foreign(OSError):
-    """Somebody else owns the folder of the cache or one above it, or may write to it."""
 
 
 def _own_folder() -> Path:
     """Make the folder of kernels, if need be; Foreign and a line where somebody else may write there."""
     path = folder()
     try:
-        return _own(path)
+        return own(path)
     except Foreign:
         _warn_once(
             f"compiled kernels in {path} are not used, since another user may write there, so every command "
             "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
         )
         raise
-
-
-def _own(path: Path) -> Path:
-    """Make a folder, if need be, and return it; Foreign where somebody else may put another one in its place."""
-    for one in reversed([path, *path.parents]):
-        if not one.exists():
-            one.mkdir(mode=0o755, exist_ok=True)  # even for a user who lets everybody write
-    if _is_foreign(os.lstat(path)) or _is_below_foreign(path):
-        raise Foreign
-    return path
-
-
-def _is_foreign(found: os.stat_result, shared: int = 0) -> bool:
-    """Return whether somebody else may have written something, or, of a link, what it leads to; `shared` bits aside."""
-    if not hasattr(os, "geteuid"):  # there are no owners
-        return False
-    open_to = found.st_mode & 0o022 & ~shared
-    return found.st_uid not in (0, os.geteuid()) or bool(open_to) or stat.S_ISLNK(found.st_mode)
-
-
-@cache
-def _is_below_foreign(path: Path) -> bool:
-    """Return whether somebody else may rename a folder above; not where the group is the user's own, or in /tmp."""
-    for one in path.parents:
-        found = os.stat(one)
-        shared = 0o022 if found.st_mode & stat.S_ISVTX else 0o020 if _is_private(found.st_gid) else 0
-        if _is_foreign(found, shared):
-            return True
-    return False
-
-
-def _is_private(number: int) -> bool:
-    """Return whether a group is that of this user alone, as many systems make one for each."""
-    try:
-        group, user = grp.getgrgid(number), pwd.getpwuid(os.geteuid()).pw_name
-    except (KeyError, NameError):
-        return False
-    return group.gr_name == user and set(group.gr_mem) <= {user}
 
 
 @cache

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from repository import environment
 
-from pirrht.jit import cache
+from pirrht.jit import cache, ownership
 from pirrht.jit.cache import identity
 from pirrht.jit.jit import DISABLED
 
@@ -227,7 +227,7 @@ def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of kernels in which there is one that runs code when it is loaded."""
     monkeypatch.setattr(cache, "folder", lambda: tmp_path / "kernels")
     monkeypatch.setattr(cache, "_warned", set())
-    cache._is_below_foreign.cache_clear()
+    ownership._is_below_foreign.cache_clear()
     before = os.umask(0)  # a user who lets everybody write: not to what is run
     try:
         cache.save(KEY, Trap(tmp_path / "ran"))
@@ -274,11 +274,11 @@ def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: P
 
 def test_who_may_rename_a_folder_above_may_replace_kernels_so_they_are_not_run(tmp_path: Path, kernels: Path, caplog):
     tmp_path.chmod(0o777)
-    cache._is_below_foreign.cache_clear()  # it is asked once per process
+    ownership._is_below_foreign.cache_clear()  # it is asked once per process
     assert cache.load(KEY, lambda found: found) is None
     assert not (tmp_path / "ran").exists()
     assert "another user may write there" in caplog.text
-    cache._is_below_foreign.cache_clear()
+    ownership._is_below_foreign.cache_clear()
     tmp_path.chmod(0o1777)  # as /tmp: others may add files, but rename none
     assert cache.load(KEY, lambda found: "loaded") == "loaded"
 
