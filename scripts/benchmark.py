@@ -2,7 +2,9 @@
 
     python scripts/benchmark.py speed       rollouts and planning beside JAX, pytorch_mppi and OMPL (if installed:
                                             pip install 'pirrht[bench]'), control step, recording; or one --part of it;
-                                            --part moving: among 24 bodies that move
+                                            --part moving: among 24 bodies that move; --part plant: physics steps
+    python scripts/benchmark.py first-run   first runs from an empty cache of kernels, of --robot and --scene too, in
+                                            turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py ess         effective samples along a drive, and log psi against a million; --robot R
@@ -36,12 +38,15 @@ from sim.text import table
 
 PARTS = {
     "quality": ("control", "grid", "car", "samples", "psi", "shares", "drives"),  # the first is the default
-    "speed": (None, "rollouts", "planners", "drive", "systems", "moving"),
+    "speed": (None, "rollouts", "planners", "drive", "systems", "moving", "plant"),
     "calibration": (None, "car", "moving", "mazes"),
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
-TABLES = ("speed", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets", "trace")
+TABLES = (
+    "speed", "first-run", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets",
+    "trace",
+)  # fmt: skip
 
 
 def main() -> int:
@@ -52,7 +57,9 @@ def main() -> int:
     parser.add_argument("what", choices=TABLES)
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument(
-        "--robot", help="of `ess` (unicycle), `mass` and `speed --part systems` (hover), `--part moving` (puck)"
+        "--robot",
+        help="of `ess` (unicycle), `mass` and `speed --part systems` (hover), `--part moving` (puck), "
+        "`first-run` (rover, or some with commas)",
     )
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
     parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
@@ -60,7 +67,7 @@ def main() -> int:
         "--part",
         help="of `quality`: "
         + ", ".join(map(str, PARTS["quality"]))
-        + "; of `speed`: rollouts, planners, drive (all), systems, moving; "
+        + "; of `speed`: rollouts, planners, drive (all), systems, moving, plant; "
         "of `calibration`: car, moving; of `mass`: line",
     )
     parser.add_argument("--seeds", type=int, default=300, help="drives per row of `quality` and `risk` (300)")
@@ -69,6 +76,8 @@ def main() -> int:
         type=Path,
         help="draw `calibration`, `maps`, samples and drives of `quality`, or kept and tradeoff of `risk`",
     )
+    parser.add_argument("--against", type=Path, metavar="CHECKOUT", help="of `first-run`")
+    parser.add_argument("--repeats", type=int, default=3, help="of `first-run` (3)")
     random = parser.add_argument_group("calibration and mass")
     random.add_argument(
         "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"
@@ -96,7 +105,7 @@ def main() -> int:
     if options.png is not None:
         check_writable(options.png, "--png")
     try:
-        header, rows, values = importlib.import_module(f"benchmarks.{options.what}").rows(options)
+        header, rows, values = importlib.import_module(f"benchmarks.{options.what.replace('-', '_')}").rows(options)
     except PirrhtError as error:
         parser.error(str(error))
     print(table(header, rows))

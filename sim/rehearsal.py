@@ -1,17 +1,31 @@
-"""A plan in a small room, so that whatever must be compiled or loaded is before any clock runs."""
+"""A plan in a small room, so that whatever must be compiled or loaded is before any clock runs.
 
+As a program, `python -m sim.rehearsal` compiles for a command that compiles at the same time: of the pickled pair that
+it reads, a scene and options of a run, it first makes what the command needs last. It ends with its standard input.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
+from threading import Thread
+from typing import Any
 
 import numpy as np
 
 from pirrht.control.settings import TREELESS
+from pirrht.estimation.assembly import path_integral
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.obstacle import Motion, Mover
 from pirrht.geometry.scene import Goal, Kind, Obstacle, Scene
+from pirrht.jit import cache
 from sim.drive import episode
 from sim.drive.executor import Plant
-from sim.scenario import Scenario
+from sim.scenario import Scenario, prepare
 
 VERTICES, SAMPLES, PERIODS = 30, 20, 2
 BOX = Obstacle(
@@ -27,9 +41,14 @@ WALKER = Mover(
 )  # fmt: skip
 
 
+def room_of(scene: Scene) -> Scene:
+    """Return the small room; an obstacle moves there if some do in the scene."""
+    return replace(ROOM, movers=(WALKER,) * bool(scene.movers))
+
+
 def small_of(scenario: Scenario) -> Scenario:
-    """Put the robot into a small room under its settings; an obstacle moves there if some do in the scene."""
-    room, s = replace(ROOM, movers=(WALKER,) * scenario.moving), scenario.settings
+    """Put the robot into a small room under its settings."""
+    room, s = room_of(scenario.loaded.scene), scenario.settings
     few = replace(s, vertices=VERTICES, samples=min(s.samples, SAMPLES), tree=None, target_error=None, budget=None)
     return replace(scenario, settings=few, problem=replace(scenario.problem, scene=room), space=FreeSpace.of(room))
 
@@ -53,3 +72,41 @@ def rehearse(scenario: Scenario, *, driving: bool = False) -> None:
         tree.checker.motion.free(first.path, 0, small.space)
         if tree.homology.J:
             tree.homology.winding(np.zeros((2, 3)))
+
+
+def compile_last(scene: str | Path, given: Mapping[str, Any]) -> None:
+    """Compile for a run what samples need, then the rest: whoever plans meanwhile comes to them last."""
+    small = small_of(prepare(scene, given=given, room=room_of))
+    if small.settings.method not in TREELESS:
+        integral = path_integral(small.problem, small.space, small.sampling, homology=small.homology)
+        integral.warm_up(optima=False)  # when others plan, they need those next
+        integral.warm_up()
+    rehearse(small, driving=True)
+
+
+def helper(scene: str | Path, given: Mapping[str, Any]) -> subprocess.Popen[bytes] | None:
+    """Begin `compile_last` in another process; None where that is of no use: one core, or nothing is kept on disk."""
+    if len(os.sched_getaffinity(0)) < 2 or not cache.kept():
+        return None
+    command = [sys.executable, "-P", "-m", "sim.rehearsal"]  # -P: nothing is imported from the current folder
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        start_new_session=True,  # which Ctrl-C does not reach
+    )  # fmt: skip
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):
+        process.stdin.write(pickle.dumps((scene, given)))
+        process.stdin.flush()
+    return process
+
+
+def _end_with_input() -> None:
+    while os.read(0, 4096):
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    task = pickle.load(sys.stdin.buffer)
+    Thread(target=_end_with_input, daemon=True).start()
+    compile_last(*task)

@@ -61,10 +61,10 @@ class ProposalFactory:
         """Optimiser of trajectories whose nominal controls open-loop samples follow along tracked references."""
         return self.guidance or DDPGuidance(self.problem, self.world, sways=False)
 
-    def warm_up(self) -> None:
-        """Compile the kernels of guides."""
+    def warm_up(self, *, optima: bool = True) -> None:
+        """Compile the kernels of guides, also of the optimisation of trajectories if `optima`."""
         x = self.problem.dynamics.state_of(self.problem.scene.start)
-        if self.guidance is not None:
+        if optima and self.guidance is not None:
             self.guidance.warm_up(x)
         if self.climbs_too:
             self.climbing(x, self.problem.scene.goal.center[None])(x, 0.0)

@@ -102,10 +102,13 @@ class PathIntegral:
         world = self.setup.world._replace(moving=moving)
         self.proposals.world.snapshot = self.setup._replace(world=world), homology
 
-    def warm_up(self, *, guides: bool = True) -> None:
-        """Compile the kernels of guides and samples, so that the first plan takes no longer than the others."""
-        if guides:
-            self.proposals.warm_up()
+    def warm_up(self, *, optima: bool = True) -> None:
+        """Compile the kernels of guides and samples, so that the first plan takes no longer than the others.
+
+        Args:
+            optima: also those of the optimisation of trajectories, which take the longest.
+        """
+        self.proposals.warm_up(optima=optima)
         d = self.problem.dynamics
         x, times = d.state_of(self.problem.scene.start), np.arange(3.0)
         proposal = Proposal(lead=Tape(times, np.zeros((2, d.m))), count=1)

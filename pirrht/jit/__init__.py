@@ -4,6 +4,7 @@ jit           kernel, inlined, part, borrowing, jitable; calls and elements by a
 vectors       copies, sums and small linear systems of short rows
 streams       normal and uniform numbers and crossings of bridges by (seed, sample, draw); single precision
 cache         kernels on disk, each under a name of all that it computes
+ownership     folders that only this user may write to
 linking       parts stay LLVM IR, entries link them; uses numba's private interface
 patches       signals wait for LLVM; names of code, types of operations, no collection of garbage
 

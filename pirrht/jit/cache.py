@@ -5,7 +5,8 @@ arguments, compiler and processor. So an edit costs the kernels that it touches 
 that refers to a value that could change unseen has no name, and its code is not kept.
 
 Loading a kernel runs code of its file. So nothing is read but from a folder and files that belong to this user or to
-root and that nobody else may write to, and nothing is unpickled unless it has the digest with which its file begins.
+root and that nobody else may write to or replace. Nothing is unpickled unless it has the digest with which its file
+begins.
 """
 
 import builtins
@@ -25,7 +26,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from functools import cache
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any
+from typing import IO, Any
 
 import llvmlite
 import numba
@@ -35,6 +36,8 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
 from numba.extending import intrinsic
 
+from pirrht.jit.ownership import Foreign, is_foreign, own
+
 try:
     import fcntl
 except ImportError:  # a system without such locks: everyone compiles
@@ -42,9 +45,12 @@ except ImportError:  # a system without such locks: everyone compiles
 
 UNUSED = 30 * 86400.0  # a kernel that was not loaded for so long is removed [s]
 DAY = 86400.0  # precision of the time at which a kernel was loaded last [s]
+PATIENCE = 60.0  # longest wait for a kernel that another process compiles [s]; the largest takes some seconds
+POLL = 0.01  # between two attempts to take a lock [s]
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), np.generic)
 _Intrinsic = type(intrinsic(lambda context: None))
 _PACKAGE = Path(__file__).resolve().parent.parent
+_patience = [PATIENCE]  # of this process, the last counts [s]
 _warned: set[str] = set()  # kinds of lines that this process has written
 _identities: dict[FunctionType, str] = {}
 
@@ -161,17 +167,21 @@ def _code_of_module(name: str) -> str:
 
 def load(key: str | None, made: Callable[[Any], Any]) -> Any:
     """Return `made` of the content that is kept under a name; None if there is none that is whole and ours."""
+    if key is None:
+        return None
     try:
-        path = _own_folder() / str(key)
-        if key is None or not stat.S_ISREG((found := os.lstat(path)).st_mode):
-            return None
-        if _is_foreign(found):
-            _warn_once(f"a compiled kernel is not used, since another user may have written it: {path}")
-            return None
-        if time.time() - found.st_mtime > DAY:
-            with suppress(OSError):
-                os.utime(path)
-        content = path.read_bytes()
+        path = _own_folder() / key
+        with open(path, "rb", opener=_opened) as stream:
+            found = os.fstat(stream.fileno())  # of what is read, whatever the name stands for by now
+            if not stat.S_ISREG(found.st_mode):
+                return None
+            if is_foreign(found):
+                _warn_once(f"a compiled kernel is not used, since another user may have written it: {path}")
+                return None
+            if time.time() - found.st_mtime > DAY:
+                with suppress(OSError):
+                    os.utime(path)
+            content = stream.read()
     except OSError:
         return None
     try:
@@ -181,6 +191,11 @@ def load(key: str | None, made: Callable[[Any], Any]) -> Any:
     except Exception:  # whatever rebuilding meets
         _warn_once(f"a compiled kernel on disk is damaged, {path}; it is compiled again")
         return None
+
+
+def _opened(path: str, flags: int) -> int:
+    """Open a file, not what a link leads to; a pipe keeps nobody waiting, and others cannot open what is new."""
+    return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o600)
 
 
 def save(key: str, content: Any) -> None:
@@ -207,14 +222,32 @@ def save(key: str, content: Any) -> None:
 
 @contextmanager
 def locked(key: str | None) -> Iterator[None]:
-    """Hold the lock of a name until done or gone: others wait, and then find what one has compiled."""
+    """Hold the lock of a name until done or gone: others wait, and then find what one has compiled.
+
+    Who waits longer than any kernel takes to compile waits for no lock any more, and compiles.
+    """
     stream = None
     if key is not None and fcntl is not None:
         with suppress(OSError):
-            stream = (_own_folder() / f"{key}.lock").open("ab")
-            fcntl.flock(stream, fcntl.LOCK_EX)
+            stream = open(_own_folder() / f"{key}.lock", "ab", opener=_opened)  # noqa: SIM115
+            began = time.monotonic()
+            while not _is_ours(stream):
+                if time.monotonic() - began > _patience[-1]:
+                    _patience.append(0.0)
+                    _warn_once(f"a process compiles a kernel for more than {PATIENCE:.0f} s, so this one compiles too")
+                    break
+                time.sleep(POLL)
     with stream or nullcontext():
         yield
+
+
+def _is_ours(stream: IO[bytes]) -> bool:
+    """Take the lock of a file, if nobody has it."""
+    try:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
 
 
 def kept() -> bool:
@@ -228,41 +261,35 @@ def kept() -> bool:
 
 @cache
 def folder() -> Path:
-    """Return the folder of kernels: NUMBA_CACHE_DIR, else next to the package, else in the user's cache.
+    """Return the folder of kernels: in NUMBA_CACHE_DIR, else next to the package, else in the user's cache, or /tmp.
 
-    The variable is read from the environment, since a file of the current folder may change numba's own.
+    It is the first that this user may write to and nobody else. The variable is read from the environment, since a file
+    of the current folder may change numba's own.
     """
-    home = Path(os.environ.get("NUMBA_CACHE_DIR") or _PACKAGE / "__pycache__")
-    if not os.environ.get("NUMBA_CACHE_DIR"):
+    user, place = os.geteuid() if hasattr(os, "geteuid") else "user", Path("pirrht", "kernels")
+    homes = [os.environ.get("NUMBA_CACHE_DIR")]
+    if homes == [None] or homes == [""]:
+        homes = [str(_PACKAGE / "__pycache__"), os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")]
+        homes.append(os.path.join(tempfile.gettempdir(), f"pirrht-{user}"))
+    paths = [Path(home).resolve() / place for home in homes if home and not home.startswith("~")]
+    for path in paths:
         with suppress(OSError):
-            home.mkdir(exist_ok=True)
-        if not os.access(home, os.W_OK):
-            home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return home / "pirrht" / "kernels"
-
-
-class Foreign(OSError):
-    """Somebody else owns the folder of the cache, or may write to it; a line has been written about that."""
+            if os.access(own(path), os.W_OK):
+                return path
+    return paths[0]
 
 
 def _own_folder() -> Path:
-    """Make the folder of kernels, if need be; Foreign where somebody else may write there."""
+    """Make the folder of kernels, if need be; Foreign and a line where somebody else may write there."""
     path = folder()
-    path.mkdir(mode=0o755, parents=True, exist_ok=True)
-    if _is_foreign(os.lstat(path)):
+    try:
+        return own(path)
+    except Foreign:
         _warn_once(
             f"compiled kernels in {path} are not used, since another user may write there, so every command "
             "compiles anew; remove it, or set NUMBA_CACHE_DIR to a folder of your own"
         )
-        raise Foreign
-    return path
-
-
-def _is_foreign(found: os.stat_result) -> bool:
-    """Return whether somebody else may have written something, or, of a link, what it leads to."""
-    if not hasattr(os, "geteuid"):  # there are no owners
-        return False
-    return found.st_uid not in (0, os.geteuid()) or bool(found.st_mode & 0o022) or stat.S_ISLNK(found.st_mode)
+        raise
 
 
 @cache

@@ -182,16 +182,18 @@ class Code(CPUDispatcher):  # type: ignore[misc]
     def _found_or_made(self, args: tuple[Any, ...]) -> CompileResult:
         self.targetctx.refresh()  # else code from disk would find nothing of numba's runtime
         key = cache.key_of(self.py_func, self.kind, args, self.targetoptions, self.targetctx)
-        with cache.locked(key):
-            with unbroken:
-                result = cache.load(key, lambda data: self._rebuilt(key, data))
-            if result is None:
-                heard = {"dispatcher": self, "args": args, "return_type": None}  # as by numba's own dispatchers
-                with event.trigger_event("numba:compile", data=heard), without_garbage():
+        if (result := self._kept(key)) is None:
+            heard = {"dispatcher": self, "args": args, "return_type": None}  # as by numba's own dispatchers
+            with event.trigger_event("numba:compile", data=heard), cache.locked(key), without_garbage():
+                if (result := self._kept(key)) is None:  # nobody else has made it meanwhile
                     result = self._made(key, args)
-                if key is not None and (state := self._state(result)) is not None:
-                    cache.save(key, state)
+                    if key is not None and (state := self._state(result)) is not None:
+                        cache.save(key, state)
         return result
+
+    def _kept(self, key: str | None) -> CompileResult | None:
+        with unbroken:
+            return cache.load(key, lambda data: self._rebuilt(key, data))
 
 
 class Part(Code):

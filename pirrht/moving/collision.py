@@ -108,7 +108,7 @@ class MovingObstacles:
         known = shapes or repeat(None, len(movers))
         self._bodies = [Body(mover, footprint, shape) for mover, shape in zip(movers, known, strict=True)]
         self._speeds = np.array([body.speed for body in self._bodies])
-        self.fastest = float(self._speeds.max(initial=0.0))  # of any point of any, jumps aside [m/s]
+        self._fastest = float(self._speeds.max(initial=0.0))
         # Known of each: a free distance [m], where, at which time, and from when to when that holds [s].
         self._each = np.tile([-inf, 0.0, 0.0, 0.0, -inf, -inf], (len(self._bodies), 1))
         self._all = (inf if not self._bodies else -inf, 0.0, 0.0, 0.0, -inf, inf)
@@ -142,7 +142,7 @@ class MovingObstacles:
         free, x, y, when, holds, ends = self._all
         if not holds <= time < ends:
             return -inf
-        return free - hypot(place[0] - x, place[1] - y) - self.fastest * abs(time - when)
+        return free - hypot(place[0] - x, place[1] - y) - self._fastest * abs(time - when)
 
     def meets(self, a: Array, begin: float, b: Array, end: float, which: BoolArray | None = None) -> bool:
         """Return whether any of `which` (J,) touches a robot that goes from a to b (2,) [m], `begin` to `end` [s]."""

@@ -36,30 +36,35 @@ def loops(one_path: Any, scratch_of: Any, m: int) -> Kernels:
     """Build kernels around one that simulates a path, with `m` controls, in scratch that another makes."""
 
     @kernel
-    def sample(setup, tables, origin, start, stop, paths):  # type: ignore[no-untyped-def]
+    def simulate(setup, tables, origin, number, start, stop, paths, states, applied):  # type: ignore[no-untyped-def]
         times, window, first, scratch, h = tables.times, tables.window, tables.first, scratch_of(setup, tables), 0
         now = np.zeros((2, m))
-        for s in range(start, stop):
+        for c in range(start, stop):
+            s = number[c]
+            if s < first[h]:
+                h = 0
             while s >= first[h + 1]:
                 h += 1
             now[:] = 0.0
-            keep = KEPT(paths.log_ratio[s], np.empty((0, 1)), np.empty((0, m)), now)
+            keep = KEPT(paths.log_ratio[c], states[c], applied[c], now)
             work, key, outcome, taken, last, lasting, exposed = one_path(setup, tables, origin, h, s, keep, scratch)
-            paths.work[s], paths.key[s], paths.outcome[s], paths.steps[s] = work, key, outcome, taken
+            paths.work[c], paths.key[c], paths.outcome[c], paths.steps[c] = work, key, outcome, taken
             span = times[taken - 1] + last if taken <= window else times[window]
-            paths.log_survival[s], paths.span[s], paths.exposure[s] = lasting, span, exposed
+            paths.log_survival[c], paths.span[c], paths.exposure[c] = lasting, span, exposed
             for j in range(m):
-                paths.now[s, j], paths.start_control[s, j] = now[0, j] + span * now[1, j], now[1, j]
+                paths.now[c, j], paths.start_control[c, j] = now[0, j] + span * now[1, j], now[1, j]
 
-    @kernel
-    def replay(setup, tables, origin, number, states, applied, steps):  # type: ignore[no-untyped-def]
-        first, scratch = tables.first, scratch_of(setup, tables)
-        for c in range(number.shape[0]):
-            h = 0
-            while number[c] >= first[h + 1]:
-                h += 1
-            keep = KEPT(np.empty(0), states[c], applied[c], np.empty((0, m)))
-            _, _, _, steps[c], _, _, _ = one_path(setup, tables, origin, h, number[c], keep, scratch)
+    def sample(setup: Setup, tables: ProposalTables, origin: Origin, start: int, stop: int, paths: Paths) -> None:
+        states, applied = np.empty((stop, 0, 0)), np.empty((stop, 0, m))  # nothing is kept under way
+        simulate(setup, tables, origin, np.arange(stop), start, stop, paths, states, applied)
+
+    def replay(
+        setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray, states: Array, applied: Array,
+        steps: IntArray,
+    ) -> None:  # fmt: skip
+        paths = empty_paths(len(number), len(tables.control), m)
+        simulate(setup, tables, origin, number, 0, len(number), paths, states, applied)
+        steps[:] = paths.steps
 
     return Kernels(sample, replay, TUNING.alone)
 

@@ -126,7 +126,7 @@ def recorder(kind: KernelSpec) -> Any:
             for j in range(m):
                 column[j] = y[j]
             add_control(scratch, keep.applied, i, 1.0 / whole)
-        if keep.now.shape[0] == 0 or i >= tables.window:
+        if i >= tables.window:
             return 0.0
         owes = near_walls and inside
         lead(scratch, h, tables.law_weight, False)
@@ -142,7 +142,7 @@ def recorder(kind: KernelSpec) -> Any:
 
 
 class Kept(NamedTuple):
-    """Sums that one path adds to, from zero; arrays without rows are left alone."""
+    """Sums that one path adds to, from zero; `states` and `applied` without rows are left alone."""
 
     ratio: Array  # (H,) log dQ_g/dP under each reference
     states: Array  # (T+1, n), written

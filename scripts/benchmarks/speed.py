@@ -21,7 +21,8 @@ from sim.scenario import Scenario, prepare
 REPEATS = 5
 HEADER = ["figure", "median", "unit", "over ours", "rate", "effective/s", "note"]
 PARTS = {"rollouts": rollouts.rows, "planners": planners.rows}
-ALONE = {"systems": systems.rows, "moving": moving.rows}  # of no table but their own
+PERIODS = 300  # of a plant that are timed
+SCENES = ("slit", "clutter", "crossing")
 
 
 def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
@@ -35,6 +36,30 @@ def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], objec
         found, values[name] = parts[name](options)
         table += found
     return HEADER, table, values
+
+
+def plant(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
+    """Table and JSON of a physics step of the plant, without the control law: processor time."""
+    figures = {scene: physics_step(scene) for scene in ([options.scene] if options.scene else SCENES)}
+    table = [[f"step of the plant, {name}", f"{1e6 * spent:.1f}", "us", *4 * ["-"]] for name, spent in figures.items()]
+    return table, {name: {"median": seconds, "unit": "s"} for name, seconds in figures.items()}
+
+
+def physics_step(scene: str) -> float:
+    """Processor time of a step under noise alone [s]: the least of some repeats, since others use the machine."""
+    scenario = prepare(scene)
+    driven, still = scenario.plant(), np.zeros(scenario.problem.dynamics.m)
+    spent = []
+    for seed in range(REPEATS + 1):  # the first one loads
+        rng, steps, began = np.random.default_rng(seed), 0, time.process_time()
+        driven.reset(scenario.start)
+        for _ in range(PERIODS):
+            advance = driven.advance(lambda x, s: still, rng)
+            steps += len(advance.states)
+            if advance.outcome is not None:
+                driven.reset(scenario.start)
+        spent.append((time.process_time() - began) / steps)
+    return float(min(spent[1:]))
 
 
 def drive(options: argparse.Namespace) -> tuple[list[list[str]], dict[str, Any]]:
@@ -83,3 +108,6 @@ def _drive(scenario: Scenario, seconds: float, record: Path | None) -> list[floa
     if recorder is not None:
         recorder.close()
     return spent
+
+
+ALONE = {"systems": systems.rows, "moving": moving.rows, "plant": plant}  # of no table but their own

@@ -72,7 +72,7 @@ def warm(arguments: argparse.Namespace) -> int:
     scene, where = ("crossing", "among moving obstacles") if arguments.moving else ("slit", "in static scenes")
     for name in arguments.robots or robot_names():
         began = time.perf_counter()
-        notice()
+        notice().run = scene, {"robot": name}
         scenario = prepare(scene, robot=name)
         rehearse(scenario, driving=True)
         notice().finish()

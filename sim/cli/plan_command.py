@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import subprocess
 import sys
 import time
 from dataclasses import replace
@@ -18,7 +19,7 @@ from pirrht.errors import OptionError, SceneError
 from pirrht.jit import cache
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim import options, tree_file
+from sim import options, rehearsal, tree_file
 from sim.cli import tables
 from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
@@ -53,7 +54,9 @@ class Notice(event.TimingListener):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__()
         self.reported = False
+        self.run: tuple[str, dict[str, Any]] | None = None  # scene and options of the run that is compiled for
         self._bar: Any = None
+        self._helper: subprocess.Popen[bytes] | None = None  # compiles on another core what is needed last
 
     def clock(self) -> float:
         """Return a time [s] that does not count compiling."""
@@ -70,11 +73,18 @@ class Notice(event.TimingListener):  # type: ignore[misc]
                 self._bar = tqdm(disable=None, leave=False, bar_format=COMPILING, file=sys.stderr)
             if self._bar is not None:
                 self._bar.update()
+            if self.run is not None:
+                self._helper = rehearsal.helper(*self.run)
+                self.run = None
 
     def finish(self) -> None:
-        """Remove the count from the terminal."""
+        """Remove the count from the terminal, and end what compiles on another core."""
         if self._bar is not None:
             self._bar.close()
+        if self._helper is not None:
+            self._helper.kill()
+            self._helper.communicate()
+            self._helper = None
 
 
 @functools.cache
@@ -93,9 +103,9 @@ def scenario_of(arguments: argparse.Namespace, *, loose: bool = False) -> Scenar
             f"--start has {counted(numbers, 'number')}; it must be X Y, and TH of a robot with a heading; runs begin "
             "at rest (`pirrht estimate --at` takes any state)"
         )
-    notice()
-    driven = command not in ("plan", "estimate")
-    scenario = prepare(arguments.scene, given=options.of_run(command, given), loose=loose, driven=driven)
+    driven, of_run = command not in ("plan", "estimate"), options.of_run(command, given)
+    notice().run = arguments.scene, of_run
+    scenario = prepare(arguments.scene, given=of_run, loose=loose, driven=driven)
     if numbers == 3 and not scenario.problem.dynamics.angles:
         raise OptionError(f"--start has a heading, and {scenario.loaded.robot} has none; give X Y")
     for name in ("predict", "speed_limit"):

@@ -22,7 +22,7 @@ from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.geometry.collision import Collision, touches
 from pirrht.geometry.scene import ROUNDING, Scene, Workspace
-from pirrht.moving.collision import MovingObstacles, jumps
+from pirrht.moving.collision import MovingObstacles
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from sim.mjcf import Loaded
@@ -49,33 +49,37 @@ class ClearanceChecker:
     def __init__(self, scene: Scene, clearance: Clearance | None = None) -> None:
         static = Workspace(scene.lower, scene.upper, scene.obstacles)
         self._clearance = clearance or Collision(static, scene.body).clearance
-        self._crowd = MovingObstacles(scene.movers, scene.body)
-        self._fastest = inf if any(jumps(one.motion) for one in scene.movers) else self._crowd.fastest
+        self._crowd = MovingObstacles(scene.movers, scene.body) if scene.movers else None
         self._disc = -inf, 0.0, 0.0  # the last static clearance [m], and where: x, y [m]
 
-    def at(self, x: Array, now: float, enough: float = inf) -> float:
-        """Return the clearance at x (n,) and a time [s], 0 in a collision; a bound from `enough` on [m]."""
-        free, moving = self._static(x, enough), self._crowd.surely(x, now)
-        return max(0.0, min(free, moving if moving >= enough else self._crowd.clearance(x[:2], now)))
+    def least(self, states: Array, times: Array) -> float:
+        """Return the least clearance at states (k, n) and times (k,) [s], the last ones next to the robot now [m].
 
-    def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0, free: float = -inf) -> bool:
-        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s].
-
-        `free` bounds the clearance at the latter from below [m].
+        It is 0 in a collision.
         """
+        static = self._clearance(states[:, :2])
+        self._disc = float(static[-1]), float(states[-1, 0]), float(states[-1, 1])
+        free = float(static.min())
+        if self._crowd is not None:
+            for x, now in zip(states, times, strict=True):
+                if self._crowd.surely(x, now) < free:
+                    free = min(free, self._crowd.clearance(x[:2], now))
+        return max(0.0, free)
+
+    def blocked(self, before: Array, x: Array, begin: float = 0.0, now: float = 0.0) -> bool:
+        """Check for anything between two states 2 x (n,), a free one at `begin` and the next one `now` [s]."""
         way = x - before
         length = hypot(way[0], way[1])
-        if free > length + self._fastest * (now - begin):
-            return False
         if not self._static(x, length) > length and touches(
             lambda s: self._static(before + s * way) + ROUNDING, lambda a, b: (b - a) * length, undecided=False
         ):
             return True
-        return self._crowd.meets(before[:2], begin, x[:2], now)
+        return self._crowd is not None and self._crowd.meets(before[:2], begin, x[:2], now)
 
     def travel(self, before: Array, x: Array, begin: float, now: float) -> float:
         """Bound how far a robot goes from one state to the next and an obstacle meanwhile, together [m]."""
-        return hypot(x[0] - before[0], x[1] - before[1]) + self._crowd.travel(begin, now)
+        moved = 0.0 if self._crowd is None else self._crowd.travel(begin, now)
+        return hypot(x[0] - before[0], x[1] - before[1]) + moved
 
     def _static(self, x: Array, enough: float = inf) -> float:
         free, at_x, at_y = self._disc
@@ -153,37 +157,39 @@ class Plant:
         The control is queried at every physics step; `rng` gives the period's increments, in the order of the steps.
         """
         h, problem, checker, x, scene = self.physics_step, self._problem, self._checker, self.state, self._problem.scene
-        (left, low), (right, high), (gx, gy) = scene.lower, scene.upper, scene.goal.center
+        (left, low), (right, high), (gx, gy) = scene.lower.tolist(), scene.upper.tolist(), scene.goal.center.tolist()
+        at_x, at_y = x[:2].tolist()
         noise = sqrt(h) * rng.standard_normal((self._count, problem.dynamics.m))
         controls, states = np.empty_like(noise), np.empty((self._count, len(x)))
-        outcome, cost, length, clearance, k = None, 0.0, 0.0, inf, 0
+        outcome, cost, length, k = None, 0.0, 0.0, 0
+        times = self._begun + h * np.arange(self._steps + 1.0, self._steps + 1.0 + self._count)
         while k < self._count and outcome is None:
             u = controls[k]
             u[:] = control_at(x, k * h)
             cost += (problem.rate(x) + 0.5 * float(u.dot(problem.control_cost(x)).dot(u))) * h
             before = x
+            was_at_x, was_at_y = at_x, at_y
             self._steps += 1
             x = self._state = states[k] = self._move(x, u, noise[k], h)
-            length += hypot(x[0] - before[0], x[1] - before[1])
-            free = checker.at(x, self.time, clearance)
-            clearance = min(clearance, free)
-            if not (left < x[0] < right and low < x[1] < high) or self._touching(before, x, free):
+            at_x, at_y = x[:2].tolist()
+            length += hypot(at_x - was_at_x, at_y - was_at_y)
+            if not (left < at_x < right and low < at_y < high) or self._touching(before, x):
                 outcome = Outcome.COLLISION
-            elif hypot(x[0] - gx, x[1] - gy) <= scene.goal.radius:
+            elif hypot(at_x - gx, at_y - gy) <= scene.goal.radius:
                 outcome = Outcome.GOAL
             k += 1
         if not np.isfinite(cost):
             raise OptionError(f"not finite: control {u.tolist()} or its cost at {before.tolist()}; fix them")
         return Advance(
             outcome=outcome, time=k * h, cost=cost, length=length, states=states[:k], controls=controls[:k],
-            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else clearance,
+            noise=noise[:k], clearance=0.0 if outcome is Outcome.COLLISION else checker.least(states[:k], times[:k]),
         )  # fmt: skip
 
     def _move(self, x: Array, u: Array, dw: Array, step: float) -> Array:
         return self._problem.dynamics.step(x, u, dw, step)
 
-    def _touching(self, before: Array, x: Array, free: float) -> bool:
-        return self._checker.blocked(before, x, self.time - self.physics_step, self.time, free)
+    def _touching(self, before: Array, x: Array) -> bool:
+        return self._checker.blocked(before, x, self.time - self.physics_step, self.time)
 
 
 class Executor(Plant):
@@ -234,10 +240,10 @@ class Executor(Plant):
         mujoco.mj_step1(self._model, self.data)
         return self._stance.read(self.data, x)
 
-    def _touching(self, before: Array, x: Array, free: float) -> bool:
+    def _touching(self, before: Array, x: Array) -> bool:
         if self._contacts(self.data):
             return True
-        if not super()._touching(before, x, free):  # not even the ball that holds the robot
+        if not super()._touching(before, x):  # not even the ball that holds the robot
             return False
         return self._between is None or self._touching_between(before, x, self._between)
 

@@ -186,7 +186,7 @@ class EpisodeMetrics:
         self._truths: list[tuple[float, float]] = []  # exact values, and |u - u*|
         self._length, self._driven = Length(x), Driven(task.homology, x)
         self._space, self._checker = task.space, ClearanceChecker(task.space.scene)
-        self.min_clearance = self._checker.at(x, 0.0)
+        self.min_clearance = self._checker.least(x[None], np.zeros(1))
 
     def frame(self, made: TimedPlan, advance: Advance, late: Array | None = None) -> Frame:
         """Take the next period into account; by a clock, how late each physics step began, (k,) [s]."""
@@ -197,7 +197,7 @@ class EpisodeMetrics:
             else:
                 self._driven = Driven(task.homology, plan.state, begin)
             self._space, self._checker = plan.space, ClearanceChecker(plan.space.scene)
-        clearance = self._checker.at(plan.state, begin)
+        clearance = self._checker.least(plan.state[None], np.array([begin]))
         self.time, self.cost, self.vertices = begin + advance.time, self.cost + advance.cost, made.vertices
         self._length.add(task.problem, advance.states, advance.time / len(advance.states), advance.length)
         self._driven.observe(advance.states, self.time)

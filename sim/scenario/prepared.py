@@ -16,6 +16,7 @@ from pirrht.estimation.risk import CollisionProbability
 from pirrht.formatting import percent
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.passages import find_passages
+from pirrht.geometry.scene import Scene
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
 from sim.mjcf import load
@@ -40,8 +41,8 @@ DRAWN, MOST_DRAWN = 4, 10_000  # times the samples of a plan, since it is made o
 
 
 def prepare(
-    scene: str | Path, *,
-    given: Mapping[str, Any] | None = None, loose: bool = False, driven: bool = True, **options: Any,
+    scene: str | Path, *, given: Mapping[str, Any] | None = None, loose: bool = False, driven: bool = True,
+    room: Callable[[Scene], Scene] | None = None, **options: Any,
 ) -> Scenario:  # fmt: skip
     """Load a scene and decide everything that a run needs.
 
@@ -50,6 +51,7 @@ def prepare(
             `system` is MODULE:NAME or one that is registered.
         loose: whether static obstacles can be moved (`sim.mjcf.load`).
         driven: whether a robot that its plant cannot drive is refused.
+        room: makes another scene of the one that is read, which the robot is put into without a margin.
 
     Raises:
         SceneError, OptionError, NotLinearlySolvable: with one line for a person.
@@ -71,12 +73,16 @@ def prepare(
 
     def at(margin: float | None, **changes: Any) -> Scenario:
         own, numbers = loaded if margin is None else read(margin=margin), replace(settings, **changes)
+        if room is not None:
+            own = replace(own, scene=room(own.scene))
         return Scenario(
             loaded=own, system=kind, settings=numbers, problem=kind.problem(own.scene, numbers),
             space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
             widens=given.get("limit") is None and "limit" not in overlay,
         )  # fmt: skip
 
+    if room is not None:
+        return at(None)
     if settings.risk is not None:
         if task.margin is not None:
             raise OptionError("--risk chooses the margin; leave out --margin")

@@ -45,3 +45,31 @@ def test_nothing_is_compiled_or_loaded_once_a_run_has_begun(scene, robot, tmp_pa
     assert late == []
     assert int(compiled) > 30
     assert int(frames) > 5
+
+
+HELPED = """
+import os, sys
+from numba.core import event
+from sim import rehearsal
+from sim.cli import main
+os.sched_getaffinity = lambda _: {0, 1}
+process = rehearsal.helper("slit", {"robot": "puck"})
+if sys.argv[1] == "early":
+    process.stdin.close()  # as when the command that began it has gone
+print("helper", process.wait(300))
+with event.install_recorder("numba:compile") as compiled:
+    sys.argv[1] == "early" or main(["run", "slit", "--robot", "puck", "--max-time", "0.1"])
+print("compiled", len(compiled.buffer))
+"""
+
+
+def test_another_process_compiles_all_that_a_run_needs(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    said = call(tmp_path, "-c", HELPED, "late")
+    assert "helper 0" in said
+    assert "compiled 0" in said
+
+
+def test_what_compiles_for_a_command_ends_with_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    assert "helper 1" in call(tmp_path, "-c", HELPED, "early")

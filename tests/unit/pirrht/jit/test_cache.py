@@ -4,13 +4,14 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from repository import environment
 
-from pirrht.jit import cache
+from pirrht.jit import cache, ownership
 from pirrht.jit.cache import identity
 from pirrht.jit.jit import DISABLED
 
@@ -226,6 +227,7 @@ def kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder of kernels in which there is one that runs code when it is loaded."""
     monkeypatch.setattr(cache, "folder", lambda: tmp_path / "kernels")
     monkeypatch.setattr(cache, "_warned", set())
+    ownership._is_below_foreign.cache_clear()
     before = os.umask(0)  # a user who lets everybody write: not to what is run
     try:
         cache.save(KEY, Trap(tmp_path / "ran"))
@@ -268,3 +270,43 @@ def test_a_file_of_the_current_folder_does_not_say_where_kernels_are(tmp_path: P
     monkeypatch.setattr(cache.numba.config, "CACHE_DIR", str(tmp_path))  # as .numba_config.yaml does
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "mine"))
     assert cache.folder.__wrapped__() == tmp_path / "mine" / "pirrht" / "kernels"
+
+
+def test_who_may_rename_a_folder_above_may_replace_kernels_so_they_are_not_run(tmp_path: Path, kernels: Path, caplog):
+    tmp_path.chmod(0o777)
+    ownership._is_below_foreign.cache_clear()  # it is asked once per process
+    assert cache.load(KEY, lambda found: found) is None
+    assert not (tmp_path / "ran").exists()
+    assert "another user may write there" in caplog.text
+    ownership._is_below_foreign.cache_clear()
+    tmp_path.chmod(0o1777)  # as /tmp: others may add files, but rename none
+    assert cache.load(KEY, lambda found: "loaded") == "loaded"
+
+
+def test_a_pipe_in_place_of_a_kernel_keeps_nobody_waiting(kernels: Path):
+    (kernels / KEY).unlink()
+    os.mkfifo(kernels / KEY)
+    assert cache.load(KEY, lambda found: found) is None
+
+
+def test_who_waits_long_for_a_lock_compiles_and_waits_for_no_other(kernels: Path, monkeypatch, caplog):
+    monkeypatch.setattr(cache, "_patience", [0.05])
+    with cache.locked(KEY):
+        began = time.monotonic()
+        for _ in range(5):
+            with cache.locked(KEY):
+                assert (kernels / f"{KEY}.lock").stat().st_mode & 0o077 == 0  # others cannot hold it
+        assert 0.05 < time.monotonic() - began < 0.2
+    assert len(caplog.messages) == 1
+
+
+@pytest.mark.parametrize(("home", "found"), [("home/.cache", "home/.cache"), (None, "temporary/pirrht-")])
+def test_kernels_are_kept_where_this_user_may_write(tmp_path: Path, monkeypatch, home: str | None, found: str):
+    for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
+        monkeypatch.delenv(name, raising=False)
+    (tmp_path / "package").touch()  # no folder, so that even root cannot write there
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.setattr(cache, "_PACKAGE", tmp_path / "package")
+    monkeypatch.setattr(cache.tempfile, "tempdir", str(tmp_path / "temporary"))
+    monkeypatch.setattr(cache.os.path, "expanduser", lambda path: str(tmp_path / home) if home else path)
+    assert str(cache.folder.__wrapped__()).startswith(str(tmp_path / found))
