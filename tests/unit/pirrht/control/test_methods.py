@@ -12,7 +12,7 @@ from moving import hall, moved
 from trees import grown, point
 
 from pirrht import Controller, Estimate, FreeSpace, HomologyTree, OptionError, Problem, Sampling
-from pirrht.control.baselines import Mppi, alone, class_values, follow_best, straight_home
+from pirrht.control.baselines import Mppi, alone, class_values, follow_best
 from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import SAMPLING
 from pirrht.proposals.proposal import Batch, Proposal, Tape
@@ -125,15 +125,6 @@ def test_a_tape_that_finds_no_survivor_goes_on_shifted_by_the_time_that_passed(s
 def test_part_of_a_step_shifts_a_tape_by_its_share():
     times, tape = np.array([0.0, 1.0, 2.0, 3.0]), np.array([[1.0], [2.0], [5.0]])
     np.testing.assert_allclose(step_means(tape, np.diff(times), times, times + 0.25), [[1.25], [2.75], [3.75]])
-
-
-def test_the_way_home_costs_what_the_straight_reference_does(slit: Scenario):
-    beyond = straight_home(slit.problem)
-    line, goal = StraightLine.of(slit.problem), slit.space.scene.goal
-    tail = goal.center + np.array([[1.0, 0.4]])
-    reference = line.trajectory(line.connect(tail, goal.center[None]))
-    assert beyond(tail)[0] == pytest.approx(running_cost(slit.problem, tail[0], reference) - 2.0 * goal.radius)
-    assert beyond(goal.center[None])[0] == 0.0
 
 
 def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scenario, slit_tree: HomologyTree):
