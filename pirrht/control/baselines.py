@@ -87,8 +87,8 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
-        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: along shortest paths, at the cost of
-            a point.
+        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: a point's along shortest
+            paths.
         homology, predict, rng: see `Controller`.
     """
 

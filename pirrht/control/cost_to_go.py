@@ -3,9 +3,9 @@
 A `Remaining` takes positions (k, 2) [m] to vectors (k, 2) [m]: straight lines that are as long as the paths left to the
 goal's disc and begin as those do. A cost without obstacles along that line is then a guess of the cost to go.
 
-Shortest paths come from the eikonal equation |grad d| = 1 with d = 0 at the goal, on a grid of static free space. It is
-solved by fast sweeping (Zhao, Mathematics of Computation 74, 2005). As a global plan is, they are blind to noise, and to
-moving obstacles, which the samples meet within the horizon.
+Shortest paths solve the eikonal equation |grad d| = 1 with d = 0 at the goal, on a grid of static free space, by fast
+sweeping (Zhao, Mathematics of Computation 74, 2005). Like a global plan they know neither noise nor moving obstacles,
+which samples meet within the horizon.
 """
 
 import math

@@ -16,7 +16,7 @@ from pirrht.control.baselines import Mppi, alone, class_values, follow_best
 from pirrht.control.policy import ClassMemory
 from pirrht.control.settings import SAMPLING
 from pirrht.proposals.proposal import Batch, Proposal, Tape
-from pirrht.steering.motion import running_cost, step_means
+from pirrht.steering.motion import step_means
 from pirrht.steering.straight_line import StraightLine, Tracked
 from pirrht.systems.rover import Rover
 from sim.drive import episode
