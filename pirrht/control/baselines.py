@@ -26,7 +26,7 @@ from pirrht.control.plan import Plan
 from pirrht.control.policy import ClassMemory, Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TimeBudget
-from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.errors import NoSurvivingSample, OptionError, refuse_unless_positive
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.sampling import Sampling
@@ -97,8 +97,7 @@ class Mppi(Policy):
         terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
         predict: ConstantVelocity | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
-        if not (np.isfinite(horizon) and horizon > 0):
-            raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
+        refuse_unless_positive(horizon, "the horizon", "it must be a positive number of seconds")
         sampling = sampling or USUAL
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")

@@ -136,7 +136,7 @@ def test_there_are_at_least_as_many_samples_as_around_the_references(slit: Scena
 def test_what_mppi_does_not_have_is_refused(slit: Scenario):
     with pytest.raises(OptionError, match="open-loop"):
         Mppi(slit.problem, slit.space, slit.sampling, rng=np.random.default_rng(0))
-    with pytest.raises(OptionError, match="horizon is -1 s"):
+    with pytest.raises(OptionError, match="horizon is -1; it must be a positive number of seconds"):
         Mppi(slit.problem, slit.space, Sampling(guide="open-loop"), horizon=-1.0, rng=np.random.default_rng(0))
     with pytest.raises(OptionError, match="--horizon is 0"):
         slit.with_settings(horizon=0.0)
