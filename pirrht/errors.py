@@ -1,6 +1,9 @@
 """Errors that a caller can fix; each message names a remedy."""
 
+import math
+import reprlib
 from collections.abc import Sequence
+from typing import Any
 
 
 def one_line(error: BaseException) -> str:
@@ -63,3 +66,13 @@ class NoSurvivingSample(PirrhtError):
             f"none of {collisions + timeouts} samples reached the goal ({collisions} collided, "
             f"{timeouts} ran out of time). Try more samples or less noise."
         )
+
+
+def refuse_unless_positive(value: Any, name: str, rule: str) -> None:
+    """Raise an OptionError with a rule unless a value is a positive, finite number."""
+    try:
+        valid = math.isfinite(value) and value > 0
+    except (TypeError, ValueError):
+        valid = False
+    if not valid:
+        raise OptionError(f"{name} is {f'{value:g}' if isinstance(value, float) else reprlib.repr(value)}; {rule}")

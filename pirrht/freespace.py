@@ -14,7 +14,7 @@ from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
 from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.field import Field
+from pirrht.geometry.field import Field, clearances
 from pirrht.geometry.fitting import fitted
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
@@ -107,6 +107,13 @@ class FreeSpace:
         """Return whether the robot may be at a state x (n,), of which the position (2,) [m] is judged."""
         status = certify_point(self.field, x[0], x[1])
         return bool(status == FREE or (status == UNSURE and self.collision.free(x[None, :2])[0]))
+
+    def segments_free(self, points: Array) -> bool:
+        """Return whether the line through points (k, 2) [m] is free; FCL judges what the clearance leaves open."""
+        tails, heads, sure = points[:-1], points[1:], np.empty(len(points))
+        clearances(self.field, np.ascontiguousarray(points), sure)
+        unsure = sure[:-1] <= np.hypot(*(heads - tails).T)
+        return bool(np.all(self.collision.segments_free(tails[unsure], heads[unsure])))
 
     def in_goal(self, x: Array) -> bool:
         """Return whether the position (2,) [m] of a state x (n,) lies in the goal."""

@@ -40,16 +40,8 @@ import gymnasium  # noqa: E402 - the line above reports how to install it
 from gymnasium.spaces import Box  # noqa: E402
 
 PENALTY = 100.0  # of a collision, where phi is infinite [cost]
-SETTINGS = (
-    "noise",
-    "period",
-    "max_time",
-    "plant",
-    "phi",
-    "risk",
-    "risk_infeasible",
-)  # of a run, that an environment has
-ARGUMENTS = {*BY_SCENE, *SETTINGS} - {"preset"}
+OTHERS = {"method", "seed", "plan_seed", "real_time"}  # options of a run that are the policy's, or of `reset`
+ARGUMENTS = {*BY_SCENE, *BY_SETTING} - OTHERS
 SEED = BY_SETTING["seed"]
 
 Policy = Callable[[Array], Any]  # observation (n,) -> action (m,)
@@ -61,8 +53,8 @@ class Drive(gymnasium.Env[Array, Array]):
     Args:
         penalty: taken off at a collision where phi is infinite.
         bound: actions are clipped to [-bound, bound], and to what the robot's ctrlranges allow.
-        options: fields of `SceneOptions` but preset, and noise b, period [s], max_time [s], plant and phi of
-            `Settings`; without them the scene or the robot decides.
+        options: those of `prepare` but method, seed and real_time; without them the scene or the robot decides. The
+            planner's, such as limit, are for policies that are made of the environment's `scenario`.
     """
 
     metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012
@@ -73,8 +65,10 @@ class Drive(gymnasium.Env[Array, Array]):
         if not bound > 0 or not penalty >= 0:
             raise OptionError(f"bound is {bound:g} and penalty {penalty:g}; they must be positive, and 0 or more")
         if strange := {name for name, value in options.items() if value is not None} - ARGUMENTS:
-            fit = ", ".join(sorted({*ARGUMENTS, "penalty", "bound"}))
-            raise OptionError(f"{', '.join(sorted(strange))}: no argument of an environment; those are {fit}")
+            raise OptionError(
+                f"{', '.join(sorted(strange))}: no argument of an environment; those are bound, penalty and the "
+                f"options of `pirrht run`, such as noise, but {', '.join(sorted(OTHERS))}"
+            )
         given = dict.fromkeys(BY_SCENE) | {name: value for name, value in options.items() if value is not None}
         self.job = Job(scene=str(scene), method="", noise=given.get("noise"), seed=0, given=runs.frozen(given))
         self._asked: float | None = None  # when an action was asked for, on the clock [s]
@@ -142,7 +136,8 @@ def score(
 
     Args:
         policy: takes the state x (n,) and returns the control u (m,), held for one period; with `anew` a function
-            that takes a seed and makes such a policy. (Of a wrapped environment: its observation, its action.)
+            that takes a seed and makes such a policy, for one with a memory. (Of a wrapped environment: its
+            observation, its action.)
         seeds: one run each, whole numbers from 0 on.
         method: its name in tables and reports.
         environment: a wrapped `Drive`; else one of `options` is made.

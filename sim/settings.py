@@ -170,6 +170,8 @@ class Settings:
     tree: str | None = stated(None, "a tree that `pirrht plan -o` saved", "TREE.npz", commands=DRIVES[1:])
     consistency: float = stated(0.8, "best-class: factor on the value of the class followed", "C", (1e-3, 1e3))
     horizon: float = stated(3.0, "mppi: length of its control sequence", "S", (1e-3, 1e4))
+    mppi_terminal: str = one_of(("path", "straight"), "mppi: cost after its horizon by the shortest path or the "
+                                "straight line")
     exploration: float = stated(1.0, "mppi: noise of its samples, as a multiple of the robot's", "X", (1e-3, 1e3))
     predict: str = one_of(("known", "velocity"), "motions of obstacles: known, or predicted by constant velocity")
     speed_limit: float = stated(0.0, "speed limit among moving obstacles; 0: five times the best speed", "M/S",
@@ -225,7 +227,9 @@ BY_SCENE = {option.dest: option for option in SCENE_OPTIONS}
 BY_SETTING = {option.dest: option for option in SETTINGS}
 SPECIAL = frozenset(("noise", "speed", "rho"))  # settings that only systems use that name them
 IDENTIFYING = {*BY_SCENE, *BY_SETTING} - {"threads"}  # runs with different values belong into different datasets
-ONLY = {"consistency": "best-class", "horizon": "mppi", "exploration": "mppi"}  # setting -> the method that uses it
+ONLY = {  # setting -> the method that uses it
+    "consistency": "best-class", "horizon": "mppi", "exploration": "mppi", "mppi_terminal": "mppi",
+}  # fmt: skip
 FIXED = {"mppi": {"guide": "open-loop", "draws": "independent"}}  # method -> settings that have one value there
 PRESETS: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {  # name -> text, values, factors on the robot's own
     "paper": (

@@ -46,7 +46,7 @@ class System:
     urge: Callable[[Settings], float] | None = None  # that rate as settings have it, in place of q
     states: tuple[str, ...] = ()  # (n,) names of the components of a state; none: those of the dynamics
     defaults: Mapping[str, Any] = field(default_factory=dict)  # field of `Settings` -> value, where it is another
-    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> the terminal cost of MPPI; None: the steering's
+    home: Callable[[Any], Any] | None = None  # a `pirrht.Problem` -> MPPI's terminal cost; None: along shortest paths
     twists: int = 2  # numbers of `Dynamics.twist`, which a robot's `pirrht_command` turns into commands
     paper_samples: int = 200  # N under `--preset paper`
     heeds: tuple[str, ...] = ("noise",)  # of noise, speed and rho those that `dynamics` reads
@@ -123,28 +123,28 @@ class System:
         except OptionError as error:
             raise OptionError(f"system {self.name}: {error}") from None
 
-    def way_home(self, problem: Any) -> Any:
-        """Return the cost of the path from states (k, n) to the goal, for MPPI; None: a straight one.
+    def cost_to_go(self, problem: Any, remaining: Callable[[Array], Array]) -> Any:
+        """Return the cost of the path from states (k, n) to the goal, for MPPI, by what remains of it (`cost_to_go`).
 
-        It is the steering's own to the rim of the goal's disc, at the best of its ends there; a point's without one.
+        It is the steering's own to the path's end, at the best of the goal's states there; a point's without one.
         """
+        from pirrht.control.cost_to_go import cost_to_go
+
         if self.home is not None:
             return self._made("home", problem)
         d, goal, steering = problem.dynamics, problem.scene.goal, self.steered(problem)
-        tracked = self.steering is None and not d.even
-        if not tracked and (d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any()):
-            return None
+        if self.steering is None and not d.even:
+            return lambda states: steering.cost_per_meter * np.hypot(*remaining(states[:, :2]).T)
+        if d.noisy_position or d.f(d.state_of(problem.scene.start))[:2].any():
+            return cost_to_go(problem, remaining)
         ends = np.asarray(steering.roots(goal.center))
 
         def terminal_cost(states: Array) -> Array:
-            off = states[:, :2] - goal.center
-            away = np.hypot(*off.T)
-            if tracked:
-                return np.asarray(steering.cost_per_meter * np.maximum(away - goal.radius, 0.0))
+            rest = remaining(states[:, :2])
             heads = np.repeat(ends[None], len(states), axis=0)
-            heads[:, :, :2] += (off * np.minimum(1.0, goal.radius / np.maximum(away, 1e-12))[:, None])[:, None]
+            heads[:, :, :2] += (states[:, :2] + rest - goal.center)[:, None]
             costs = [steering.distance(states, heads[:, k]) for k in range(len(ends))]
-            return np.where(away > goal.radius, np.min(costs, axis=0), 0.0)
+            return np.where(rest.any(axis=1), np.min(costs, axis=0), 0.0)
 
         return terminal_cost
 
@@ -198,8 +198,12 @@ SYSTEMS = (  # an `urge` of v'v, where R = 2, asks for the speed v of the settin
     System(  # its noise has a unit, its paths a speed of their own
         name="double_integrator", dynamics=_dynamics("double_integrator:DoubleIntegrator"),
         steering=_steering("double_integrator:MassSteering"), R=2.0 * np.eye(2), states=("x", "y", "vx", "vy"),
-        defaults={"vertices": 2000, "samples": 300, "period": 0.05}, paper_samples=300,
-        own=("noise", "vertices", "samples", "dt", "period"), robots=("hover",), noise_in="m/s/sqrt(s)",
+        defaults={
+            "vertices": 2000, "samples": 300, "period": 0.05,
+            "horizon": 1.5,  # over longer ones noise alone carries control sequences into walls
+        },
+        paper_samples=300, own=("noise", "vertices", "samples", "dt", "period"), robots=("hover",),
+        noise_in="m/s/sqrt(s)",
     ),
     System(  # its paths have a speed of their own
         name="rover", dynamics=_dynamics("rover:Rover"), R=np.diag([2.0, 0.5]), urge=lambda s: s.speed**2, states=POSE,

@@ -12,10 +12,7 @@ reinforcement learning" (ICRA 2017), Algorithm 2. Around the controls u_0 .. u_T
     S = sum of q dt + phi at a collision + cost-to-go at the horizon + sum of u' lambda Sigma^-1 eps dt,
 
 where lambda Sigma^-1 = R for matched noise, and the controls move by the mean of eps at the weights exp(-S / lambda).
-The first one is applied, and after a period they are shifted by it. Paths end at the goal. First exit has no final
-cost, so the cost after the horizon must be guessed, as users of MPPI do: the straight line to the goal at the best
-speed without obstacles and noise. Behind a wall this misleads, which a reference would not.
-"""
+The XX"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -24,11 +21,12 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
+from pirrht.control.cost_to_go import cost_to_go, shortest_paths
 from pirrht.control.plan import Plan
 from pirrht.control.policy import ClassMemory, Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.settings import TimeBudget
-from pirrht.errors import NoSurvivingSample, OptionError
+from pirrht.errors import NoSurvivingSample, OptionError, refuse_unless_positive
 from pirrht.estimation.assembly import path_integral
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
 from pirrht.estimation.sampling import Sampling
@@ -89,7 +87,8 @@ class Mppi(Policy):
             with Sigma, which is how MPPI is tuned.
         sampling: `samples` counts all of a plan; they follow the control sequence. None: 600 independent ones.
         horizon: length of the control sequence [s].
-        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: `straight_home`.
+        terminal_cost: costs (k,) [cost] from states (k, n) at the horizon to the goal; None: a point's along shortest
+            paths.
         homology, predict, rng: see `Controller`.
     """
 
@@ -98,14 +97,14 @@ class Mppi(Policy):
         terminal_cost: Callable[[Array], Array] | None = None, homology: Homology | None = None,
         predict: ConstantVelocity | None = None, rng: np.random.Generator,
     ) -> None:  # fmt: skip
-        if not (np.isfinite(horizon) and horizon > 0):
-            raise OptionError(f"the horizon is {horizon:g} s; it must be a positive number")
+        refuse_unless_positive(horizon, "the horizon", "it must be a positive number of seconds")
         sampling = sampling or USUAL
         if sampling.guide != "open-loop":
             raise OptionError("MPPI has no guides; give a Sampling with guide='open-loop'")
         self.rng, self.homology, self.predict = rng, homology or homology_of(problem, space), predict
+        terminal_cost = terminal_cost or cost_to_go(problem, shortest_paths(space))
         self.path_integral = path_integral(
-            problem, space, sampling, terminal_cost=terminal_cost or straight_home(problem), homology=self.homology
+            problem, space, sampling, terminal_cost=terminal_cost, homology=self.homology
         )
         self.times = self.path_integral.steps(horizon)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -138,30 +137,3 @@ class Mppi(Policy):
         )  # fmt: skip
         self._tape, run.since_plan = plan.tape, 0.0
         return plan
-
-
-def straight_home(problem: Problem) -> Callable[[Array], Array]:
-    """Return the cost (k,) [cost] of straight lines from states (k, n) to the goal disc, without obstacles and noise.
-
-    A robot whose position is controlled drives at the speed that balances q against u'Ru/2, helped by its drift, in its
-    best direction; any other at the speed of its drift (OptionError: it has none at the start); and turning is free.
-    """
-    d, goal, q = problem.dynamics, problem.scene.goal, problem.least_rate
-    x = d.state_of(problem.scene.start)
-    drift = float(np.hypot(*d.f(x)[:2]))
-    if d.noisy_position:
-        G = d.G_c(x)[:2]
-        weight = 1.0 / float(np.linalg.eigvalsh(G @ np.linalg.solve(problem.control_cost(x), G.T))[-1])
-        per_meter = weight * (np.sqrt(drift**2 + 2.0 * q / weight) - drift)  # least (q + weight (v - drift)^2 / 2) / v
-    elif drift > 0.0:
-        per_meter = q / drift
-    else:
-        raise OptionError(
-            f"{type(d).__name__} has no speed at the start, so its path home is unknown; give a `terminal_cost`"
-        )
-
-    def terminal_cost(states: Array) -> Array:
-        away = np.hypot(*(states[:, :2] - goal.center).T) - goal.radius
-        return np.asarray(per_meter * np.maximum(away, 0.0))
-
-    return terminal_cost

@@ -55,7 +55,8 @@ class Controller(Policy):
         True
 
     Raises:
-        OptionError: method or feedback is unknown, or the tree is missing or of another system.
+        OptionError: method or feedback is unknown, the tree is missing or of another system, or an argument is of a
+            type that cannot serve.
     """
 
     def __init__(
@@ -68,6 +69,7 @@ class Controller(Policy):
         self.settings = ControlSettings(
             method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
         )
+        of_tree.refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng = predict, rng
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -128,7 +130,7 @@ class Controller(Policy):
             vertices: of the tree; None: as many as before.
 
         Raises:
-            OptionError: the goal is another, or obstacles move.
+            OptionError: the goal is another, obstacles move, or there is no scene or no such number of vertices.
             SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
         """
         new = of_tree.renewed(self.problem, self.space, self.tree, scene, vertices)

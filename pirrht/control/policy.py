@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import reprlib
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
+from numbers import Real
 from typing import TypeVar
 
 import numpy as np
@@ -14,7 +16,7 @@ from pirrht.arrays import Array
 from pirrht.control.plan import ClassMixture, Law, Plan
 from pirrht.control.prediction import ConstantVelocity, Prediction
 from pirrht.control.settings import TimeBudget
-from pirrht.errors import OptionError
+from pirrht.errors import OptionError, refuse_unless_positive
 from pirrht.estimation.estimate import Allocation
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.freespace import FreeSpace
@@ -168,9 +170,8 @@ class Policy(ABC):
             ...     u = controller.step(robot.state, 0.02)
             ...     robot.drive(u, 0.02)
         """
-        if not (np.isfinite(dt) and dt > 0):
-            raise OptionError(f"dt is {dt:g}; a control is held for a positive number of seconds")
-        x = np.asarray(x, dtype=float)
+        refuse_unless_positive(dt, "dt", "a control is held for a positive number of seconds")
+        x = self._checked(x)
         if self.run.held is not None:
             self.observe(x[None], self.run.held)
         plan = self.plan(x)
@@ -178,8 +179,13 @@ class Policy(ABC):
         return plan.control
 
     def begin(self, x: Array, time: float = 0.0) -> None:
-        """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
-        self.run = RunState(self.homology, x, time, self.space.scene.movers)
+        """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s].
+
+        OptionError: x is no state, or the time no number.
+        """
+        if not (isinstance(time, Real) and np.isfinite(time)):
+            raise OptionError(f"the time is {time!r}; a run begins at a number of seconds, such as 0")
+        self.run = RunState(self.homology, self._checked(x), float(time), self.space.scene.movers)
         if self.predict is not None:
             self.predict.begin()
 
@@ -203,14 +209,23 @@ class Policy(ABC):
         """Return the name of the class of the driven path, as tables print it: "1,0" for `driven_class` (1, 0)."""
         return class_id(self.driven_class(), self.homology.named)
 
+    def _checked(self, x: Array) -> Array:
+        """Return a state (n,) as numbers; OptionError if it is none."""
+        d = self.problem.dynamics
+        try:
+            state = np.asarray(x, dtype=float)
+        except (TypeError, ValueError):
+            raise OptionError(f"the state is {reprlib.repr(x)}; it must be {d.n} numbers") from None
+        if state.shape != (d.n,):
+            moves = f"{type(d).__name__} ({', '.join(d.states)})"
+            raise OptionError(f"the state has the shape {state.shape}; {moves} has {d.n} numbers")
+        if not np.all(np.isfinite(state)):
+            raise OptionError(f"the state is {state.tolist()}; all of it must be finite numbers")
+        return state
+
     def _state(self, x: Array) -> Array:
         """Return the state (n,) of a plan as numbers; warn if it is not that of the last, and nothing was observed."""
-        x, d, last = np.asarray(x, dtype=float), self.problem.dynamics, self.run.queried
-        if x.shape != (d.n,):
-            moves = f"{type(d).__name__} ({', '.join(d.states)})"
-            raise OptionError(f"the state has the shape {x.shape}; {moves} has {d.n} numbers")
-        if not np.all(np.isfinite(x)):
-            raise OptionError(f"the state is {x.tolist()}; all of it must be finite numbers")
+        x, last = self._checked(x), self.run.queried
         if last is not None and not np.array_equal(x, last):
             warnings.warn(
                 f"a plan at ({x[0]:.4g}, {x[1]:.4g}) after one at ({last[0]:.4g}, {last[1]:.4g}), and nothing was "

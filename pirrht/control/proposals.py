@@ -1,7 +1,9 @@
 """References of a run, one path per class from its tree, and proposals of a plan: local optima of each, and samples."""
 
+import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -27,8 +29,23 @@ from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
 from pirrht.proposals.tuning import TUNING
+from pirrht.rollouts.backend import Backend
 from pirrht.steering.motion import SPACING, Trajectory, running_cost
 from pirrht.topology.signature import integers
+
+
+def refuse_misfits(sampling: Any, propose: Any, backend: Any, rng: Any) -> None:
+    """Refuse arguments of a controller by an OptionError that says what each must be."""
+    functions = isinstance(propose, Sequence) and all(map(callable, propose))
+    for name, value, fits, rule in (
+        ("sampling", sampling, isinstance(sampling, Sampling), "a Sampling"),
+        ("propose", propose, functions, "a sequence of functions (x, default) that return a proposal or None"),
+        ("backend", backend, backend is None or isinstance(backend, Backend),
+         "None, or have the methods sample, trace and controls of a Backend"),
+        ("rng", rng, isinstance(rng, np.random.Generator), "a generator, such as np.random.default_rng(0)"),
+    ):  # fmt: skip
+        if not fits:
+            raise OptionError(f"{name} is {reprlib.repr(value)}; it must be {rule}")
 
 
 def validate(tree: HomologyTree | None, problem: Problem, sampling: Sampling, settings: ControlSettings) -> None:
@@ -116,6 +133,10 @@ def renewed(
     problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
 ) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
     """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
+    if not isinstance(scene, Scene):
+        raise OptionError(f"an update is to a Scene, and {reprlib.repr(scene)} is none; Scene.from_boxes makes one")
+    if vertices is not None and not (isinstance(vertices, Integral) and vertices >= 1):
+        raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of at least 1, or None")
     before, goal = space.scene, problem.scene.goal
     if not _same(goal, scene.goal):
         raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
@@ -143,7 +164,7 @@ def continue_among(space: FreeSpace, run: RunState) -> None:
     rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
     lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
     lines |= {whole: rest.points for whole, rest in rests.items() if rest is not None}
-    free = [whole for whole, line in lines.items() if np.all(space.collision.segments_free(line[:-1], line[1:]))]
+    free = [whole for whole, line in lines.items() if space.segments_free(line)]
     ahead = [space.homology.winding(np.vstack([path.here, lines[whole]])) for whole in free]
     heirs = {whole: integers(np.add(path.winding(), one)) for whole, one in zip(free, ahead, strict=True)}
     names = {before.name(then): space.homology.name(now) for then, now in heirs.items()}

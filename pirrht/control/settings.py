@@ -38,7 +38,7 @@ SAMPLING = {
     "passive": Method(text="no reference: sample the passive dynamics", most=0),
 }
 METHODS = {name: method.text for name, method in SAMPLING.items()} | {
-    "mppi": "no reference: one warm-started control sequence, then straight to the goal (Williams et al. 2017)",
+    "mppi": "no reference: one warm-started control sequence, then the shortest path (Williams et al. 2017)",
     "optimal": "no samples: the optimal feedback law, solved for on a grid (class Optimal)",
 }
 TREELESS = ("passive", "mppi", "optimal")
@@ -66,6 +66,9 @@ class ControlTuning(NamedTuple):
     regrowth: int = 400  # vertices that such a tree gains, about a third of a usual one
     thorough: int = 4  # cheapest classes whose first guides are improved from all initialisations; each takes 10 ms
     off_walls: float = 0.01  # clearance of a plan that begins in the safety margin, in radii of the robot
+    # Shortest paths of MPPI's terminal cost
+    path_radii: float = 0.1  # spacing of their grid in radii of the robot: passages are judged to half of it
+    path_points: float = 1e6  # points of that grid at most, in a tenth of a second or so
     # Decisions
     decided: float = 0.9  # share of a decision; under the exact law shares are martingales, so 1 in 9 is reversed
 

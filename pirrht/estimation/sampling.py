@@ -1,6 +1,7 @@
 """Settings of a sampler, and the numbers that tune the estimator."""
 
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import NamedTuple
 
 import numpy as np
@@ -106,6 +107,10 @@ class Sampling:
         return f"Sampling({', '.join(other) or 'defaults'})"
 
     def __post_init__(self) -> None:
+        for name in ("dt", "first", "samples", "window", "target", "least", "budget", "threads"):
+            value = getattr(self, name)
+            if not (isinstance(value, Real) or (value is None and name in ("first", "target", "budget", "threads"))):
+                raise OptionError(f"{name} is {value!r}; it must be a number")
         enough = self.budget is None or (self.target is not None and self.budget >= self.samples)
         for name, valid, rule in (
             ("dt", 0 < self.dt < np.inf, "it must be a positive number of seconds"),

@@ -31,6 +31,7 @@ from pirrht.freespace import FreeSpace
 from pirrht.problem import Problem
 from pirrht.rollouts.first_exit import COLLISION, GOAL
 from pirrht.steering.in_time import homology_of
+from pirrht.systems.dynamics import Dynamics
 from pirrht.systems.single_integrator import SingleIntegrator
 from pirrht.systems.unicycle import Unicycle
 from pirrht.topology.homology import Homology
@@ -51,7 +52,10 @@ class Solver(Protocol):
 
 
 # By dynamics: the modules that solve in continuous time, with a step, and among moving obstacles (None: none does).
-SOLVERS = {SingleIntegrator: ("point", "discrete_point", "moving_point"), Unicycle: ("car", "car", None)}
+SOLVERS: dict[type[Dynamics], tuple[str | None, ...]] = {
+    SingleIntegrator: ("point", "discrete_point", "moving_point"),
+    Unicycle: ("car", "car", None),
+}
 
 
 def solver_for(problem: Problem, space: FreeSpace, dt: float | None) -> Solver:

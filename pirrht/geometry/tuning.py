@@ -27,6 +27,7 @@ class GeometryTuning(NamedTuple):
     apart_cosine: float = 0.5  # of the angle from which on two directions are those of two walls
     rise_sine: float = 0.15  # of the angle by which a solid rises from a nearer wall's plane, or is in line with it
     rounding: float = 1e-9  # overlap that is rounding and no contact [m]
+    parallel: int = 10_000  # points from which on several threads look for their walls: a millisecond or two
     # Passages
     room_depth: float = 0.5  # a room is deeper than its door by so many spacings of the field, or it is grain
     solid_depth: float = 0.5  # an obstacle is deeper than a gap by this share of the robot's radius, at least

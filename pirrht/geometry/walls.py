@@ -4,6 +4,7 @@ Sampled paths are killed at both, each taken as flat. The next box of a wall mad
 the facing wall of a passage does, and so does the other side of a concave corner.
 """
 
+import os
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from pirrht.arrays import Array, IntArray
 from pirrht.geometry.shapes import PROBE, Solids, distance_from, offset_from, square_to
 from pirrht.geometry.tuning import TUNING
-from pirrht.jit.jit import borrowing, jitable, part
+from pirrht.jit.jit import borrowing, jitable, over_ranges, part
 
 APART_COSINE = TUNING.apart_cosine
 RISE_SINE = TUNING.rise_sine
@@ -129,6 +130,13 @@ def nearest_walls(solids: Solids, members: IntArray, points: Array, height: floa
     k = len(points)
     first, second, other = np.full((3, k), cutoff)
     found = Found(first, second, np.full(k, -1, dtype=np.int64), np.zeros((k, 2)), other)
-    if k:
-        _two_nearest(solids, bins_of(solids, members, points, cutoff), points, height, found)
+    if k == 0:
+        return found
+    bins, threads = bins_of(solids, members, points, cutoff), len(os.sched_getaffinity(0))
+
+    def work(start: int, stop: int) -> None:
+        part = slice(start, stop)
+        _two_nearest(solids, bins, points[part], height, Found._make(values[part] for values in found))
+
+    over_ranges(work, k, threads if k >= TUNING.parallel else 1)
     return found

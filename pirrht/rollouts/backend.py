@@ -1,11 +1,12 @@
 """Backend: the interface between the estimator and what simulates its sample paths."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from pirrht.arrays import Array, IntArray
 from pirrht.rollouts.tables import Chosen, Origin, Paths, ProposalTables, Setup
 
 
+@runtime_checkable
 class Backend(Protocol):
     """Simulates the sample paths of a batch (paper, Algorithm 4, lines 5 to 13).
 

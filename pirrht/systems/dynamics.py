@@ -6,7 +6,6 @@ are y = a dt + dw with a = B_c^-1 G_c u, or a = s^-1 u.
 """
 
 import math
-from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -63,7 +62,7 @@ def no_homing(x, p, B, aim, radius, rate, out):  # type: ignore[no-untyped-def]
         out[j] = 0.0
 
 
-class Dynamics(ABC):
+class Dynamics:
     """A planar system whose first two states are the position [m].
 
     `drift`, `control_block` and `diffusion_block` are numeric functions `(x, p, out) -> None` that fill `out` and
@@ -88,9 +87,15 @@ class Dynamics(ABC):
     # the control towards the goal's disc at aim (x, y) [m] as a = B_c^-1 G_c u, out (m,) [1/sqrt(s)]; rate is q/lambda.
     homing: Callable[..., None] = staticmethod(no_homing)
 
-    @abstractmethod
     def twist(self, x: Array, rate: Array) -> Array:
-        """Velocity command (2,) of the robot at x (n,) for rates (m,) of x_c, or of the inputs in input form."""
+        """Velocity command (2,) of the robot at x (n,) for rates (m,) of x_c, or of the inputs in input form.
+
+        OptionError: the system declares none, so that only its equation can be simulated.
+        """
+        raise OptionError(
+            f"{type(self).__name__} declares no twist(x, rate), the command that a simulated robot takes; add it, or "
+            "simulate the equation alone"
+        )
 
     def brake(self, x: Array, place: Array, within: float) -> Array | None:
         """Control (m,) at x (n,) to come to rest at a place (2,) [m], within a time constant [s]; None: it cannot."""

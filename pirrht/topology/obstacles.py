@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, BoolArray
 from pirrht.geometry.collision import Collision
-from pirrht.geometry.scene import Kind
+from pirrht.geometry.scene import Kind, Obstacle
 
 NOWHERE = np.full(2, np.inf)
 CUT_ROUNDS = 100  # parts cut off before two inflated shapes count as apart: each takes 37 % of the area
@@ -37,8 +37,11 @@ def components(collision: Collision) -> tuple[Component, ...]:
     """
     planar = _Planar(collision)
     label = np.arange(len(planar.obstacles))
-    for i, j in planar.candidates():
-        if label[i] != label[j] and planar.common(i, j) is not None:
+    pairs = planar.candidates()
+    sure = planar.sure(pairs)
+    for k in np.argsort(~sure, kind="stable").tolist():
+        i, j = pairs[k]
+        if label[i] != label[j] and (sure[k] or planar.common(i, j) is not None):
             first, last = sorted((label[i], label[j]))
             label[label == last] = first
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
@@ -103,6 +106,12 @@ class _Planar:
         rough = np.array([o.kind is Kind.ELLIPSOID for o in self.obstacles], dtype=bool)
         self.offset = np.where(rough, 0.04, 1e-4) * self.radius
         self.doubt = np.where(rough, 1e-3, 1e-6)  # possible error of a slope
+        self.upright = np.array([self._is_upright(o) for o in self.obstacles], dtype=bool)
+
+    def _is_upright(self, o: Obstacle) -> bool:
+        """Tell whether a solid is a box along the axes with the robot's centre between its bottom and its top."""
+        level = abs(o.position[2] - self.collision.footprint.height) < o.size[2]
+        return bool(o.kind is Kind.BOX and level and np.array_equal(o.rotation, np.eye(3)))
 
     def distance(self, i: int, *point: float) -> float:
         """d_i at a planar point [m]."""
@@ -117,6 +126,19 @@ class _Planar:
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
             pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
         return sorted(pairs)
+
+    def sure(self, pairs: list[tuple[int, int]]) -> BoolArray:
+        """Tell of which pairs the middle of the common rectangle is in both shapes, (k,), where both are upright boxes.
+
+        Those are what cells of a map and scans of walls consist of.
+        """
+        i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
+        middle = 0.5 * (np.maximum(self.low[i], self.low[j]) + np.minimum(self.high[i], self.high[j]))
+        joined: BoolArray = self.upright[i] & self.upright[j]
+        for one in (i, j):
+            off = np.maximum(np.maximum(self.low[one] - middle, middle - self.high[one]) + self.radius, 0.0)
+            joined &= np.hypot(*off.T) < self.radius
+        return joined
 
     def common(
         self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE, shrunk: float = 0.0

@@ -201,6 +201,8 @@ class Executor(Plant):
         if n != len(loaded.states):
             states = f"{len(loaded.states)} states; {own} has {n}"
             raise OptionError(f'robot "{loaded.robot}" moves as {called} with {states}')
+        if loaded.unfit:
+            raise OptionError(f"{loaded.unfit}; or give --robot FILE.xml, or --plant sde, which drives no joints")
         check_motion(model, called, problem.dynamics, loaded.command)
         self.data, self._stance = mujoco.MjData(model), Stance(model, loaded.states)
         self._command, self._obstacles = loaded.command, loaded.obstacle_geoms

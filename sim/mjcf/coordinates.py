@@ -31,8 +31,8 @@ class Stance:
     def place(self, data: mujoco.MjData, state: Array, twist: Array, ctrl: Array) -> None:
         """Place the robot at `state` (n,); wheels roll with `twist` (2,) under the commands `ctrl` (nu,)."""
         data.qvel[:] = 0
+        x, y, heading = [*state[self._places], 0.0][:3]
         if self._rolls:
-            x, y, heading = state[:3]
             data.qpos[:] = self._rest
             turn_to(data.qpos, heading)
             data.qpos[:2] = x, y
@@ -40,10 +40,10 @@ class Stance:
             data.qvel[5] = twist[1]
             data.qvel[self._wheels] = ctrl
             return
-        data.qpos[:] = state[self._places[: data.qpos.size]]
+        data.qpos[:] = (x, y, heading)[: data.qpos.size]
         data.qvel[self._dofs] = state[self._speeds]
         if self._ahead is not None:
-            data.qvel[:2] = state[self._ahead] * cos(data.qpos[2]), state[self._ahead] * sin(data.qpos[2])
+            data.qvel[:2] = state[self._ahead] * cos(heading), state[self._ahead] * sin(heading)
 
     def read(self, data: mujoco.MjData, before: Array) -> Array:
         """The state now, (n,), given the one of the step before, from which the heading of a body on wheels goes on."""

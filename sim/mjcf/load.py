@@ -63,6 +63,7 @@ class Loaded:
     about: str = ""  # a sentence on the scene, by itself
     notes: tuple[str, ...] = ()  # lines on what of the file was changed, or is not what it looks like
     margin: float = 0.0  # by which the footprint has been made larger [m]
+    unfit: str = ""  # why MuJoCo cannot move the robot as its system does
 
     def __repr__(self) -> str:
         return f"Loaded({self.scene!r}, robot {self.robot!r}, {self.path})"
@@ -139,7 +140,7 @@ def load(scene: str | Path, *, loose: bool = False, **options: Any) -> Loaded:
         scene=values, model=model, obstacle_geoms=mask, moving_geoms=moving, robot_geoms=mine, path=path, about=about,
         dynamics_name=robot.system.name, states=states, command=robot.command, robot=robot.name, margin=margin,
         meant=read_robot(meant, None).system.name if task.robot or task.system is not None else robot.system.name,
-        notes=tuple(note for note in notes if note),
+        notes=tuple(note for note in notes if note), unfit=robot.unfit,
     )  # fmt: skip
 
 

@@ -44,6 +44,7 @@ class Robot:
     height: float  # of the footprint's centre above the ground [m]
     rest: Array  # (nq,) joint positions at the origin, heading along x
     rolling: bool  # whether wheels carry it, instead of joints
+    unfit: str = ""  # why MuJoCo cannot move it as a given system does
 
 
 def read_robot(which: str | Path, radius: float | None, system: System | None = None, *, margin: float = 0.0) -> Robot:
@@ -71,15 +72,15 @@ def read_robot(which: str | Path, radius: float | None, system: System | None = 
         if margin > 0.0:
             _widen(body, foot, margin)
         model = compile_spec(spec, path)
-        _check_joints(model, moved)
+        unfit = _check_joints(model, moved)
         command = _command(spec, int(model.nu), moved.twists if system is None else None)
-        # Another system may do without MuJoCo; `check_motion` sees to it where it does not.
-        if system is None and (wrong := _wrong_actuator(model, moved.states, moved.name)):
+        # Another system may do without MuJoCo; the plant sees to it where it does not.
+        if system is None and (wrong := unfit or _wrong_actuator(model, moved.states, moved.name)):
             raise SceneError(wrong)
         return Robot(
             name=path.stem, spec=spec, system=moved, reach=_checked_reach(model), command=command, rest=_rest(model),
             radius=float(model.geom("footprint").size[0]), height=float(model.geom("footprint").pos[2]),
-            rolling=rolls(model),
+            rolling=rolls(model), unfit=unfit and f"{path}: {unfit}",
         )  # fmt: skip
 
 
@@ -132,22 +133,27 @@ def _command(spec: mujoco.MjSpec, nu: int, twists: int | None) -> Array:
     return data.reshape(nu, twists)
 
 
-def _check_joints(model: mujoco.MjModel, system: System) -> None:
-    """Refuse a robot that does not stand at the origin, or moves by other joints than states of a system say."""
+def _check_joints(model: mujoco.MjModel, system: System) -> str:
+    """Refuse a robot that does not stand at the origin, or moves by joints of no pose.
+
+    Returns why they are not those of the states of a system; nothing if they are.
+    """
     root, count, wheeled = model.body("robot"), len(system.joints), rolls(model)
-    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:count]
-    jointed = model.nq == count and list(model.jnt_type) == types and not np.any(model.qpos0)
+    has = 3 if wheeled else model.nq
+    types = [_JOINT.mjJNT_SLIDE, _JOINT.mjJNT_SLIDE, _JOINT.mjJNT_HINGE][:has]
+    jointed = has in (2, 3) and list(model.jnt_type) == types and not np.any(model.qpos0)
     ground = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, GROUND)
     plane = ground >= 0 and model.geom_type[ground] == _GEOM.mjGEOM_PLANE and not np.any(model.geom_pos[ground])
     hinged = model.jnt_type[model.actuator_trnid[:, 0]] == _JOINT.mjJNT_HINGE
+    joints = (
+        f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
+        f"{system.name}: slide along x, slide along y"
+        + (", hinge about z; or a free joint and wheels" if count == 3 else "")
+    )
     for good, wanted in (
         (np.allclose(root.pos, 0) and np.allclose(root.quat, [1, 0, 0, 0]), 'body "robot" must stand at the origin'),
-        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:count]) and not np.any(model.jnt_pos[:, :2])),
-         f'body "robot" must have these joints, without ref, for the states ({", ".join(system.states)}) of '
-         f"{system.name}: slide along x, slide along y"
-         + (", hinge about z; or a free joint and wheels" if count == 3 else "")),
-        (not wheeled or count == 3,
-         f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'),
+        (wheeled or (jointed and np.allclose(model.jnt_axis, np.eye(3)[:has]) and not np.any(model.jnt_pos[:, :2])),
+         joints),
         (not wheeled or int(model.jnt_bodyid[0]) == root.id, 'body "robot" must have the free joint itself'),
         (not wheeled or (plane and not (model.geom_contype[ground] or model.geom_conaffinity[ground])),
          f'a robot on wheels needs a plane geom "{GROUND}" of its own at the origin, contype="0" conaffinity="0", '
@@ -157,6 +163,9 @@ def _check_joints(model: mujoco.MjModel, system: System) -> None:
     ):  # fmt: skip
         if not good:
             raise SceneError(wanted)
+    if wheeled and count != has:
+        return f'a robot with a free joint has a heading, and {system.name} has none: name the dynamics "unicycle"'
+    return "" if count == has else joints
 
 
 def _rest(model: mujoco.MjModel) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.control.baselines import Mppi
 from pirrht.control.controller import Controller
+from pirrht.control.cost_to_go import shortest_paths, straight_lines
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
@@ -257,8 +258,10 @@ class Scenario:
         if s.method == "mppi":
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")
             problem = self.system.problem(self.loaded.scene, replace(s, noise=s.exploration * s.noise))
-            home = self.system.way_home(problem)
-            return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=home, **more)
+            straight = s.mppi_terminal == "straight"
+            remaining = straight_lines(problem.scene.goal) if straight else shortest_paths(self.space)
+            beyond = self.system.cost_to_go(problem, remaining)
+            return Mppi(problem, self.space, sampling, horizon=s.horizon, terminal_cost=beyond, **more)
         return Controller(
             self.problem, self.space, tree, sampling, method=s.method, shortened=s.polish, consistency=s.consistency,
             between=s.between, held=self.physics_step, **more,

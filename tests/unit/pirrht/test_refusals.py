@@ -9,7 +9,7 @@ from discs import scene_of
 
 from pirrht import Controller, Desirability, Dubins, Dynamics, FreeSpace, HomologyTree, Problem, Sampling, Unicycle
 from pirrht.arrays import Array
-from pirrht.control.baselines import straight_home
+from pirrht.control.cost_to_go import cost_to_go, straight_lines
 from pirrht.errors import NotLinearlySolvable, OptionError
 from pirrht.steering.straight_line import StraightLine
 from pirrht.systems.double_integrator import DoubleIntegrator
@@ -214,9 +214,9 @@ def test_a_step_goes_along_the_heading_of_its_start_or_of_its_middle(stratonovic
     np.testing.assert_allclose(d.step(X, u, dw, h), moved, rtol=1e-12)
 
 
-def test_the_way_home_is_priced_at_the_best_speed_along_the_heading():
+def test_the_cost_to_go_is_that_at_the_best_speed_along_the_heading():
     """sqrt(2 q r) per meter, whatever turning would cost."""
     point, x = Problem(dynamics=SingleIntegrator(b=0.5), scene=around_a_disc(), R=2.0 * np.eye(2)), [0.8, -0.6, 1.0]
     for problem in (driven(), point):
-        beyond = straight_home(problem)(np.array([x[: problem.dynamics.n]]))
+        beyond = cost_to_go(problem, straight_lines(problem.scene.goal))(np.array([x[: problem.dynamics.n]]))
         assert beyond[0] == pytest.approx(np.sqrt(2.0 * 2.0) * 0.5)

@@ -108,6 +108,24 @@ def test_an_environment_has_the_margin_that_keeps_its_risk():
     assert margin == prepare("slit", noise=0.2, risk=0.01).margin > 0.005
 
 
+def test_options_of_a_run_are_taken_and_reach_controllers_made_of_the_scenario():
+    env = gym.Drive("slit", limit=0.8, vertices=50, samples=20, preset="fast", max_time=0.05)
+    s = env.scenario.settings
+    assert (s.limit, s.vertices, s.samples, s.classes) == (0.8, 50, 20, 6)
+    made = []
+
+    def controller(seed):
+        own = env.scenario.with_settings(seed=seed)
+        made.append((seed, own.controller(own.grown_tree())))
+        return lambda x: made[-1][1].step(x, s.period)
+
+    rows = gym.score(controller, environment=env, seeds=[3, 4], method="ours", anew=True)
+    assert [(seed, one.path_integral.sampling.samples) for seed, one in made] == [(3, 20), (4, 20)]
+    assert [row["outcome"] for row in rows] == ["timeout"] * 2
+    with pytest.raises(OptionError, match=r"method: no argument of an environment; those .* but method, plan_seed"):
+        gym.Drive("slit", method="single")
+
+
 def test_what_cannot_be_is_refused():
     for options in ({"bound": 0.0}, {"penalty": -1.0}, {"render_mode": "human"}, {"noise": -1.0}, {"plant": "gazebo"}):
         with pytest.raises(OptionError):

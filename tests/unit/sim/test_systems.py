@@ -10,6 +10,7 @@ from numba import njit
 from thoroughly import first
 
 from pirrht import SingleIntegrator, StraightLine
+from pirrht.control.cost_to_go import straight_lines
 from pirrht.errors import OptionError
 from pirrht.systems.double_integrator import DoubleIntegrator
 from sim import systems
@@ -49,6 +50,30 @@ class Whirl(SingleIntegrator):
 WHIRL = System(name='whirl', dynamics=lambda s: Whirl(b=s.noise), R=2.0 * np.eye(2), states=('x', 'y'))
 """,
 }
+MODULES["flying"] = """
+import numpy as np
+from pirrht import Dynamics
+from sim.systems import System
+
+class Drone(Dynamics):  # no MuJoCo robot has its states, and it declares no twist
+    n, m, states = 4, 2, ("x", "y", "u", "v")
+    parameters, control_block, diffusion_block = np.zeros(0), np.eye(2), 0.1 * np.eye(2)
+
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1], out[2], out[3] = x[2], x[3], 0.0, 0.0
+
+class Heron(Drone):
+    n, m, states = 3, 1, ("x", "y", "heading")
+    control_block, diffusion_block = np.eye(1), 0.1 * np.eye(1)
+
+    @staticmethod
+    def drift(x, p, out):
+        out[0], out[1], out[2] = np.cos(x[2]), np.sin(x[2]), 0.0
+
+DRONE = System(name="drone", dynamics=lambda s: Drone(), R=np.eye(2), heeds=(), pace=1.0)
+HERON = System(name="heron", dynamics=lambda s: Heron(), R=np.eye(1), heeds=(), pace=1.0)
+"""
 MODULES["fleet"] = MODULES["rafts"] + "SUNK = System(name='sunk', dynamics=None, R=None, defaults={'perod': 0.1})\n"
 MODULES["holes"] = MODULES["rafts"].replace("settings.noise", "settings.wind")
 MODULES["bare"] = MODULES["rafts"].replace("StraightLine.of", "lambda problem: 1 / 0")
@@ -115,7 +140,6 @@ def test_a_robot_names_any_registered_system(folder):
         ("whirl:WHIRL", "writes [nan, 0.0]"),
         ("holes:RAFT", "system raft: AttributeError: 'Settings' object has no attribute 'wind' in its dynamics"),
         ("bare:RAFT", "system raft: ZeroDivisionError: division by zero in its steering"),
-        ("rafts:RAFT --robot unicycle", "for the states (x, y) of raft: slide along x, slide along y"),
     ],
 )
 def test_a_system_that_cannot_be_had_or_used_costs_one_line_and_no_warning(folder, capsys, recwarn, which, what):
@@ -149,16 +173,41 @@ def test_states_are_those_of_the_dynamics_and_joints_those_of_the_place(folder):
         prepare("slit", robot="unicycle", system=raft(states=("x", "y", "heading")))
 
 
-def test_the_way_home_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
+@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive"])
+@pytest.mark.parametrize("name", ["DRONE", "HERON"])
+def test_the_equation_alone_is_driven_without_joints_and_without_a_twist(folder, robot, name):
+    scenario = prepare("slit", system=f"flying:{name}", robot=robot, plant="sde")
+    d, plant = scenario.problem.dynamics, scenario.plant()
+    plant.advance(lambda x, s: np.zeros(d.m), np.random.default_rng(0))
+    assert plant.state.shape == (d.n,)
+    misfit = (name, robot) in {("HERON", "puck"), ("DRONE", "unicycle"), ("DRONE", "diffdrive")}
+    why = "must have these joints|has a heading, and" if misfit else "has no u|declares no twist"
+    with pytest.raises(OptionError, match=why):
+        scenario.with_settings(plant="mujoco").plant()
+
+
+def test_the_cost_to_go_of_a_mass_is_the_optimum_into_the_goal_at_any_velocity():
     scenario = prepare("slit", robot="hover")
-    cost, goal = named("double_integrator").way_home(scenario.problem), scenario.loaded.scene.goal
+    goal = scenario.loaded.scene.goal
+    cost = named("double_integrator").cost_to_go(scenario.problem, straight_lines(goal))
     off = 4.5 - goal.radius  # the goal's middle is 4.5 m away
     duration = (4.5 * 2.0 * off**2) ** 0.25  # T^4 = (9 r / 2 q) off^2 from rest, and the cost is 4/3 q T
     rest, toward, away = (float(cost(np.array([[1.0, 2.5, v, 0.0]]))[0]) for v in (0.0, 1.0, -1.0))
     assert rest == pytest.approx(4.0 / 3.0 * duration)
     assert toward < rest < away
     np.testing.assert_array_equal(cost(np.array([[*goal.center, 3.0, 1.0]])), [0.0])
-    assert named("unicycle").way_home(prepare("slit", robot="unicycle").problem) is None
+
+
+@pytest.mark.parametrize("robot", ["puck", "unicycle", "diffdrive", "hover", "rover", "car"])
+def test_mppi_of_every_robot_prices_what_is_left_of_the_shortest_path(robot):
+    scenario = prepare("u_trap", robot=robot, given={"method": "mppi"})
+    short, straight = (scenario.with_settings(mppi_terminal=one).controller(None) for one in ("path", "straight"))
+    pocket, beyond = np.zeros((2, 1, scenario.problem.dynamics.n))
+    pocket[0, :2] = 3.4, 2.3  # between the arms of the trap, next to its back
+    beyond[0, :2] = 4.5, 2.3  # in sight of the goal
+    costs = [[float(one.path_integral.terminal_cost(x)[0]) for x in (pocket, beyond)] for one in (short, straight)]
+    assert costs[0][0] > 1.4 * costs[1][0]
+    assert costs[0][1] == pytest.approx(costs[1][1], rel=0.02)
 
 
 def test_a_point_without_drift_plans_as_the_built_in_one_without_a_steering():

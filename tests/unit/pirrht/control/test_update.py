@@ -157,3 +157,50 @@ def test_a_crate_that_appears_in_the_path_is_not_hit(robot: str, seed: int):
         paths.append(drive(c, x, 12.0, rng))
         assert scene.goal.contains(paths[-1][-1, :2])
     assert [touched(crate, path) for path in paths] == [False, True]
+
+
+STATE = r"the state (is|has) .*(2 numbers|finite numbers)$"
+MISUSES = {
+    "no scene": (
+        lambda c: c.update(None),
+        r"^an update is to a Scene, and None is none; Scene\.from_boxes",
+    ),
+    "no vertices": (lambda c: c.update(room(*WALLS), vertices=-1), r"^vertices is -1; .* whole number of at least 1"),
+    "half a vertex": (lambda c: c.update(room(*WALLS), vertices=0.5), r"^vertices is 0\.5; .* whole number"),
+    "no dt": (lambda c: c.step(np.array([0.5, 2.5]), None), r"^dt is None; a control is held for a positive number"),
+    "dt of 0": (lambda c: c.step(np.array([0.5, 2.5]), 0.0), r"^dt is 0; a control is held for a positive number"),
+    "begun at nan": (lambda c: c.begin(np.array([np.nan, 2.5])), STATE),
+    "begun at a pose": (lambda c: c.begin(np.array([0.5, 2.5, 0.0])), STATE),
+    "begun at a word": (lambda c: c.begin("here"), STATE),
+    "begun at no time": (lambda c: c.begin(np.array([0.5, 2.5]), np.nan), r"^the time is nan; a run begins at"),
+    "stepped at a word": (lambda c: c.step("here", 0.1), STATE),
+    "one proposal": ({"propose": 5}, r"^propose is 5; it must be a sequence of functions"),
+    "no functions": ({"propose": [1]}, r"^propose is \[1\]; it must be a sequence of functions"),
+    "a backend's name": ({"backend": "x"}, r"^backend is 'x'; it must be None, or have the methods sample, trace"),
+    "a seed": ({"rng": 1}, r"^rng is 1; it must be a generator"),
+    "no sampling": ({"sampling": None}, r"^sampling is None; it must be a Sampling$"),
+}
+
+
+@pytest.fixture(scope="module")
+def misused() -> Controller:
+    return controller(room(*WALLS), vertices=60)
+
+
+@pytest.mark.parametrize("case", MISUSES)
+def test_what_a_controller_cannot_use_is_refused_in_one_line_and_changes_nothing(case: str, misused: Controller):
+    act, message = MISUSES[case]
+    before = misused.run, misused.tree
+
+    def made(c: Controller) -> Controller:
+        return Controller(c.problem, c.space, c.tree, **{"sampling": Sampling(), "rng": c.rng} | act)
+
+    with pytest.raises(OptionError, match=message):
+        (act if callable(act) else made)(misused)
+    assert (misused.run, misused.tree) == before
+
+
+@pytest.mark.parametrize("name", ["dt", "first", "samples", "window", "target", "budget"])
+def test_a_number_of_sampling_that_is_none_is_refused(name: str):
+    with pytest.raises(OptionError, match=f"^{name} is 'x'; it must be a number$"):
+        Sampling(**{name: "x"})
