@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from pirrht.errors import NoReference, OptionError
+from pirrht.planner.tuning import LIMITS
 from sim import tree_file
 from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import prepare
 from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, RESERVE, predicted
-from sim.scenario.scenario import WIDER
 from sim.sweeps.runs import settled
 from sim.sweeps.sweep import Grid
 
@@ -71,11 +71,11 @@ def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goa
     """`slit` for a robot of which no class is within its own limit."""
     scenario = prepare("slit", given={"vertices": 300})
     scenario = replace(scenario, settings=replace(scenario.settings, limit=NARROW))
-    tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
-    assert tree.limit == WIDER[0]
+    tree, asked = scenario.grown_tree(), scenario.with_settings(limit=LIMITS.wider[0]).grown_tree()
+    assert tree.limit == LIMITS.wider[0]
     assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
     tree_file.save(tree, file := str(tmp_path / "tree.npz"))
-    assert tree_file.load(file, scenario.space, scenario.steering()).limit == WIDER[0]
+    assert tree_file.load(file, scenario.space, scenario.steering()).limit == LIMITS.wider[0]
     asked = scenario.with_settings(limit=2.0 * NARROW)
     with pytest.raises(NoReference, match=r"<= 0\.002"):
         asked.references(asked.grown_tree())
@@ -94,7 +94,7 @@ def test_a_limit_that_leaves_out_the_short_path_out_of_a_pocket_is_widened(tmp_p
     hook = prepare(tmp_path / "hook.xml", margin=0.0, given={"vertices": 400})
     hook = replace(hook, settings=replace(hook.settings, limit=LOW))
     wide, low = hook.grown_tree(), hook.with_settings(limit=LOW).grown_tree()
-    assert (wide.limit, low.limit) == (WIDER[0], LOW)
+    assert (wide.limit, low.limit) == (LIMITS.wider[1], LOW)
     assert min(low.lengths(hook.start).values()) > 1.1 * min(wide.lengths(hook.start).values())
 
 
