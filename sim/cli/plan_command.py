@@ -22,7 +22,8 @@ from sim.drive.metrics import Truth
 from sim.files import path_text, replaced, write_json
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
-from sim.scenario.prepared import deviation, predicted
+from sim.scenario.prepared import deviation
+from sim.scenario.risk import predicted
 from sim.systems import POSE, typed
 from sim.text import counted, say
 
@@ -151,7 +152,7 @@ def plan(arguments: argparse.Namespace) -> int:
     else:
         tree, references = planned(scenario)
     seconds = notice().clock() - began
-    collision = next(iter(predicted(scenario, tree=tree)), None)
+    collision = predicted(scenario, tree)
     notice().finish()
     found = plan_json(scenario, tree, references, seconds, collision) | watched
     print(tables.class_table(references, scenario.homology))

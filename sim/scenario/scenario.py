@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -70,6 +70,8 @@ class Scenario:
     margin: float = 0.0  # that plans leave around the robot [m]
     widens: bool = True  # whether the limit H_limit may give way; not one that was given
     risk_note: str = ""  # what a risk changed besides the margin, or that it is not kept
+    spare: list[HomologyTree] = field(default_factory=list)  # a tree that is grown already: `grown_tree` takes it
+    collision: CollisionProbability | None = None  # predicted at the start by the search for a margin
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -89,7 +91,8 @@ class Scenario:
                                                     changes[one] != getattr(self.settings, one)]):  # fmt: skip
             raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
         problem = self.system.problem(self.loaded.scene, settings)
-        return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
+        widens = self.widens and "limit" not in changes
+        return replace(self, settings=settings, problem=problem, widens=widens, spare=[], collision=None)
 
     @property
     def start(self) -> Array:
@@ -192,6 +195,8 @@ class Scenario:
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
 
+        if at is None and self.spare:
+            return self.spare.pop()
         if self.widens:
             return grown_tree(
                 self.space, self.steering(), x, s.vertices, limit=s.limit, classes=s.classes, seed=self._seeds()[0],

@@ -1,5 +1,6 @@
 """Margins, limits and lengths of a scenario follow from its scene and noise."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -7,13 +8,15 @@ import numpy as np
 import pytest
 
 from pirrht.errors import NoReference, OptionError
+from pirrht.planner.tree import HomologyTree
 from pirrht.planner.tuning import LIMITS
 from sim import tree_file
 from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
 from sim.scenario import prepare
-from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, RESERVE, predicted
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
+from sim.scenario.risk import RESERVE, ROUNDS, StartPlan, predicted
 from sim.sweeps.runs import settled
 from sim.sweeps.sweep import Grid
 
@@ -133,7 +136,7 @@ def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_pat
     margins = []
     for risk in (0.05, 0.01, 0.001):
         scenario = prepare(gap(tmp_path, 0.3), given={"noise": 0.2, "risk": risk})
-        (found,) = predicted(scenario)
+        found = predicted(scenario)
         assert RESERVE * found.most <= risk
         margins.append(scenario.margin)
     assert margins == sorted(margins)
@@ -159,6 +162,42 @@ def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
     nearest = prepare(gap(tmp_path, 0.26), noise=0.2, risk=1e-5, risk_infeasible="best")
     assert 0.0 < nearest.margin < 0.03
     assert nearest.risk_note.startswith("not kept: ")
+
+
+def test_the_last_tree_and_prediction_of_a_search_for_a_margin_are_those_of_the_plan(tmp_path, monkeypatch):
+    scenario = prepare(gap(tmp_path, 0.3), noise=0.2, risk=0.01, vertices=300)
+    anew = replace(scenario, spare=[], collision=None)
+    trees, plans = counted(monkeypatch, HomologyTree, "grow"), counted(monkeypatch, StartPlan, "of")
+    tree = scenario.grown_tree()
+    found = predicted(scenario, tree)
+    assert not trees
+    assert not plans
+    again = anew.grown_tree()
+    assert predicted(anew, again) == found
+    for one in (tree, again):
+        one.grow(350)
+    np.testing.assert_array_equal(tree.states[: tree.size], again.states[: again.size])
+    assert not scenario.with_settings(seed=1).spare
+    assert scenario.grown_tree() is not tree
+
+
+def test_a_search_for_a_margin_weighs_few_margins_whatever_the_noise(monkeypatch):
+    """One of 5 400 margins that are multiples of 0.1 mm."""
+    weighed = counted(monkeypatch, StartPlan, "collision")
+    prepare("slit", noise=3.0, risk=0.05, risk_infeasible="best", vertices=100, samples=20)
+    assert 0 < len(weighed) <= ROUNDS * (2 + math.log2(5400))
+
+
+def counted(monkeypatch, kind: type, name: str) -> list:
+    """List the calls of a method from now on."""
+    calls, original = [], getattr(kind, name)
+
+    def called(*arguments, **more):
+        calls.append(name)
+        return original(*arguments, **more)
+
+    monkeypatch.setattr(kind, name, called)
+    return calls
 
 
 def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):
