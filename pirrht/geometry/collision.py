@@ -58,9 +58,10 @@ class Collision:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
         self._solids = Solids.of(world.obstacles)
-        self._every = np.arange(len(world.obstacles))
+        self.first = _first_of_equals(world.obstacles)  # (M,) index of the first solid that is equal to each
+        self._every = np.unique(self.first)
         self._tree = fcl.DynamicAABBTreeCollisionManager()
-        self._tree.registerObjects([solid_of(o) for o in world.obstacles])
+        self._tree.registerObjects([solid_of(world.obstacles[i]) for i in self._every.tolist()])
         self._tree.setup()
         self._request = fcl.CollisionRequest()
         self._waivers = np.array(world.waivers).reshape(-1, 4)
@@ -75,7 +76,7 @@ class Collision:
 
     def obstacle_distance(self, index: int, points: Array) -> Array:
         """Return distances of the robot's centre from `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
-        return self._from(self._every[index : index + 1], points)
+        return self._from(self.first[index : index + 1], points)
 
     def _from(self, members: IntArray, points: Array) -> Array:
         out = np.empty(len(points))
@@ -88,7 +89,7 @@ class Collision:
         No distance above `cutoff` [m] is reported. With a cell [m], bilinear interpolation between points so far apart
         is not too high where less margin begins to count.
         """
-        counted = np.array(members, dtype=np.int64)
+        counted = np.unique(self.first[np.array(members, dtype=np.int64)])
         found = nearest_walls(self._solids, counted, points, self.footprint.height, cutoff)
         if not len(self._waivers):
             return found
@@ -158,6 +159,17 @@ class Collision:
         found: list[bool] = []
         self._tree.collide(body, found, visit)
         return bool(found)
+
+
+def _first_of_equals(obstacles: Sequence[Obstacle]) -> IntArray:
+    """Return the index of the first obstacle of the same shape in the same place as each, (M,)."""
+    known: dict[tuple[Any, ...], int] = {}
+    first = np.empty(len(obstacles), dtype=np.int64)
+    for i, o in enumerate(obstacles):
+        arrays = (o.size, o.position, o.rotation, o.vertices, o.faces)
+        shape = tuple(b"" if array is None else array.tobytes() for array in arrays)
+        first[i] = known.setdefault((o.kind, *shape), i)
+    return first
 
 
 def _capsule(radius: float, middle: Array, span: Array) -> Any:

@@ -221,6 +221,12 @@ class Scene:
                 f"the grid is of {grid.dtype} and shape {grid.shape}; it must hold booleans (rows, columns), such as "
                 "`grid > 50` makes them"
             )
+        if grid.size > TUNING.grid_cells:
+            side = int(np.ceil(np.sqrt(grid.size / TUNING.grid_cells)))
+            raise SceneError(
+                f"the grid has {grid.shape[0]} x {grid.shape[1]} cells, and at most {TUNING.grid_cells:,} are taken; "
+                f"cut out a part, or join {side} x {side} cells to one that is occupied if one of them is"
+            )
         if not (np.isfinite(resolution) and resolution > 0):
             raise SceneError(f"the resolution is {resolution:g}; it must be the side of a cell, a positive number [m]")
         obstacles = solids.cells(grid, resolution, corner, _height(task))

@@ -51,6 +51,7 @@ class GeometryTuning(NamedTuple):
     similar: float = 0.5  # share of the greatest clearance or radius from which on a place in a goal disc is as good
     # Walls from plain numbers
     wall_height: float = 0.5  # [m]; more for a robot whose centre is higher
+    grid_cells: int = 25_000_000  # of an occupancy grid: its cover takes some 25 bytes for each
     smallest: float = 1e-6  # side, radius, or root of the area of a solid that counts as one [m]
 
 

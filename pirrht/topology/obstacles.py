@@ -7,12 +7,12 @@ distance from a convex solid, is convex, and so is every minimisation below.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pirrht.arrays import Array
+from pirrht.arrays import Array, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind
 
@@ -36,11 +36,12 @@ def components(collision: Collision) -> tuple[Component, ...]:
     A common point of two inflated shapes certifies a joint. A gap micrometres too narrow may count as a passage.
     """
     planar = _Planar(collision)
-    label = np.arange(len(planar.obstacles))
-    for i, j in planar.candidates():
-        if label[i] != label[j] and planar.common(i, j) is not None:
-            first, last = sorted((label[i], label[j]))
-            label[label == last] = first
+    label = collision.first.copy()
+    for i, near in planar.candidates():
+        for j in near[label[near] != label[i]].tolist():
+            if label[i] != label[j] and planar.common(*sorted((i, j))) is not None:
+                first, last = sorted((label[i], label[j]))
+                label[label == last] = first
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
     found = (_component(planar, members) for members in groups)
     return tuple(component for component in found if component is not None)
@@ -80,7 +81,8 @@ def continued(
 
 def _component(planar: _Planar, members: list[int]) -> Component | None:
     world = planar.world
-    inside = [i for i in members if planar.common(i, i, world.lower, world.upper) is not None]
+    distinct = np.unique(planar.collision.first[members]).tolist()
+    inside = [i for i in distinct if planar.common(i, i, world.lower, world.upper) is not None]
     if not inside:
         return None
     border = any(map(planar.leaves, inside))
@@ -108,15 +110,15 @@ class _Planar:
         """d_i at a planar point [m]."""
         return float(self.collision.obstacle_distance(i, np.array([point]))[0])
 
-    def candidates(self) -> list[tuple[int, int]]:
-        """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
-        order = np.argsort(self.low[:, 0], kind="stable")
-        lows, pairs = self.low[order, 0], []
+    def candidates(self) -> Iterator[tuple[int, IntArray]]:
+        """Find every pair of distinct solids whose inflated rectangles overlap: each solid with others (k,)."""
+        distinct = np.unique(self.collision.first)
+        order = distinct[np.argsort(self.low[distinct, 0], kind="stable")]
+        lows = self.low[order, 0]
         for position, i in enumerate(order.tolist()):
             later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
-            pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
-        return sorted(pairs)
+            yield i, later[overlap]
 
     def common(
         self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE, shrunk: float = 0.0
