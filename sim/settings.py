@@ -114,7 +114,8 @@ class SceneOptions:
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-                                  unset="the scene's, or three standard deviations of the noise in 0.01 s")
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, and in "
+                                        "narrow passages less: a quarter of their clearance")
     start: Sequence[float] | None = stated(None, "X Y [m] and TH [rad]", "X", count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, "disc [m]", ("X", "Y", "R"), count=3, unset="the scene's")
     workspace: Sequence[float] | None = stated(None, "border of the robot's centre", ("X0", "X1", "Y0", "Y1"), PLACES,

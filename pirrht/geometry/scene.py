@@ -52,7 +52,7 @@ class Goal:
 
 
 class Waiver(NamedTuple):
-    """A disc in which plans keep less than the safety margin, since they begin or end there; all in [m]."""
+    """A disc in which plans keep less than the safety margin: at a start, a goal or a narrow passage; all in [m]."""
 
     x: float
     y: float
@@ -106,7 +106,8 @@ class Scene:
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: moving obstacles; `obstacles` holds only static ones.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
-        waivers: discs in which less margin counts; `FreeSpace.of` sets them.
+        narrow: discs around narrow passages in which less margin counts.
+        waivers: these and those at start and goal; `FreeSpace.of` sets them.
 
     Raises:
         SceneError: start or goal lie outside the workspace, or something is empty; names the scene.
@@ -136,6 +137,7 @@ class Scene:
     defaults: dict[str, float] = field(default_factory=dict)
     movers: tuple[Mover, ...] = ()
     margin: float = 0.0
+    narrow: tuple[Waiver, ...] = ()
     waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from pirrht.arrays import Array
 from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.passages import find_passages
+from pirrht.geometry.scene import Waiver
 from pirrht.problem import Problem
 from sim.mjcf import load
 from sim.scenario.risk import RiskSearch
@@ -25,6 +25,8 @@ REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
 SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at the start and at the goal point
+OPEN = 2.0  # times the margin is the clearance at both ends of a passage with a disc of its own
+DISC = 1.25  # radius of this disc, in distances of the farther end from the middle
 STEPS = 20  # of a time, by which noise adds up
 WORTH = 2e-3  # a smaller margin is none [m]
 
@@ -59,8 +61,9 @@ def prepare(
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
 
-    def at(margin: float | None, **changes: Any) -> Scenario:
+    def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:
         own, numbers = loaded if margin is None else read(margin=margin), replace(settings, **changes)
+        own = replace(own, scene=replace(own.scene, narrow=narrow))
         return Scenario(
             loaded=own, system=kind, settings=numbers, problem=kind.problem(own.scene, numbers),
             space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
@@ -74,18 +77,21 @@ def prepare(
         scenario = search.result(stop=settings.risk_infeasible == "stop")
     else:
         scenario = at(None)
-        if task.margin is None and "margin" not in loaded.scene.defaults and (own := default_margin(scenario)) > 0.0:
-            scenario = at(own)
+        if task.margin is None and "margin" not in loaded.scene.defaults:
+            own, narrow = default_margin(scenario)
+            scenario = at(own, narrow) if own > 0.0 else scenario
     if driven:
         scenario.plant()
     return scenario
 
 
-def default_margin(scenario: Scenario) -> float:
-    """Return the margin [m] for a scenario without one; 0 where there is no clearance for it.
+def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
+    """Return the margin [m] for a scenario without one, and discs around narrow passages in which less counts.
 
-    It is three standard deviations of the place that noise alone moves the robot to before it reacts, and takes no more
-    than a quarter of the clearance anywhere, so that no class is lost.
+    It is three standard deviations of the place that noise alone moves the robot to before it reacts. It takes no more
+    than a quarter of the clearance at the start and goal and, in its disc, of a narrow passage: so no class is lost.
+    Where such a passage does not open within its axis, or obstacles move, it counts everywhere. A margin of 0: there
+    is no clearance for one.
     """
     s, problem, space, scene = scenario.settings, scenario.problem, scenario.space, scenario.space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
@@ -93,11 +99,17 @@ def default_margin(scenario: Scenario) -> float:
         ends = ends[:1]
     if scene.movers:
         ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
-    widths = find_passages(space.field, space.collision).width
-    clearance = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
+    passages = space.passages()
+    kept = SHARE * np.maximum(0.5 * passages.width - scene.robot_radius, 0.0)  # in each of them
     spread = deviation(problem, s.period if s.between == "hold" else REACTION)
-    margin = min(max(LEAST, DEVIATIONS * spread), SHARE * clearance)
-    return round(margin, 4) if margin > WORTH else 0.0
+    margin = min(max(LEAST, DEVIATIONS * spread), SHARE * float(ends.min()))
+    opens = (passages.opening > OPEN * margin) & (not scene.movers)
+    margin = round(min(margin, float(kept[~opens].min(initial=np.inf))), 4)
+    if margin <= WORTH:
+        return 0.0, ()
+    narrow = np.flatnonzero(opens & (kept < margin))
+    discs = np.column_stack([passages.place, DISC * passages.reach, margin - kept])[narrow]
+    return margin, tuple(Waiver(*disc) for disc in discs.tolist())
 
 
 def deviation(problem: Problem, time: float) -> float:

@@ -20,6 +20,7 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.fitting import waived_along
 from pirrht.planner.limits import grown_tree
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
@@ -168,8 +169,13 @@ class Scenario:
         """
         if plan is None or plan.estimate is None or not self.predicts_collisions:
             return None
+        full, scene = self.margin + margin, self.loaded.scene
+        least = full - max((disc.less for disc in scene.narrow), default=0.0)
+        lines = {name: one.trajectory.points for name, one in zip(plan.ids, plan.references, strict=True)}
+        kept = {name: full - waived_along(scene, line) for name, line in lines.items()}
+        margins = {code: kept.get(name, least) for code, name in plan.classes.items()}
         return collision_probability(
-            self.problem, plan.estimate, step=self.held, margin=self.margin + margin, classes=plan.classes
+            self.problem, plan.estimate, step=self.held, margin=least, classes=plan.classes, margins=margins
         )
 
     @property
