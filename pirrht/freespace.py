@@ -47,7 +47,7 @@ class FreeSpace:
 
         SceneError: the start or all of the goal is in collision, or the workspace is too large for the robot.
         """
-        scene, collision = _checked(replace(scene, waivers=()))
+        scene, collision = _checked(replace(scene, waivers=scene.narrow))
         parts = components(collision)
         return cls._of(scene, collision, parts, tuple(part for part in parts if part.marker is not None))
 
@@ -84,7 +84,7 @@ class FreeSpace:
         """
         scene = self.scene
         scene = replace(scene, start=scene.start if start is None else start, goal=scene.goal if goal is None else goal)
-        if self.scene.waivers or (scene := fitted(scene, self.collision)).waivers:
+        if self.scene.waivers != scene.narrow or (scene := fitted(scene, self.collision)).waivers != scene.narrow:
             return FreeSpace.of(scene)
         return replace(self, scene=scene, homology=replace(self.homology, goal=scene.goal.center.astype(float)))
 

@@ -116,7 +116,8 @@ class SceneOptions:
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-                                  unset="the scene's, or three standard deviations of the noise in 0.01 s")
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, and in "
+                                        "narrow passages less: a quarter of their clearance")
     start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
                                            count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,
@@ -151,8 +152,9 @@ class Settings:
     samples: int = stated(200, "samples around each reference", "N", (1, 10_000_000))
     vertices: int = stated(1000, "vertices of the tree", "N", (1, 1_000_000))
     classes: int = stated(16, "classes per vertex at most, 0 for all", "K", (0, 10_000))
-    limit: float = stated(0.6, "H_limit of |1 - H_i| <= H_limit; a default that excludes a path of at most 1.25 times "
-                          "the shortest is widened to 0.8, 1 or 1.5", "H", (1e-3, 100.0))
+    limit: float = stated(0.6, "H_limit of |1 - H_i| <= H_limit; a default is widened to 0.8, 1 or 1.5 until all "
+                          "classes of at most 1.5 times the shortest path are in, or --classes of them", "H",
+                          (1e-3, 100.0))
     target_error: float | None = stated(None, "draw until the control's standard error is less", "EPS", (1e-6, 1e3))
     budget: int | None = stated(None, "most samples of a reference under --target-error", "N", (1, 100_000_000),
                                 unset="16 --samples")

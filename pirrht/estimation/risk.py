@@ -73,18 +73,24 @@ def offset(step: float, margin: float = 0.0) -> float:
 
 
 def collision_probability(
-    problem: Problem, estimate: Estimate, *, step: float, margin: float = 0.0, classes: Mapping[int, str] | None = None
-) -> CollisionProbability:
+    problem: Problem, estimate: Estimate, *, step: float, margin: float = 0.0, classes: Mapping[int, str] | None = None,
+    margins: Mapping[int, float] | None = None,
+) -> CollisionProbability:  # fmt: skip
     """Predict the probability that a run from the state of an estimate ends in a collision.
 
     Args:
         step: time for which a control is held [s]: a physics step, or the period where plans are held.
         margin: distance that plans keep from walls on top of the robot's radius [m].
         classes: additive class keys to names.
+        margins: those of single classes, by additive key [m].
     """
     noise = problem.dynamics.position_spread(estimate.rollouts.origin.x)
-    per_exposure = offset(step, margin / noise) if noise > 0.0 else 0.0
     paths, log_weight, first = all_samples(estimate.parts)
+    per_exposure = np.zeros(len(log_weight))
+    if noise > 0.0:
+        per_exposure[:] = offset(step, margin / noise)
+        for code, own in (margins or {}).items():
+            per_exposure[paths.key == code] = offset(step, own / noise)
     arrived = np.where(paths.outcome == Outcome.GOAL, log_weight, -np.inf)
     goal_value = problem.temperature * (math.log(len(arrived)) - float(np.logaddexp.reduce(arrived)))
     weight, ended = normalised(log_weight)[0], paths.outcome == Outcome.COLLISION

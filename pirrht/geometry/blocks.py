@@ -101,7 +101,7 @@ def _sampled(
     coarse = np.zeros((shape[0], shape[1] - 1, shape[2] - 1), dtype=np.bool_)
     if not finest:
         (least, most), (low, high), (one, other) = _extremes(near), _extremes(far), _extremes(label)
-        flat = _flat(walls, shape, one == other, most + r, width) & (least_r == r)
+        flat = _flat(walls, shape, one == other, most + r, width)
         changes = (least < sharp) & ((one != other) | (high - low > 1.5 * width) & (low < sharp))
         coarse = (most > max(-1.5 * width, -r)) & ((least < TUNING.band * width) & ~flat | changes)
         around = np.pad(coarse | flat, ((0, 0), (1, 1), (1, 1)), constant_values=True)  # cells around each point

@@ -4,6 +4,8 @@ The robot is a sphere at a fixed height. `collide` of FCL is right for every con
 paths; distances are those of `shapes`.
 """
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -58,9 +60,10 @@ class Collision:
         self.world, self.footprint = world, footprint
         self.calls = 0  # FCL queries so far
         self._solids = Solids.of(world.obstacles)
-        self._every = np.arange(len(world.obstacles))
+        self.first = _first_of_equals(world.obstacles)  # (M,) index of the first solid that is equal to each
+        self._every = np.unique(self.first)
         self._tree = fcl.DynamicAABBTreeCollisionManager()
-        self._tree.registerObjects([solid_of(o) for o in world.obstacles])
+        self._tree.registerObjects([solid_of(world.obstacles[i]) for i in self._every.tolist()])
         self._tree.setup()
         self._request = fcl.CollisionRequest()
         self._waivers = np.array(world.waivers).reshape(-1, 4)
@@ -70,12 +73,19 @@ class Collision:
         return self._solids.low, self._solids.high
 
     def distance(self, points: Array) -> Array:
-        """Return distances of the robot's centre from obstacles, (k, 2) -> (k,) [m]; 0 inside, infinite if none."""
-        return self._eased(self._from(self._every, points), points)
+        """Return distances of the robot's centre from obstacles, (k, 2) -> (k,) [m]; 0 inside, infinite if none.
+
+        They are greater where less than the safety margin counts.
+        """
+        return self._eased(self.true_distance(points), points)
+
+    def true_distance(self, points: Array) -> Array:
+        """Return distances of the robot's centre from obstacles, whatever the margin, (k, 2) -> (k,) [m]."""
+        return self._from(self._every, points)
 
     def obstacle_distance(self, index: int, points: Array) -> Array:
         """Return distances of the robot's centre from `obstacles[index]`, (k, 2) -> (k,) [m]; 0 inside."""
-        return self._from(self._every[index : index + 1], points)
+        return self._from(self.first[index : index + 1], points)
 
     def _from(self, members: IntArray, points: Array) -> Array:
         out = np.empty(len(points))
@@ -88,12 +98,13 @@ class Collision:
         No distance above `cutoff` [m] is reported. With a cell [m], bilinear interpolation between points so far apart
         is not too high where less margin begins to count.
         """
-        counted = np.array(members, dtype=np.int64)
+        counted = np.unique(self.first[np.array(members, dtype=np.int64)])
         found = nearest_walls(self._solids, counted, points, self.footprint.height, cutoff)
         if not len(self._waivers):
             return found
         first, second = (np.minimum(self._eased(d, points, cell), cutoff) for d in (found.first, found.second))
-        return found._replace(first=first, second=second)
+        other = np.where(first == found.first, found.other, 0.0)  # a distance that is eased is linear nowhere
+        return found._replace(first=first, second=second, other=other)
 
     def clearance(self, points: Array) -> Array:
         """Return free distances, (k, 2) -> (k,) [m]; 1-Lipschitz, at most 0 where the robot may not be."""
@@ -109,14 +120,39 @@ class Collision:
         low, high = self.world.lower, self.world.upper
         result: BoolArray = np.all((tails > low) & (tails < high) & (heads > low) & (heads < high), axis=-1)
         for k in np.flatnonzero(result):
-            span = heads[k] - tails[k]
-            middle = np.append(0.5 * (tails[k] + heads[k]), self.footprint.height)
-            result[k] = not self._hits(_capsule(self.footprint.radius + more, middle, span))
+            result[k] = not self._hits(self._swept(tails[k], heads[k], self.footprint.radius + more))
             if not result[k] and len(self._waivers):
-                length = float(np.hypot(*span))
-                along = span / max(length, 1e-300)
-                result[k] = self.bisect_free(lambda s, k=k, along=along: tails[k] + s * along, length)  # type: ignore[misc]
+                result[k] = self._free_with_waivers(tails[k], heads[k], more)
         return result
+
+    def _free_with_waivers(self, tail: Array, head: Array, more: float) -> bool:
+        """Return whether a segment between points (2,) [m] is free where it is cut at the rims of all waivers."""
+        span = head - tail
+        square = max(float(span @ span), 1e-300)
+        cuts = [0.0, 1.0]
+        for x, y, disc, _ in self._waivers:
+            to_center = np.array([x, y]) - tail
+            nearest = float(to_center @ span) / square
+            half = disc**2 / square - float(to_center @ to_center) / square + nearest**2
+            if half > 0.0:
+                cuts += [nearest - math.sqrt(half), nearest + math.sqrt(half)]
+        ends = sorted({min(max(cut, 0.0), 1.0) for cut in cuts})
+        for a, b in itertools.pairwise(ends):
+            middle = tail + 0.5 * (a + b) * span
+            radius = self.footprint.radius + more - float(self.waived(middle[None])[0])
+            if self._hits(self._swept(tail + a * span, tail + b * span, radius)):
+                return False
+        return True
+
+    def waived(self, points: Array) -> Array:
+        """Return by how much the margin is smaller at points (k, 2), (k,) [m]."""
+        x, y, disc, less = self._waivers.T
+        inside = np.hypot(points[:, :1] - x, points[:, 1:] - y) < disc
+        return np.asarray(np.where(inside, less, 0.0).max(axis=1, initial=0.0))
+
+    def _swept(self, tail: Array, head: Array, radius: float) -> Any:
+        """Return the capsule that the robot sweeps between two places (2,) with a radius [m]."""
+        return _capsule(radius, np.append(0.5 * (tail + head), self.footprint.height), head - tail)
 
     def bisect_free(self, position: Callable[[float], Array], length: float) -> bool:
         """Return whether clearances certify a curve: a piece ab is free if c(a) + c(b) > |ab|.
@@ -133,15 +169,16 @@ class Collision:
         """Raise distances (k,) [m] from points (k, 2) to obstacles where less than the safety margin counts.
 
         The planning radius then leaves as much clearance as a smaller radius does within the disc of a waiver. Where
-        one takes over from the other, interpolation in cells [m] is too high by half a cell, which is subtracted.
+        its rim takes over, interpolation in cells [m] is too high by half a cell, which is subtracted.
         """
-        eased = d
+        eased = d.copy()
         for x, y, disc, less in self._waivers:
-            away = np.hypot(points[..., 0] - x, points[..., 1] - y)
-            other = np.minimum(self.footprint.radius + disc - away, d + less)
-            kink = np.where(np.abs(eased - other) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
-            eased = np.maximum(eased, other) - kink
-        return np.where(d > 0.0, eased, d)
+            reach = self.footprint.radius + disc
+            near = np.flatnonzero((np.abs(points[:, 0] - x) < reach) & (np.abs(points[:, 1] - y) < reach) & (d > 0.0))
+            rim = reach - np.hypot(points[near, 0] - x, points[near, 1] - y)
+            kink = np.where(np.abs(eased[near] - rim) < TUNING.kink_cells * cell, min(0.6 * cell, 0.5 * less), 0.0)
+            eased[near] = np.maximum(eased[near], np.minimum(rim, d[near] + less)) - kink
+        return eased
 
     @property
     def least_radius(self) -> float:
@@ -158,6 +195,17 @@ class Collision:
         found: list[bool] = []
         self._tree.collide(body, found, visit)
         return bool(found)
+
+
+def _first_of_equals(obstacles: Sequence[Obstacle]) -> IntArray:
+    """Return the index of the first obstacle of the same shape in the same place as each, (M,)."""
+    known: dict[tuple[Any, ...], int] = {}
+    first = np.empty(len(obstacles), dtype=np.int64)
+    for i, o in enumerate(obstacles):
+        arrays = (o.size, o.position, o.rotation, o.vertices, o.faces)
+        shape = tuple(b"" if array is None else array.tobytes() for array in arrays)
+        first[i] = known.setdefault((o.kind, *shape), i)
+    return first
 
 
 def _capsule(radius: float, middle: Array, span: Array) -> Any:

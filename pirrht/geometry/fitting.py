@@ -26,9 +26,9 @@ def fitted(scene: Scene, collision: Collision, *, start_counts: bool = True) -> 
     kept. SceneError: the robot without its margin touches an obstacle at the start, or everywhere in the goal disc.
     """
     start, goal, body = scene.start[:2], scene.goal, scene.body.radius
-    waivers = [] if start_counts else [*scene.waivers]
-    if start_counts and (distance := float(collision.distance(start[None])[0])) < scene.robot_radius + SHORTEST:
-        if distance < body - ROUNDING:
+    waivers = [*scene.narrow] if start_counts else [*scene.waivers]
+    if start_counts and float(collision.distance(start[None])[0]) < scene.robot_radius + SHORTEST:
+        if (distance := float(collision.true_distance(start[None])[0])) < body - ROUNDING:
             raise SceneError(_in_collision(scene, "start", start, f" (it lacks {body - distance:.3g} m)"))
         waivers.append(_waiver(scene, collision, start))
     if float(collision.clearance(goal.center[None])[0]) <= 0.0:
@@ -53,7 +53,7 @@ def _waiver(scene: Scene, collision: Collision, point: Array) -> Waiver:
     SceneError: none does since an obstacle is under or over the robot wherever it goes.
     """
     body = scene.body.radius
-    clearance = float(collision.distance(point[None])[0]) - body
+    clearance = float(collision.true_distance(point[None])[0]) - body
     radii = [body + min(share * clearance, clearance - SHORTEST) for share in (0.5, 0.25, 0.0)]  # kept of the clearance
     least = 2.0 * (scene.margin - clearance) + TUNING.turning_reach * body
     discs = [least]
@@ -114,3 +114,17 @@ def _free_part(scene: Scene, collision: Collision, radius: float) -> Goal | None
     centers, away = places[inside], np.rint((goal.radius - to_rim[inside]) / cell)
     center = centers[np.lexsort((np.hypot(*(centers - scene.start[:2]).T), away))[0]]
     return Goal(center=center, radius=goal.radius - float(np.hypot(*(center - goal.center))))
+
+
+def waived_along(scene: Scene, line: Array) -> float:
+    """Return the most by which the margin is smaller in the narrow passages of a path (l, 2), a polyline [m]."""
+    tails, span = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((span**2).sum(axis=1), 1e-300)
+    most = 0.0
+    for disc in scene.narrow:
+        away = np.array([disc.x, disc.y]) - tails
+        share = np.clip((away * span).sum(axis=1) / square, 0.0, 1.0)
+        gap = np.hypot(*(away - share[:, None] * span).T)
+        if gap.min(initial=np.inf) < scene.robot_radius:
+            most = max(most, disc.less)
+    return most

@@ -38,6 +38,8 @@ class Passages:
     heading: Array  # (P,) along the passage, at right angles to that chord [rad]
     width: Array  # (P,) of a straight corridor that leaves the robot as much clearance [m]
     axis: Array  # (l, 3) points on the axes [m], [m] and headings there [rad]; all middles come first, in their order
+    extent: Array  # (P,) distance of the farther end of the axis from the middle [m]
+    opening: Array  # (P,) clearance at its narrower end [m]
 
     @property
     def count(self) -> int:
@@ -78,7 +80,8 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     """Find every passage that a robot can use by the clearance field; FCL decides where that is unsure."""
     radius = collision.footprint.radius
     found = np.empty((0, 4))  # x, y, heading, clearance
-    walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 3))
+    walks, work = [], np.empty((2 * TUNING.walk_steps + 2, 4))
+    ends = []  # distance and clearance of both ends of an axis
     stride, places = narrow_places(field, radius)
     for row, column in places.tolist():
         c, x, y = _greatest(field, row * stride, column * stride, stride)
@@ -91,11 +94,18 @@ def find_passages(field: Field, collision: Collision) -> Passages:
         if middle[3] < field.spacing and not collision.free(middle[None, :2])[0]:
             continue
         found = np.vstack([found, middle])
-        walks.append(work[: _walk(field, radius, middle, work)].copy())
+        ahead, count = _walk(field, radius, middle, work)
+        both = work[[ahead - 1, count - 1]] if 0 < ahead < count else middle[None]
+        ends.append((np.hypot(*(both[:, :2] - middle[:2]).T).max(), both[:, 3].min()))
+        walks.append(work[:count, :3].copy())
     order = np.argsort(found[:, 3], kind="stable")
     found = found[order]
-    width, axis = 2.0 * (found[:, 3] + radius), np.vstack([found[:, :3], *(walks[i] for i in order)])
-    return Passages(place=found[:, :2], heading=found[:, 2], width=width, axis=axis)
+    width = 2.0 * (found[:, 3] + radius - collision.waived(found[:, :2]))
+    axis = np.vstack([found[:, :3], *(walks[i] for i in order)])
+    extent, opening = np.array(ends).reshape(-1, 2)[order].T
+    return Passages(
+        place=found[:, :2], heading=found[:, 2], width=width, axis=axis, extent=extent, opening=opening
+    )  # fmt: skip
 
 
 @kernel
@@ -188,10 +198,14 @@ def _narrowest(field, radius, middle, angle, most):  # type: ignore[no-untyped-d
 
 @kernel
 def _walk(field, radius, middle, out):  # type: ignore[no-untyped-def]
-    """Write the corners of a passage's axis but for its middle, and their headings; return their number."""
+    """Write the corners of a passage's axis but for its middle: x, y, heading and clearance.
+
+    Return the number of those ahead, and of all.
+    """
     if middle[3] > TUNING.wide * radius:
-        return 0
-    return _walk_to(field, radius, middle, -1.0, out, _walk_to(field, radius, middle, 1.0, out, 0))
+        return 0, 0
+    ahead = _walk_to(field, radius, middle, 1.0, out, 0)
+    return ahead, _walk_to(field, radius, middle, -1.0, out, ahead)
 
 
 @kernel
@@ -211,7 +225,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         if c < min(least, 0.0) - 0.5 * field.spacing:
             break
         if certify_segment(field, from_x, from_y, next_x, next_y, False) != FREE and (x != from_x or y != from_y):
-            out[count, 0], out[count, 1], out[count, 2] = x, y, heading
+            out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, heading, clearance(field, x, y)
             from_x, from_y = x, y
             count += 1
         gap = math.hypot(next_x - x, next_y - y)
@@ -220,7 +234,7 @@ def _walk_to(field, radius, middle, side, out, count):  # type: ignore[no-untype
         if c > least + TUNING.walk_wider * radius:
             break
     if x != from_x or y != from_y:
-        out[count, 0], out[count, 1], out[count, 2] = x, y, heading
+        out[count, 0], out[count, 1], out[count, 2], out[count, 3] = x, y, heading, clearance(field, x, y)
         count += 1
     return count
 

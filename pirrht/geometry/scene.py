@@ -58,7 +58,7 @@ class Goal:
 
 
 class Waiver(NamedTuple):
-    """A disc in which plans keep less than the safety margin, since they begin or end there; all in [m]."""
+    """A disc in which plans keep less than the safety margin: at a start, a goal or a narrow passage; all in [m]."""
 
     x: float
     y: float
@@ -112,7 +112,8 @@ class Scene:
         defaults: option name -> value that the scene asks for, in the option's unit.
         movers: moving obstacles; `obstacles` holds only static ones.
         margin: part of the robot radius that is safety margin and not body [m]; a start inside it is no collision.
-        waivers: discs in which less margin counts; `FreeSpace.of` sets them.
+        narrow: discs around narrow passages in which less margin counts.
+        waivers: these and those at start and goal; `FreeSpace.of` sets them.
 
     Raises:
         SceneError: start or goal lie outside the workspace, something is empty, or a number is none or larger than
@@ -143,6 +144,7 @@ class Scene:
     defaults: dict[str, float] = field(default_factory=dict)
     movers: tuple[Mover, ...] = ()
     margin: float = 0.0
+    narrow: tuple[Waiver, ...] = ()
     waivers: tuple[Waiver, ...] = ()
 
     def __repr__(self) -> str:
@@ -249,6 +251,12 @@ class Scene:
             raise SceneError(
                 f"the grid is of {grid.dtype} and shape {grid.shape}{masked}; it must hold booleans (rows, columns), "
                 "such as `grid > 50` makes them"
+            )
+        if grid.size > TUNING.grid_cells:
+            coarser = int(np.ceil(np.sqrt(grid.size / TUNING.grid_cells)))
+            raise SceneError(
+                f"the grid has {grid.shape[0]} x {grid.shape[1]} cells, and at most {TUNING.grid_cells:,} are taken; "
+                f"cut out a part, or join {coarser} x {coarser} cells to one that is occupied if one of them is"
             )
         side = number(resolution, "the resolution", "the side of a cell, a positive number [m]")
         obstacles = solids.cells(grid, side, corner, _height(task))

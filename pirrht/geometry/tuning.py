@@ -54,6 +54,7 @@ class GeometryTuning(NamedTuple):
     wall_height: float = 0.5  # [m]; more for a robot whose centre is higher
     farthest: float = 1e6  # any number of a scene [m, rad, s]: beyond, a double is no longer fine to a micrometre
     askew: float = 1e-6  # by which the columns of a rotation may be off orthogonal unit vectors
+    grid_cells: int = 25_000_000  # of an occupancy grid: its cover takes some 25 bytes for each
     smallest: float = 1e-6  # side, radius, or root of the area of a solid that counts as one [m]
 
 

@@ -83,5 +83,13 @@ class TimedTuning(NamedTuple):
     slower: float = 1e-3  # share by which legs keep below the limit of speeds
 
 
+class LimitTuning(NamedTuple):
+    """Numbers by which a default limit of |1 - H_i| gives way."""
+
+    wider: tuple[float, ...] = (0.8, 1.0, 1.5)  # limits that are tried after the first [turns]
+    longer: float = 1.5  # paths of so many times the shortest length are wanted: people see them in a map
+    vertices: int = 400  # of the tree that finds these paths: shortened, they are as short as those of a large one
+
+
 TUNING, CHAIN, RESUME = PlannerTuning(), ChainTuning(), ResumeTuning()
-POLYLINE, IN_TIME = PolylineTuning(), TimedTuning()
+POLYLINE, IN_TIME, LIMITS = PolylineTuning(), TimedTuning(), LimitTuning()

@@ -97,6 +97,16 @@ class Homology(Signature):
         path = self._timed(path)
         return integers(self.closed(self.turns(path), path[0], path[-1]))
 
+    def most_turned(self, path: Array) -> float:
+        """Return the greatest |H_i| about a static marker of what is left of a path (k, n) at its points [turns].
+
+        It is completed straight to the goal point. A tree has the path if its limit is no less.
+        """
+        line = np.vstack([path[:, :2], self.goal])
+        away = line[:, None] - self.markers
+        angle = np.unwrap(np.arctan2(away[..., 1], away[..., 0]), axis=0)
+        return float(np.abs(angle[-1] - angle).max(initial=0.0)) / math.tau
+
     def closed(self, turns: Array, first: Array, last: Array) -> Array:
         """H of a path from `first` to `last` (n,), completed to the goal point, over the base's, (M,) [turns]."""
         S, whole = len(self.markers), turns.copy()

@@ -7,12 +7,12 @@ distance from a convex solid, is convex, and so is every minimisation below.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pirrht.arrays import Array, BoolArray
+from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
 
@@ -36,14 +36,22 @@ def components(collision: Collision) -> tuple[Component, ...]:
     A common point of two inflated shapes certifies a joint. A gap micrometres too narrow may count as a passage.
     """
     planar = _Planar(collision)
-    label = np.arange(len(planar.obstacles))
-    pairs = planar.candidates()
-    sure = planar.sure(pairs)
-    for k in np.argsort(~sure, kind="stable").tolist():
-        i, j = pairs[k]
-        if label[i] != label[j] and (sure[k] or planar.common(i, j) is not None):
-            first, last = sorted((label[i], label[j]))
-            label[label == last] = first
+    label = collision.first.copy()
+
+    def join(i: int, j: int) -> None:
+        first, last = sorted((label[i], label[j]))
+        label[label == last] = first
+
+    unsure = list[tuple[int, IntArray]]()
+    for i, near in planar.candidates():
+        sure = planar.sure(i, near)
+        unsure.append((i, near[~sure]))
+        for j in near[sure & (label[near] != label[i])].tolist():
+            join(i, j)
+    for i, near in unsure:
+        for j in near[label[near] != label[i]].tolist():
+            if label[i] != label[j] and planar.meeting_point(*sorted((i, j))) is not None:
+                join(i, j)
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
     found = (_component(planar, members) for members in groups)
     return tuple(component for component in found if component is not None)
@@ -83,7 +91,8 @@ def continued(
 
 def _component(planar: _Planar, members: list[int]) -> Component | None:
     world = planar.world
-    inside = [i for i in members if planar.common(i, i, world.lower, world.upper) is not None]
+    distinct = np.unique(planar.collision.first[members]).tolist()
+    inside = [i for i in distinct if planar.common(i, i, world.lower, world.upper) is not None]
     if not inside:
         return None
     border = any(map(planar.leaves, inside))
@@ -117,28 +126,30 @@ class _Planar:
         """d_i at a planar point [m]."""
         return float(self.collision.obstacle_distance(i, np.array([point]))[0])
 
-    def candidates(self) -> list[tuple[int, int]]:
-        """Pairs whose inflated bounding rectangles overlap, found in their order along x."""
-        order = np.argsort(self.low[:, 0], kind="stable")
-        lows, pairs = self.low[order, 0], []
+    def candidates(self) -> Iterator[tuple[int, IntArray]]:
+        """Find every pair of distinct solids whose inflated rectangles overlap: each solid with others (k,)."""
+        distinct = np.unique(self.collision.first)
+        order = distinct[np.argsort(self.low[distinct, 0], kind="stable")]
+        lows = self.low[order, 0]
         for position, i in enumerate(order.tolist()):
             later = order[position + 1 : int(np.searchsorted(lows, self.high[i, 0], side="right"))]
             overlap = (self.low[later, 1] <= self.high[i, 1]) & (self.high[later, 1] >= self.low[i, 1])
-            pairs += [(min(i, j), max(i, j)) for j in later[overlap].tolist()]
-        return sorted(pairs)
+            yield i, later[overlap]
 
-    def sure(self, pairs: list[tuple[int, int]]) -> BoolArray:
-        """Tell of which pairs the middle of the common rectangle is in both shapes, (k,), where both are upright boxes.
+    def sure(self, i: int, near: IntArray) -> BoolArray:
+        """Check which solids near (k,) the i-th one certainly joins, (k,): upright boxes both, by one point of both.
 
-        Those are what cells of a map and scans of walls consist of.
+        The point is the middle of the rectangle that is common to their bounds, if the whole margin counts there.
+        Cells of a map and walls of scans are such boxes.
         """
-        i, j = np.array(pairs, dtype=int).reshape(-1, 2).T
-        middle = 0.5 * (np.maximum(self.low[i], self.low[j]) + np.minimum(self.high[i], self.high[j]))
-        joined: BoolArray = self.upright[i] & self.upright[j]
-        for one in (i, j):
-            off = np.maximum(np.maximum(self.low[one] - middle, middle - self.high[one]) + self.radius, 0.0)
-            joined &= np.hypot(*off.T) < self.radius
-        return joined
+        middle = 0.5 * (np.maximum(self.low[near], self.low[i]) + np.minimum(self.high[near], self.high[i]))
+        sure: BoolArray = self.upright[near] & self.upright[i]
+        for low, high in ((self.low[near], self.high[near]), (self.low[i], self.high[i])):
+            off = np.maximum(np.maximum(low - middle, middle - high) + self.radius, 0.0)
+            sure &= np.hypot(*off.T) < self.radius
+        if sure.any():
+            sure &= self.collision.waived(middle) == 0.0
+        return sure
 
     def common(
         self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE, shrunk: float = 0.0
@@ -168,6 +179,12 @@ class _Planar:
                 break
         return None
 
+    def meeting_point(self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE) -> Array | None:
+        """Find a common point (2,) as `common` does, of smaller shapes if less margin counts there."""
+        point = self.common(i, j, lower, upper)
+        less = 0.0 if point is None else float(self.collision.waived(point[None])[0])
+        return point if less == 0.0 else self.common(i, j, lower, upper, less)
+
     def slope(self, i: int, x: float, y: float) -> Array:
         """Gradient of d_i at a planar point, (2,)."""
         h = self.offset[i]
@@ -179,7 +196,7 @@ class _Planar:
         world = self.world
         sides = [(-NOWHERE, np.where(axis, world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
         sides += [(np.where(axis, world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
-        return any(self.common(i, i, *side) is not None for side in sides)
+        return any(self.meeting_point(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:
         """The solid's centre seen from above, (2,) [m]; else a point of P_i, of the solid if there is one."""

@@ -22,7 +22,7 @@ from pirrht.errors import PirrhtError
 from pirrht.exact.desirability import Desirability
 from sim.plotting import pyplot
 from sim.scenario import Scenario, prepare
-from sim.scenario.prepared import predicted
+from sim.scenario.risk import predicted
 
 NOISES, RISKS, RUNS, SCENES = (0.1, 0.2, 0.3), (0.1, 0.03, 0.01, 0.003), 2000, 20
 HEADER = ["scenes", "b", "risk", "cells", "refused", "margin mm", "predicted %", "happened %", "over", "hold", "bound",
@@ -76,7 +76,7 @@ def _cells(job: tuple[int | str, float]) -> list[dict[str, Any]]:
             truth = Desirability.of(scenario.problem, scenario.space)
         except PirrhtError:  # no margin keeps the risk, or no grid of this package is fine enough
             continue
-        said, margin = predicted(scenario)[0], scenario.margin
+        said, margin = predicted(scenario), scenario.margin
         if margin not in known:
             known[margin], _ = truth.collision_probability(
                 scenario.start, RUNS, 1, step=scenario.physics_step, margin=margin

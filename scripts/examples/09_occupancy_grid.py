@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pirrht import Controller, FreeSpace, HomologyTree, Problem, Sampling, Scene, SingleIntegrator, StraightLine
+from pirrht import Controller, FreeSpace, Problem, Sampling, Scene, SingleIntegrator, StraightLine, grown_tree
 
 CELL = 0.1  # side of a cell [m]
 task = {"start": (0.5, 2.5), "goal": (5.5, 2.5, 0.25), "robot_radius": 0.15}
@@ -12,8 +12,7 @@ scene = Scene.from_grid(occupied, CELL, **task)
 
 problem = Problem(dynamics=SingleIntegrator(b=0.15), scene=scene, R=2 * np.eye(2))
 space = FreeSpace.of(scene)
-tree = HomologyTree(space, StraightLine.of(problem), limit=0.8, rng=np.random.default_rng(0))
-tree.grow(400)
+tree = grown_tree(space, StraightLine.of(problem), scene.start[:2], 400)
 controller = Controller(problem, space, tree, Sampling(samples=100), rng=np.random.default_rng(1))
 plan = controller.plan(scene.start[:2])
 print(f"classes {', '.join(plan.ids)}; favourite {plan.favourite}, v = {plan.estimate.value:.3f}")

@@ -26,7 +26,8 @@ from sim.files import path_text, replaced, write_json
 from sim.recording.reasons import shares_of
 from sim.result import convergence_json, estimate_json, plan_json
 from sim.scenario import Scenario, prepare
-from sim.scenario.prepared import deviation, predicted
+from sim.scenario.prepared import deviation
+from sim.scenario.risk import predicted
 from sim.systems import POSE, typed
 from sim.text import counted, say
 
@@ -130,10 +131,15 @@ def planned(
     references = scenario.references(tree, waits=waits)
     if not references:
         say("no class reaches the goal from the start past moving obstacles: the robot waits for a path")
+    report_limit(scenario, tree)
+    return tree, references
+
+
+def report_limit(scenario: Scenario, tree: HomologyTree) -> None:
+    """Report that a default limit gave way."""
     if tree.limit > scenario.settings.limit and scenario.settings.tree is None:
         out = f"|1 - H_i| <= {scenario.settings.limit:g} leaves out paths that are not much longer than the shortest"
         say(f"{out}: grown within {tree.limit:g} (--limit keeps to a limit)")
-    return tree, references
 
 
 def report_prediction(scenario: Scenario, what: str) -> None:
@@ -152,14 +158,16 @@ def plan(arguments: argparse.Namespace) -> int:
     scenario = scenario_of(arguments)
     began, watched = notice().clock(), {}
     if arguments.convergence:
-        tree, vertices = scenario.empty_tree(), scenario.settings.vertices
+        vertices = scenario.settings.vertices
         with Progress("plan", vertices, " vertices") as bar:
+            tree = scenario.empty_tree(scenario.grown_tree(bar.to).limit)
             lengths = convergence_json(tree, scenario.start, vertices, every=max(1, vertices // 200), progress=bar.to)
         references, watched = scenario.references(tree), {"convergence": lengths}
+        report_limit(scenario, tree)
     else:
         tree, references = planned(scenario)
     seconds = notice().clock() - began
-    collision = next(iter(predicted(scenario, tree=tree)), None)
+    collision = predicted(scenario, tree)
     notice().finish()
     found = plan_json(scenario, tree, references, seconds, collision) | watched
     print(tables.class_table(references, scenario.homology))

@@ -121,8 +121,12 @@ def fitting_lines(scenario: Scenario) -> str:
         f"less than the margin of {given.margin:.3g} m is free at ({w.x:.4g}, {w.y:.4g}): {given.margin - w.less:.3g} "
         f"m counts within {w.radius:.3g} m of it"
         for w in planned.waivers
-        if given.margin > 0.0
+        if given.margin > 0.0 and w not in given.narrow
     ]
+    if given.narrow:
+        least = given.margin - max(disc.less for disc in given.narrow)
+        passages = counted(len(given.narrow), "narrow passage")
+        lines.append(f"margin {given.margin:.3g} m, and in {passages} less, {least:.2g} m at least")
     if planned.goal is not given.goal:
         (x, y), free = planned.goal.center, f"{planned.goal.radius:.3g} m around"
         lines.append(f"the centre of the goal is covered: plans lead to its free part, {free} ({x:.4g}, {y:.4g})")

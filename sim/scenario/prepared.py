@@ -1,7 +1,6 @@
 """Prepare a scenario from a scene and options; without a margin, noise and clearance decide, or a risk."""
 
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import partial
@@ -11,15 +10,12 @@ from typing import Any
 import numpy as np
 
 from pirrht.arrays import Array
-from pirrht.errors import NoReference, OptionError, SceneError
-from pirrht.estimation.risk import CollisionProbability
-from pirrht.formatting import percent
+from pirrht.errors import OptionError
 from pirrht.freespace import FreeSpace
-from pirrht.geometry.passages import find_passages
-from pirrht.geometry.scene import Scene
-from pirrht.planner.tree import HomologyTree
+from pirrht.geometry.scene import Scene, Waiver
 from pirrht.problem import Problem
 from sim.mjcf import load
+from sim.scenario.risk import RiskSearch
 from sim.scenario.scenario import Scenario
 from sim.settings import BY_SCENE, BY_SETTING, SceneOptions, resolve
 from sim.systems import chosen, named, refuse
@@ -29,15 +25,10 @@ REACTION = 0.01  # how long feedback takes to answer noise [s]
 DEVIATIONS = 3.0  # of the robot's place after that time without control
 LEAST = 0.01  # margin [m]: contacts and servos are not exact either
 SHARE = 0.25  # of the clearance that the robot has in the narrowest passage, at the start and at the goal point
+OPEN = 2.0  # times the margin is the clearance at both ends of a passage with a disc of its own
+DISC = 1.25  # radius of this disc, in distances of the farther end from the middle
 STEPS = 20  # of a time, by which noise adds up
 WORTH = 2e-3  # a smaller margin is none [m]
-PREDICTED = ("pi-rrht", "optimal")  # methods whose law is that of the prediction
-ROUNDS = 8  # margins that are tried under --risk
-FINEST = 1e-4  # margins are whole multiples of this [m]
-WIDEST = 4.0  # of margins that are weighed at once, in deviations of a held step: it removes all but 1e-9 of the risk
-RESERVE = 2.0  # by which predictions can be too low: 2.3 in the worst of 120 cells (`benchmark.py risk`)
-ACCEPTED = 0.1  # of a risk: most that a finite final cost accepts
-DRAWN, MOST_DRAWN = 4, 10_000  # times the samples of a plan, since it is made once per run; and at most
 
 
 def prepare(
@@ -71,10 +62,10 @@ def prepare(
     base = replace(kind.settings, limit=AMONG) if loaded.scene.movers else kind.settings
     settings = resolve(base, kind.heard(loaded.scene.defaults, loaded.meant), overlay, given)
 
-    def at(margin: float | None, **changes: Any) -> Scenario:
+    def at(margin: float | None, narrow: tuple[Waiver, ...] = (), **changes: Any) -> Scenario:
         own, numbers = loaded if margin is None else read(margin=margin), replace(settings, **changes)
-        if room is not None:
-            own = replace(own, scene=room(own.scene))
+        scene = own.scene if room is None else room(own.scene)
+        own = replace(own, scene=replace(scene, narrow=narrow))
         return Scenario(
             loaded=own, system=kind, settings=numbers, problem=kind.problem(own.scene, numbers),
             space=FreeSpace.of(own.scene), margin=own.margin if margin is None else margin,
@@ -86,21 +77,25 @@ def prepare(
     if settings.risk is not None:
         if task.margin is not None:
             raise OptionError("--risk chooses the margin; leave out --margin")
-        scenario = within_risk(at, settings.risk, stop=settings.risk_infeasible == "stop")
+        search = RiskSearch(at, settings.risk)
+        scenario = search.result(stop=settings.risk_infeasible == "stop")
     else:
         scenario = at(None)
-        if task.margin is None and "margin" not in loaded.scene.defaults and (own := default_margin(scenario)) > 0.0:
-            scenario = at(own)
+        if task.margin is None and "margin" not in loaded.scene.defaults:
+            own, narrow = default_margin(scenario)
+            scenario = at(own, narrow) if own > 0.0 else scenario
     if driven:
         scenario.plant()
     return scenario
 
 
-def default_margin(scenario: Scenario) -> float:
-    """Return the margin [m] for a scenario without one; 0 where there is no clearance for it.
+def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
+    """Return the margin [m] for a scenario without one, and discs around narrow passages in which less counts.
 
-    It is three standard deviations of the place that noise alone moves the robot to before it reacts, and takes no more
-    than a quarter of the clearance anywhere, so that no class is lost.
+    It is three standard deviations of the place that noise alone moves the robot to before it reacts. It takes no more
+    than a quarter of the clearance at the start and goal and, in its disc, of a narrow passage: so no class is lost.
+    Where such a passage does not open within its axis, or obstacles move, it counts everywhere. A margin of 0: there
+    is no clearance for one.
     """
     s, problem, space, scene = scenario.settings, scenario.problem, scenario.space, scenario.space.scene
     ends = space.collision.clearance(np.array([scene.start[:2], scene.goal.center[:2]]))
@@ -108,11 +103,17 @@ def default_margin(scenario: Scenario) -> float:
         ends = ends[:1]
     if scene.movers:
         ends = np.append(ends, space.moving.distance(scene.start[:2], 0.0))
-    widths = find_passages(space.field, space.collision).width
-    clearance = min(float(ends.min()), 0.5 * float(widths.min(initial=np.inf)) - scene.robot_radius)
+    passages = space.passages()
+    kept = SHARE * np.maximum(0.5 * passages.width - scene.robot_radius, 0.0)  # in each of them
     spread = deviation(problem, s.period if s.between == "hold" else REACTION)
-    margin = min(max(LEAST, DEVIATIONS * spread), SHARE * clearance)
-    return round(margin, 4) if margin > WORTH else 0.0
+    margin = min(max(LEAST, DEVIATIONS * spread), SHARE * float(ends.min()))
+    opens = (passages.opening > OPEN * margin) & (not scene.movers)
+    margin = round(min(margin, float(kept[~opens].min(initial=np.inf))), 4)
+    if margin <= WORTH:
+        return 0.0, ()
+    narrow = np.flatnonzero(opens & (kept < margin))
+    discs = np.column_stack([passages.place, DISC * passages.extent, margin - kept])[narrow]
+    return margin, tuple(Waiver(*disc) for disc in discs.tolist())
 
 
 def deviation(problem: Problem, time: float) -> float:
@@ -128,74 +129,3 @@ def deviation(problem: Problem, time: float) -> float:
     for _ in range(STEPS):
         P = A @ P @ A.T + h * B @ B.T
     return float(np.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))
-
-
-def predicted(
-    scenario: Scenario, margins: Sequence[float] = (0.0,), tree: HomologyTree | None = None
-) -> list[CollisionProbability]:
-    """Predict the probability of a collision by one plan at the start, for margins besides the scenario's own [m].
-
-    The tree is grown if it is not given. Empty: nothing is predicted (`Scenario.collisions`).
-    """
-    if not scenario.predicts_collisions:
-        return []
-    many = scenario.with_settings(samples=min(DRAWN * scenario.settings.samples, MOST_DRAWN), method="pi-rrht")
-    driver = many.controller(tree or many.grown_tree())
-    driver.begin(many.start)
-    plan = driver.plan(many.start)
-    return [one for more in margins if (one := many.collisions(plan, more)) is not None]
-
-
-def within_risk(at: Callable[..., Scenario], risk: float, *, stop: bool) -> Scenario:
-    """Return the scenario of the least margin whose upper bound of the probability of a collision is at most `risk`.
-
-    Predictions count RESERVE times: they take walls as flat, and the law as the optimal one. The next margin is chosen
-    by the samples of the plan with the last one: from their walls the true ones move away. A final cost with which the
-    law accepts more than a share ACCEPTED of the risk is raised.
-
-    Args:
-        at: makes the scenario with a margin [m] and settings by name.
-        stop: whether OptionError is raised if no margin keeps the risk; else the one that comes nearest is taken.
-    """
-    scenario, margin, wide, closed, phi, note = at(0.0), 0.0, 0.0, math.inf, dict[str, float](), ""
-    if not scenario.predicts_collisions or scenario.settings.method not in PREDICTED:
-        raise OptionError(f"--risk takes --exit bridge and a method of {', '.join(PREDICTED)}; others take --margin")
-    spread = scenario.problem.dynamics.position_spread(scenario.start)
-    more = np.arange(0.0, WIDEST * spread * math.sqrt(scenario.held) + FINEST, FINEST).tolist()
-    tried: list[tuple[CollisionProbability, Scenario]] = []
-    for _ in range(ROUNDS):
-        try:
-            scenario = at(margin, **phi) if margin or phi else scenario
-            found = predicted(scenario, more)
-        except (NoReference, SceneError):  # no way is as wide as that
-            if not tried:
-                raise
-            found = []
-        if not (found or tried) and not stop:
-            return replace(scenario, risk_note="not predicted")
-        if not (found or tried):
-            raise OptionError("--risk: no sample of a plan at the start reaches the goal, so that no probability of a "
-                              "collision is predicted: try more --samples, or --risk-infeasible best")  # fmt: skip
-        if found and not phi and found[0].accepted_most > ACCEPTED * risk:
-            phi["phi"] = found[0].goal_value - scenario.problem.temperature * math.log(ACCEPTED * risk / 2.0)
-            note = f"with phi raised to {phi['phi']:.4g}"
-            continue
-        if not found:
-            closed = margin
-        elif RESERVE * found[0].most <= risk:
-            return replace(scenario, risk_note=note)
-        else:
-            tried.append((found[0], scenario))
-            keep = (m for m, one in zip(more, found, strict=True) if RESERVE * one.most <= risk)
-            wide, enough = margin, next(keep, more[-1])
-        margin = round(wide + enough if wide + enough < closed else 0.5 * (wide + closed), 4)
-        if margin in (wide, closed):
-            break
-    one, nearest = min(tried, key=lambda found: found[0].most)
-    least = f"{percent(min(1.0, RESERVE * one.most))} at most, by class {one.safest()}"
-    if stop:
-        raise OptionError(
-            f"--risk is {risk:g}; no margin that leaves a way keeps it. Nearest comes one of "
-            f"{1e3 * nearest.margin:.2g} mm with {least}: allow more, or --risk-infeasible best"
-        )
-    return replace(nearest, risk_note=f"not kept: {least}")

@@ -1,9 +1,8 @@
 """A scene with a robot, a problem and settings, and the objects of a run: tree, policy, exact solution, plant."""
 
-import itertools
 from collections.abc import Callable, Generator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -22,6 +21,8 @@ from pirrht.estimation.sampling import Sampling
 from pirrht.exact.desirability import Desirability, Optimal, solver_for
 from pirrht.exact.grid import Progress, ignore_progress
 from pirrht.freespace import FreeSpace
+from pirrht.geometry.fitting import waived_along
+from pirrht.planner.limits import grown_tree
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
@@ -38,9 +39,7 @@ from sim.options import check_size
 from sim.settings import Settings
 from sim.systems import System, refuse
 
-WIDER = (0.8, 1.0, 1.5)  # H_limit where the robot's own leaves out what it should not
-LONGER = 1.25  # paths of so many times the shortest length must be within it
-QUICK = 400  # vertices at most of a tree that is grown within a control period, or to find a limit
+QUICK = 400  # vertices at most of a tree that is grown within a control period
 DECIDED = ("noise", "phi", "risk", "between", "period")  # settings that decide on the margin of a risk
 ENOUGH = 30.0  # effective samples that the first plan of a run rests on, if it can be had
 
@@ -73,6 +72,8 @@ class Scenario:
     margin: float = 0.0  # that plans leave around the robot [m]
     widens: bool = True  # whether the limit H_limit may give way; not one that was given
     risk_note: str = ""  # what a risk changed besides the margin, or that it is not kept
+    spare: list[HomologyTree] = field(default_factory=list)  # a tree that is grown already: `grown_tree` takes it
+    collision: CollisionProbability | None = None  # predicted at the start by the search for a margin
 
     def __post_init__(self) -> None:
         s = self.settings
@@ -92,7 +93,8 @@ class Scenario:
                                                     changes[one] != getattr(self.settings, one)]):  # fmt: skip
             raise OptionError(f"{fixed[0]} decides on the margin that keeps --risk; prepare the scene with it")
         problem = self.system.problem(self.loaded.scene, settings)
-        return replace(self, settings=settings, problem=problem, widens=self.widens and "limit" not in changes)
+        widens = self.widens and "limit" not in changes
+        return replace(self, settings=settings, problem=problem, widens=widens, spare=[], collision=None)
 
     @property
     def start(self) -> Array:
@@ -149,9 +151,9 @@ class Scenario:
             least=ENOUGH if s.guide == "feedback" else 0.0, budget=s.budget, threads=s.threads,
         )  # fmt: skip
 
-    def classes_at_start(self) -> int:
-        """Count classes with |1 - H_i| <= H_limit at the start, `settings.classes` at most."""
-        homology, limit = self.homology, self.settings.limit
+    def classes_at_start(self, limit: float | None = None) -> int:
+        """Count classes within a limit of |1 - H_i|, by default the settings', at the start; `classes` at most."""
+        homology, limit = self.homology, limit or self.settings.limit
         straight = homology.base(homology.at(self.start, 0.0))
         number = np.floor(limit - straight) - np.ceil(-limit - straight) + 1
         return int(np.clip(np.prod(number), 1, self.settings.classes or Settings().classes))
@@ -168,8 +170,13 @@ class Scenario:
         """
         if plan is None or plan.estimate is None or not self.predicts_collisions:
             return None
+        full, scene = self.margin + margin, self.loaded.scene
+        least = full - max((disc.less for disc in scene.narrow), default=0.0)
+        lines = {name: one.trajectory.points for name, one in zip(plan.ids, plan.references, strict=True)}
+        kept = {name: full - waived_along(scene, line) for name, line in lines.items()}
+        margins = {code: kept.get(name, least) for code, name in plan.classes.items()}
         return collision_probability(
-            self.problem, plan.estimate, step=self.held, margin=self.margin + margin, classes=plan.classes
+            self.problem, plan.estimate, step=self.held, margin=least, classes=plan.classes, margins=margins
         )
 
     @property
@@ -187,32 +194,24 @@ class Scenario:
     def grown_tree(self, progress: Callable[[int], None] | None = None, at: Array | None = None) -> HomologyTree:
         """Grow a tree of `settings.vertices` vertices, or load the one that was saved as `settings.tree`.
 
-        Where no class reaches the goal from the start, or from another state (n,), or the limit leaves out a path that
-        is not much longer than the shortest, it is grown anew within a wider one, unless the limit was asked for.
+        A limit that was not asked for gives way to the short classes at the start, or at another state (n,)
+        (`pirrht.grown_tree`).
         OptionError: the file holds no tree for this scene, robot and limit.
         """
         s, x = self.settings, self.start if at is None else at
         if s.tree is not None:
             return tree_file.load(s.tree, self.space, self.steering(), limit=s.limit, classes=s.classes)
 
-        def grown(limit: float, vertices: int = s.vertices) -> HomologyTree:
-            tree = self.empty_tree(limit)
-            tree.grow(vertices, progress=progress)
-            return tree
-
-        first = grown(s.limit)
-        if not self.widens:
-            return first
-        wide = {} if self.moving else grown(WIDER[-1], min(s.vertices, QUICK)).lengths(x)
-        short = {one: LONGER * length for one, length in wide.items() if length <= LONGER * min(wide.values())}
-
-        def fits(tree: HomologyTree) -> bool:
-            lengths = tree.lengths(tree.at(x, 0.0))
-            other = 0.0 if len(lengths) == s.classes else np.inf  # more than it holds are as short
-            return bool(lengths) and all(lengths.get(one, other) <= longest for one, longest in short.items())
-
-        wider = (grown(limit) for limit in WIDER if limit > s.limit)
-        return next((tree for tree in itertools.chain([first], wider) if fits(tree)), first)
+        if at is None and self.spare:
+            return self.spare.pop()
+        if self.widens:
+            return grown_tree(
+                self.space, self.steering(), x, s.vertices, limit=s.limit, classes=s.classes, seed=self._seeds()[0],
+                progress=progress,
+            )  # fmt: skip
+        tree = self.empty_tree()
+        tree.grow(s.vertices, progress=progress)
+        return tree
 
     def references(self, tree: HomologyTree, *, waits: bool = False) -> list[Reference]:
         """Return the best path of every class from the start, cheapest first; NoReference: there is none.
@@ -245,7 +244,9 @@ class Scenario:
 
         Methods of one reference, or none, have at least as many samples as "pi-rrht" draws from the start.
         """
-        s, sampling, classes = self.settings, self.sampling, self.classes_at_start()
+        s, sampling = self.settings, self.sampling
+        limit = None if tree is None else tree.limit
+        classes = self.classes_at_start(limit)
         if s.method in ("mppi", "single", "passive"):
             budget = None if s.budget is None else s.budget * classes
             sampling = replace(sampling, samples=s.samples * classes, budget=budget)
@@ -253,7 +254,7 @@ class Scenario:
         more: Any = {"homology": self.homology, "rng": np.random.default_rng(sampler_seed), "predict": None}
         if self.moving and s.predict != "known":
             seeds = tree_seed.spawn(1)[0]
-            trees = None if s.method in TREELESS else lambda space: self.empty_tree(space=space, seed=seeds.spawn(1)[0])
+            trees = None if s.method in TREELESS else lambda space: self.empty_tree(limit, space, seeds.spawn(1)[0])
             more["predict"] = ConstantVelocity(self.space, self._in_time(), trees, vertices=min(s.vertices, QUICK))
         if s.method == "mppi":
             sampling = replace(sampling, first=None, guide="open-loop", draws="independent")

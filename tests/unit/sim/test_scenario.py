@@ -1,19 +1,23 @@
 """Margins, limits and lengths of a scenario follow from its scene and noise."""
 
+import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from pirrht.errors import NoReference, OptionError
+from pirrht.planner.tree import HomologyTree
+from pirrht.planner.tuning import LIMITS
 from sim import tree_file
 from sim.drive import episode
 from sim.mjcf import load
 from sim.result import convergence_json
-from sim.scenario import prepare
-from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION, RESERVE, predicted
-from sim.scenario.scenario import WIDER
+from sim.scenario import Scenario, prepare
+from sim.scenario.prepared import DEVIATIONS, LEAST, REACTION
+from sim.scenario.risk import RESERVE, ROUNDS, StartPlan, predicted
 from sim.sweeps.runs import settled
 from sim.sweeps.sweep import Grid
 
@@ -39,13 +43,71 @@ def test_a_margin_is_three_deviations_of_the_place_before_a_reaction_and_leaves_
         assert scenario.margin == pytest.approx(DEVIATIONS * noise * np.sqrt(REACTION), abs=1e-4)
         assert scenario.loaded.scene.robot_radius == pytest.approx(0.1 + scenario.margin)
     assert prepare(gap(tmp_path, 1.0), robot="hover").margin == LEAST  # noise does not move its place at once
-    assert prepare(gap(tmp_path, 0.24)).margin == pytest.approx(0.25 * 0.02, abs=5e-4)
-    assert prepare(gap(tmp_path, 0.21)).margin == 0.0
     for margin in (0.02, 0.0):
         assert prepare(gap(tmp_path, 1.0), margin=margin).margin == margin
     for name in ("slit", "clutter"):  # the scenes of the paper
         assert prepare(name).margin == 0.0
         assert prepare(name).loaded.scene.robot_radius == load(name).scene.robot_radius
+
+
+@pytest.mark.parametrize(("width", "kept"), [(0.24, 0.005), (0.21, 0.00125), (0.2004, 5e-5)])
+def test_a_narrow_gap_has_a_quarter_of_its_clearance_as_margin_and_the_rest_of_the_scene_the_whole(
+    tmp_path, width, kept
+):
+    scenario = prepare(gap(tmp_path, width), vertices=200)
+    collision, middle, wall = scenario.space.collision, np.array([[2.0, 1.5]]), np.array([[2.0 - 0.1 - 0.2, 0.3]])
+    assert scenario.margin == pytest.approx(0.03)
+    assert collision.clearance(middle)[0] == pytest.approx(0.5 * width - 0.1 - kept, abs=5e-4)
+    assert collision.clearance(wall)[0] == pytest.approx(0.2 - 0.1 - 0.03)
+    (_,) = scenario.references(scenario.grown_tree())  # the walls reach the border: all paths lead through the gap
+
+
+FAR = """<mujoco><worldbody><site name="workspace" type="box" size="3 2.5 .5" pos="3 2.5 .5"/>
+<geom name="wall 1" type="box" pos="2.1 2.25 .25" size=".1 2.25 .25"/>
+<geom name="wall 2" type="box" pos="2.8 2.75 .25" size=".1 2.25 .25"/>
+<geom name="crate 1" type="box" pos="5 1 .25" size=".2 .2 .25"/>
+<geom name="crate 2" type="box" pos="{} 1 .25" size=".2 .2 .25"/>
+<site name="start" pos=".6 1 0"/><site name="goal" type="cylinder" pos="5.4 4.4 0" size=".3 .01"/>
+</worldbody></mujoco>"""
+
+
+def far_crates(tmp_path, gap: float, **given) -> Scenario:
+    """Two crates in a far corner, so far apart [m]."""
+    (tmp_path / "far.xml").write_text(FAR.format(5.4 + gap))
+    return prepare(tmp_path / "far.xml", vertices=300, **given)
+
+
+def test_a_narrow_gap_in_a_far_corner_changes_neither_the_margin_nor_the_classes(tmp_path):
+    narrow, wide = far_crates(tmp_path, 0.2004), far_crates(tmp_path, 0.3)
+    assert narrow.margin == wide.margin == pytest.approx(0.03)
+    assert len(narrow.space.obstacles) == len(far_crates(tmp_path, 0.2004, margin=0.0).space.obstacles) == 2
+    found, bare = predicted(narrow), predicted(far_crates(tmp_path, 0.2004, margin=0.0))
+    assert found is not None
+    assert bare is not None
+    assert found.most < 1e-3 * bare.most
+
+
+def test_the_prediction_counts_the_margin_of_the_passages_that_a_class_leads_through(tmp_path):
+    local, bare = prepare(gap(tmp_path, 0.24), noise=0.2), prepare(gap(tmp_path, 0.24), noise=0.2, margin=0.005)
+    found, expected = predicted(local), predicted(bare)
+    assert local.margin > 0.05
+    assert found.probability == pytest.approx(expected.probability, rel=0.3)
+    assert found.probability > 1e-3
+
+
+def test_a_passage_that_does_not_open_and_one_among_moving_obstacles_count_everywhere(tmp_path):
+    text = Path(gap(tmp_path, 0.3)).read_text()
+    (tmp_path / "long.xml").write_text(
+        text.replace('size=".1 ', 'size="4 ').replace('pos="2 ', 'pos="6 ').replace('size="2 1.5 1"', 'size="6 1.5 1"')
+        .replace('pos="3.4 ', 'pos="11.4 ')
+    )  # fmt: skip
+    corridor = prepare(tmp_path / "long.xml", vertices=100)
+    assert corridor.margin == pytest.approx(0.25 * 0.05, abs=5e-4)
+    assert not corridor.loaded.scene.narrow
+    moving = """<custom><numeric name="pirrht_motion_one" data="0 .5 .5 0  4 1 .5 0"/></custom><worldbody>
+    <body name="one" mocap="true" pos=".5 .5 .3"><geom type="cylinder" size=".1 .3"/></body>"""
+    (tmp_path / "moving.xml").write_text(text.replace("<worldbody>", moving))
+    assert prepare(tmp_path / "moving.xml", vertices=100).margin == pytest.approx(0.25 * 0.05, abs=5e-4)
 
 
 @pytest.mark.parametrize(
@@ -71,11 +133,11 @@ def test_the_tree_is_grown_within_the_next_limit_that_lets_a_class_reach_the_goa
     """`slit` for a robot of which no class is within its own limit."""
     scenario = prepare("slit", given={"vertices": 300})
     scenario = replace(scenario, settings=replace(scenario.settings, limit=NARROW))
-    tree, asked = scenario.grown_tree(), scenario.with_settings(limit=WIDER[0]).grown_tree()
-    assert tree.limit == WIDER[0]
+    tree, asked = scenario.grown_tree(), scenario.with_settings(limit=LIMITS.wider[0]).grown_tree()
+    assert tree.limit == LIMITS.wider[0]
     assert [one.cost for one in scenario.references(tree)] == [one.cost for one in scenario.references(asked)]
     tree_file.save(tree, file := str(tmp_path / "tree.npz"))
-    assert tree_file.load(file, scenario.space, scenario.steering()).limit == WIDER[0]
+    assert tree_file.load(file, scenario.space, scenario.steering()).limit == LIMITS.wider[0]
     asked = scenario.with_settings(limit=2.0 * NARROW)
     with pytest.raises(NoReference, match=r"<= 0\.002"):
         asked.references(asked.grown_tree())
@@ -94,7 +156,7 @@ def test_a_limit_that_leaves_out_the_short_path_out_of_a_pocket_is_widened(tmp_p
     hook = prepare(tmp_path / "hook.xml", margin=0.0, given={"vertices": 400})
     hook = replace(hook, settings=replace(hook.settings, limit=LOW))
     wide, low = hook.grown_tree(), hook.with_settings(limit=LOW).grown_tree()
-    assert (wide.limit, low.limit) == (WIDER[0], LOW)
+    assert (wide.limit, low.limit) == (LIMITS.wider[1], LOW)
     assert min(low.lengths(hook.start).values()) > 1.1 * min(wide.lengths(hook.start).values())
 
 
@@ -133,7 +195,7 @@ def test_a_smaller_risk_takes_a_wider_margin_and_the_prediction_keeps_it(tmp_pat
     margins = []
     for risk in (0.05, 0.01, 0.001):
         scenario = prepare(gap(tmp_path, 0.3), given={"noise": 0.2, "risk": risk})
-        (found,) = predicted(scenario)
+        found = predicted(scenario)
         assert RESERVE * found.most <= risk
         margins.append(scenario.margin)
     assert margins == sorted(margins)
@@ -159,6 +221,42 @@ def test_the_nearest_margin_is_taken_if_that_was_asked_for(tmp_path):
     nearest = prepare(gap(tmp_path, 0.26), noise=0.2, risk=1e-5, risk_infeasible="best")
     assert 0.0 < nearest.margin < 0.03
     assert nearest.risk_note.startswith("not kept: ")
+
+
+def test_the_last_tree_and_prediction_of_a_search_for_a_margin_are_those_of_the_plan(tmp_path, monkeypatch):
+    scenario = prepare(gap(tmp_path, 0.3), noise=0.2, risk=0.01, vertices=300)
+    anew = replace(scenario, spare=[], collision=None)
+    trees, plans = counted(monkeypatch, HomologyTree, "grow"), counted(monkeypatch, StartPlan, "of")
+    tree = scenario.grown_tree()
+    found = predicted(scenario, tree)
+    assert not trees
+    assert not plans
+    again = anew.grown_tree()
+    assert predicted(anew, again) == found
+    for one in (tree, again):
+        one.grow(350)
+    np.testing.assert_array_equal(tree.states[: tree.size], again.states[: again.size])
+    assert not scenario.with_settings(seed=1).spare
+    assert scenario.grown_tree() is not tree
+
+
+def test_a_search_for_a_margin_weighs_few_margins_whatever_the_noise(monkeypatch):
+    """One of 5 400 margins that are multiples of 0.1 mm."""
+    weighed = counted(monkeypatch, StartPlan, "collision")
+    prepare("slit", noise=3.0, risk=0.05, risk_infeasible="best", vertices=100, samples=20)
+    assert 0 < len(weighed) <= ROUNDS * (2 + math.log2(5400))
+
+
+def counted(monkeypatch, kind: type, name: str) -> list:
+    """List the calls of a method from now on."""
+    calls, original = [], getattr(kind, name)
+
+    def called(*arguments, **more):
+        calls.append(name)
+        return original(*arguments, **more)
+
+    monkeypatch.setattr(kind, name, called)
+    return calls
 
 
 def test_each_noise_of_a_sweep_has_the_margin_that_keeps_the_risk(tmp_path):

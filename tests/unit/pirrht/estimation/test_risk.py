@@ -11,7 +11,7 @@ from pirrht.control.controller import Controller
 from pirrht.estimation.risk import collision_probability, offset
 from pirrht.jit.streams import exposure
 from sim.scenario import prepare
-from sim.scenario.prepared import predicted
+from sim.scenario.risk import predicted
 
 STEP = 0.002  # of the physics [s]
 
@@ -45,7 +45,7 @@ def test_exposure_is_the_chance_of_a_bridge_to_come_near_a_wall_that_it_misses()
 @pytest.mark.parametrize(("noise", "margin"), [(0.1, 0.0), (0.2, 0.0), (0.2, 0.004)])
 def test_the_predicted_probability_is_that_of_the_exact_law_held_for_a_physics_step(noise, margin):
     scenario = prepare("slit", margin=margin, noise=noise, samples=500)
-    found = predicted(scenario)[0]
+    found = predicted(scenario)
     exact, error = scenario.truth().collision_probability(scenario.start, 3000, step=STEP, margin=margin)
     assert found.probability == pytest.approx(exact, rel=0.15, abs=3.0 * math.hypot(error, found.error))
     assert found.accepted == found.accepted_most == 0.0
@@ -57,22 +57,22 @@ def test_a_finite_final_cost_accepts_no_more_than_its_bound(lambdas):
     value = free.truth().value(free.start)
     scenario = free.with_settings(phi=value + lambdas * free.problem.temperature)
     accepted = 1.0 - math.exp((scenario.truth().value(scenario.start) - value) / free.problem.temperature)
-    found = predicted(scenario)[0]
+    found = predicted(scenario)
     assert 0.0 < accepted <= found.accepted_most
     assert found.accepted_most == pytest.approx(math.exp(-lambdas), rel=0.1)
 
 
 def test_a_risk_raises_a_final_cost_below_the_cost_to_go():
     plain = prepare("slit", phi=5.0)
-    assert predicted(plain)[0].probability > 0.99
+    assert predicted(plain).probability > 0.99
     scenario = prepare("slit", phi=5.0, risk=0.01)
     assert 8.4 < scenario.problem.phi < 9.0
-    assert predicted(scenario)[0].most <= 0.005
+    assert predicted(scenario).most <= 0.005
 
 
 @pytest.mark.parametrize("robot", ["unicycle", "hover"])
 def test_a_held_control_adds_nothing_where_noise_acts_on_derivatives_of_the_position(robot):
-    found = predicted(prepare("slit", robot=robot))[0]
+    found = predicted(prepare("slit", robot=robot))
     assert found.most < 1e-6
 
 
@@ -94,5 +94,5 @@ def test_a_finite_final_cost_accepts_the_weight_of_the_samples_that_end_in_a_wal
 
 
 def test_a_control_that_is_held_for_a_period_collides_more_often_than_one_held_for_a_physics_step():
-    often, seldom = (predicted(prepare("slit", margin=0.0, between=rule))[0] for rule in ("hold", "classes"))
+    often, seldom = (predicted(prepare("slit", margin=0.0, between=rule)) for rule in ("hold", "classes"))
     assert often.probability > 1.5 * seldom.probability > 0.0

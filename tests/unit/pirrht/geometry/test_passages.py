@@ -13,6 +13,7 @@ from pirrht.arrays import Array
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import clearances
 from pirrht.geometry.passages import Passages, find_passages
+from pirrht.geometry.scene import Waiver
 
 RADIUS = 0.1
 
@@ -145,6 +146,27 @@ def test_a_floor_that_reaches_into_the_margin_everywhere_is_named() -> None:
     scene = replace(scene_of([floor], start=(1.0, 1.0), goal=(5.0, 5.0)), margin=0.01)
     with pytest.raises(SceneError, match=r'obstacle "floor" lies under or over the robot at \(1, 1\).*0.099 m'):
         FreeSpace.of(scene)
+
+
+def test_segments_in_and_out_of_narrow_passages_are_free_where_their_clearance_is_positive() -> None:
+    posts = [disc("one", 2.0, 2.0, 0.5), disc("two", 3.3, 2.0, 0.5), disc("three", 4.6, 2.0, 0.5)]
+    narrow = (Waiver(2.65, 2.0, 0.7, 0.04), Waiver(3.95, 2.0, 0.6, 0.045))
+    scene = replace(scene_of(posts, start=(0.5, 0.5), goal=(5.5, 5.5), radius=0.16), margin=0.06, narrow=narrow)
+    collision, rng = FreeSpace.of(scene).collision, np.random.default_rng(2)
+    tails = rng.uniform((1.0, 1.0), (5.5, 3.0), (400, 2))
+    heads = tails + rng.normal(0.0, 0.5, tails.shape)
+    share = np.linspace(0.0, 1.0, 2001)[:, None, None]
+    least = collision.clearance((tails + share * (heads - tails)).reshape(-1, 2)).reshape(2001, -1).min(axis=0)
+    sure = np.abs(least) > 1e-3
+    found = collision.segments_free(tails, heads)
+    np.testing.assert_array_equal(found[sure], (least > 0.0)[sure])
+    through = collision.segments_free(np.array([[2.65, 1.0], [3.95, 1.0]]), np.array([[2.65, 3.0], [3.95, 3.0]]))
+    assert through.all()
+    assert not Collision(replace(scene, narrow=()).world, scene.footprint).free(np.array([[2.65, 2.0]]))[0]
+    assert len(FreeSpace.of(scene).obstacles) == 3
+    assert len(FreeSpace.of(replace(scene, narrow=())).obstacles) == 1
+    width = find_passages(FreeSpace.of(scene).field, collision).width
+    assert width[:2] == pytest.approx(0.3, abs=2e-3)
 
 
 def test_a_start_that_touches_is_refused_whatever_the_margin() -> None:

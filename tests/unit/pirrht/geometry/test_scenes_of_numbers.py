@@ -96,6 +96,7 @@ def test_a_grid_is_occupied_where_it_says_and_free_elsewhere():
     assert len(scene.obstacles) < occupied.sum()
 
 
+VAST = np.broadcast_to(np.zeros((1, 1), dtype=bool), (40_000, 30_000))  # takes no memory
 CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "upper")}
 
 
@@ -112,6 +113,7 @@ CORNERED = {key: value for key, value in ROOM.items() if key not in ("lower", "u
         (lambda: Scene.from_grid(np.zeros((3, 3)), 1.0, **CORNERED), "the grid is of float64 .*grid > 50"),
         (lambda: Scene.from_grid(np.zeros(3, bool), 1.0, **CORNERED), r"shape \(3,\)"),
         (lambda: Scene.from_grid(np.zeros((5, 6), bool), 0.0, **CORNERED), "the resolution is 0"),
+        (lambda: Scene.from_grid(VAST, 0.05, **CORNERED), "40000 x 30000 cells.*at most 25,000,000.*join 7 x 7 cells"),
         (lambda: Scene.from_boxes([], **ROOM | {"goal": (1, 2)}), r"the goal is \(1, 2\); it must be x, y, radius"),
         (lambda: Scene.from_boxes([], **ROOM | {"start": (9, 2)}), "the start .* outside the workspace"),
     ],

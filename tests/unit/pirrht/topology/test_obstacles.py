@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.scene import Kind, Obstacle
-from pirrht.topology.obstacles import components
+from pirrht.topology.obstacles import _Planar, components
 
 RADIUS, HEIGHT = 0.2, 0.1
 OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])
@@ -44,6 +44,23 @@ def test_touching_boxes_are_one_component():
     assert one.names == ("left", "right")
     assert one.marker == pytest.approx([1.5, 1.0])
     assert not one.joins_border
+
+
+def test_equal_solids_in_one_place_take_no_more_work_than_one(monkeypatch):
+    asked, common = [], _Planar.common
+    monkeypatch.setattr(
+        _Planar, "common", lambda self, i, j, *more: (asked.append((i, j)), common(self, i, j, *more))[1]
+    )
+    (alone,) = found(box(0, 1, 0, 1))
+    once = len(asked)
+    (many,) = found(*[box(0, 1, 0, 1, f"box {i}") for i in range(500)])
+    assert len(asked) == 2 * once
+    assert len(many.names) == 500
+    np.testing.assert_array_equal(many.marker, alone.marker)
+    scene = scene_of([box(0, 1, 0, 1)] * 500, start=(-2, -2), goal=(2, 2), lower=(-5, -5), side=5.0, radius=RADIUS)
+    collision = Collision(scene.world, scene.footprint)
+    walls = collision.nearest_walls(np.array([[2.0, 0.5]]), range(500), 3.0)
+    assert (walls.first[0], walls.which[0]) == (pytest.approx(1.0), 0)
 
 
 @pytest.mark.parametrize(("gap", "count"), [(0.39, 1), (0.39999, 1), (0.40001, 2), (0.41, 2)])
