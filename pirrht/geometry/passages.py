@@ -38,7 +38,7 @@ class Passages:
     heading: Array  # (P,) along the passage, at right angles to that chord [rad]
     width: Array  # (P,) of a straight corridor that leaves the robot as much clearance [m]
     axis: Array  # (l, 3) points on the axes [m], [m] and headings there [rad]; all middles come first, in their order
-    reach: Array  # (P,) distance of the farther end of the axis from the middle [m]
+    half_length: Array  # (P,) distance of the farther end of the axis from the middle [m]
     opening: Array  # (P,) clearance at its narrower end [m]
 
     @property
@@ -102,9 +102,9 @@ def find_passages(field: Field, collision: Collision) -> Passages:
     found = found[order]
     width = 2.0 * (found[:, 3] + radius - collision.waived(found[:, :2]))
     axis = np.vstack([found[:, :3], *(walks[i] for i in order)])
-    reach, opening = np.array(ends).reshape(-1, 2)[order].T
+    half_length, opening = np.array(ends).reshape(-1, 2)[order].T
     return Passages(
-        place=found[:, :2], heading=found[:, 2], width=width, axis=axis, reach=reach, opening=opening
+        place=found[:, :2], heading=found[:, 2], width=width, axis=axis, half_length=half_length, opening=opening
     )  # fmt: skip
 
 

@@ -39,7 +39,7 @@ def components(collision: Collision) -> tuple[Component, ...]:
     label = collision.first.copy()
     for i, near in planar.candidates():
         for j in near[label[near] != label[i]].tolist():
-            if label[i] != label[j] and planar.joined(*sorted((i, j))) is not None:
+            if label[i] != label[j] and planar.meeting(*sorted((i, j))) is not None:
                 first, last = sorted((label[i], label[j]))
                 label[label == last] = first
     groups = (np.flatnonzero(label == first).tolist() for first in np.unique(label))
@@ -148,7 +148,7 @@ class _Planar:
                 break
         return None
 
-    def joined(self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE) -> Array | None:
+    def meeting(self, i: int, j: int, lower: Array = -NOWHERE, upper: Array = NOWHERE) -> Array | None:
         """Find a common point (2,) as `common` does, of smaller shapes if less margin counts there."""
         point = self.common(i, j, lower, upper)
         less = 0.0 if point is None else float(self.collision.waived(point[None])[0])
@@ -165,7 +165,7 @@ class _Planar:
         world = self.world
         sides = [(-NOWHERE, np.where(axis, world.lower, np.inf)) for axis in np.eye(2, dtype=bool)]
         sides += [(np.where(axis, world.upper, -np.inf), NOWHERE) for axis in np.eye(2, dtype=bool)]
-        return any(self.joined(i, i, *side) is not None for side in sides)
+        return any(self.meeting(i, i, *side) is not None for side in sides)
 
     def center(self, i: int) -> Array:
         """The solid's centre seen from above, (2,) [m]; else a point of P_i, of the solid if there is one."""

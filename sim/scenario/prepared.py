@@ -108,7 +108,7 @@ def default_margin(scenario: Scenario) -> tuple[float, tuple[Waiver, ...]]:
     if margin <= WORTH:
         return 0.0, ()
     narrow = np.flatnonzero(opens & (kept < margin))
-    discs = np.column_stack([passages.place, DISC * passages.reach, margin - kept])[narrow]
+    discs = np.column_stack([passages.place, DISC * passages.half_length, margin - kept])[narrow]
     return margin, tuple(Waiver(*disc) for disc in discs.tolist())
 
 
