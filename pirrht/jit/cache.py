@@ -200,7 +200,14 @@ def _opened(path: str, flags: int) -> int:
 
 def save(key: str, content: Any) -> None:
     """Keep something under a name; where that is not possible every process compiles it."""
-    data = dumps(content)
+    try:
+        data = dumps(content)
+    except (TypeError, pickle.PicklingError) as error:
+        _warn_once(
+            f"a compiled kernel cannot be kept, since numba {numba.__version__} does not write it ({error}), so every "
+            "command compiles anew; another release of numba may help"
+        )
+        return
     try:
         handle, part = tempfile.mkstemp(dir=_own_folder())  # nobody finds half of a file
         try:

@@ -300,6 +300,19 @@ def test_who_waits_long_for_a_lock_compiles_and_waits_for_no_other(kernels: Path
     assert len(caplog.messages) == 1
 
 
+def test_a_kernel_that_numba_does_not_write_is_not_kept_and_one_line_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    monkeypatch.setattr(cache, "folder", lambda: tmp_path)
+    monkeypatch.setattr(cache, "_warned", set())
+    for key in ("one", "other"):
+        cache.save(key, (number for number in range(3)))
+    assert [record.getMessage().split(",")[0] for record in caplog.records] == [
+        "pirrht: a compiled kernel cannot be kept"
+    ]
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(("home", "found"), [("home/.cache", "home/.cache"), (None, "temporary/pirrht-")])
 def test_kernels_are_kept_where_this_user_may_write(tmp_path: Path, monkeypatch, home: str | None, found: str):
     for name in ("HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR"):
