@@ -7,7 +7,8 @@
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
     python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
-    python scripts/benchmark.py ess         effective samples along a drive, and log psi against a million; --robot R
+    python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
+    python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
     python scripts/benchmark.py calibration  plans at random states of random scenes: how often is the truth within the
                                             standard errors that they claim? --part car: v of the car;
@@ -43,10 +44,8 @@ PARTS = {
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
-TABLES = (
-    "speed", "first-run", "obstacles", "choice", "ess", "quality", "calibration", "risk", "mass", "maps", "presets",
-    "trace",
-)  # fmt: skip
+SPEED = ("speed", "first-run", "obstacles", "maps", "presets", "trace")
+TABLES = (*SPEED, "choice", "effective", "worst", "quality", "calibration", "risk", "mass")
 
 
 def main() -> int:
@@ -58,11 +57,11 @@ def main() -> int:
     parser.add_argument("--scene", help="built-in name or MJCF file (the table's own)")
     parser.add_argument(
         "--robot",
-        help="of `ess` (unicycle), `mass` and `speed --part systems` (hover), `--part moving` (puck), "
+        help="of `effective` and `worst` (all), `mass` and `speed --part systems` (hover), `--part moving` (puck), "
         "`first-run` (rover, or some with commas)",
     )
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
-    parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` and `ess` (1)")
+    parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` (1)")
     parser.add_argument(
         "--part",
         help="of `quality`: "
@@ -70,7 +69,12 @@ def main() -> int:
         + "; of `speed`: rollouts, planners, drive (all), systems, moving, plant; "
         "of `calibration`: car, moving; of `mass`: line",
     )
-    parser.add_argument("--seeds", type=int, default=300, help="drives per row of `quality` and `risk` (300)")
+    parser.add_argument(
+        "--seeds",
+        type=int,
+        default=300,
+        help="drives per row of `quality` and `risk` (300), per scene of `effective` (2)",
+    )
     parser.add_argument(
         "--png",
         type=Path,
@@ -83,7 +87,9 @@ def main() -> int:
         "--scenes", type=int, help="random scenes (30; of the car 3; of `--part moving` the built-in ones)"
     )
     random.add_argument("--states", type=int, help="random states in each (12; of the car 8); of `mass` in all (20)")
-    random.add_argument("--plans", type=int, help="plans at each state and noise level (20; of `mass` 10)")
+    random.add_argument(
+        "--plans", type=int, help="plans at each state and noise level (20; of `mass` 10, of `worst` 30 in all)"
+    )
     random.add_argument(
         "--samples", type=int, help="of each kind at each state of `mass` (1000000; on the line 100000)"
     )

@@ -241,13 +241,21 @@ class ProposalBuilder:
         integral = self.integral
         integral.proposals.tables(batch)
         run.most = budget.most_classes(len(batch.classes))
+        memory, least, multiple = run.memory, integral.sampling.least if budget.left is None else 0.0, None
+        if run.time > run.begun:
+            memory.saved = min(memory.saved + integral.tuning.saved, integral.tuning.later_plan - 1.0)
+            follows = integral.guidance is not None and not integral.proposals.pointlike
+            least, multiple = min(least, integral.tuning.few) if follows else 0.0, 1.0 + memory.saved
         try:
-            least = integral.sampling.least if budget.left is None and run.time == run.begun else 0.0
-            estimate = integral.sample(batch, seed, left=budget.left, least=least)
+            estimate = integral.sample(batch, seed, left=budget.left, least=least, multiple=multiple)
         except NoSurvivingSample:
+            memory.saved = 0.0 if least > 0.0 else memory.saved
             return None
+        if multiple is not None and least > 0.0:
+            drawn = sum(part.size for part in estimate.parts) / max(sum(batch.counts), 1)
+            memory.saved = max(0.0, memory.saved + 1.0 - drawn)
         if self.settings.use.mixes:
-            run.memory.allocation.learn(batch, estimate)
+            memory.allocation.learn(batch, estimate)
         if self.settings.use.alone and batch.classes:
             estimate = follow_best(integral.problem, estimate, batch, run.memory, self.settings.consistency)
         guided = integral.guidance is not None and batch.classes

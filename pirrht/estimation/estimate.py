@@ -21,7 +21,7 @@ from pirrht import formatting
 from pirrht.arrays import Array, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.sampling import TUNING, EstimationTuning
-from pirrht.estimation.weights import deviation, heavy, normalised, tail_shape
+from pirrht.estimation.weights import deviation, heavy, normalised, shrinkage, tail_shape
 from pirrht.outcome import Outcome
 from pirrht.problem import Problem
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl
@@ -44,6 +44,7 @@ class Rollouts:
     paths: Paths
     log_weight: Array  # (S,) log of each sample's contribution to psi [nats]; -inf for paths that ran out of time
     rise: Array  # (H, m) each proposal control now less its mean over the first step [control]
+    laws: Array | None = None  # (H, m) that mean, to which the control shrinks [control]; None: it does not
 
     @property
     def size(self) -> int:
@@ -59,7 +60,8 @@ class Estimate:
     """Estimate at one state by samples; `plan.estimate` of a `Plan`.
 
     Attributes:
-        control: u* now, (m,) [control].
+        control: u* now, (m,) [control]. Where samples follow guides, their correction of these is used as far as it is
+            known (`weights.shrinkage`).
         log_psi: logarithm of the desirability [nats].
         value: v = -lambda log psi [cost].
         value_error: standard error of v [cost]; its largest term counts several times (`weights.scatter`).
@@ -172,28 +174,59 @@ def weigh(
         group[paths.key == key] = g
     times_weight = (np.ones(()), weight, paths.span, *paths.now.T)
     shares, squares, spans, *sums = (np.bincount(group, weight * one, len(names)) for one in times_weight)
+    ess = shares**2 / np.maximum(squares, 1e-300)
     controls, span = np.stack(sums, axis=1), max(float(spans.sum()), 1e-300)
     control = controls.sum(axis=0) / span
     # Terms of psi and, to first order (delta method), of the control.
     terms = np.column_stack([weight, weight[:, None] * (paths.now - paths.span[:, None] * control)])
-    errors = deviation(terms, first, parts[0].tables.mirrored)
+    errors, total_ess = deviation(terms, first, parts[0].tables.mirrored), float(1.0 / np.sum(weight**2))
+    control_error = errors[1:] / span
     # Not `@`: waiting for each other costs the threads of a BLAS far more than such a short sum does.
     free, unresolved = walls.corrected_control(control, np.einsum("s,sm->m", weight, paths.start_control))
+    means = controls / np.maximum(spans, 1e-300)[:, None] + (free - control)
+    if parts[0].laws is not None:
+        laws = np.tile(parts[0].laws, (len(parts), 1))
+        excess, single = _excess(paths, weight, group, np.repeat(laws, np.diff(first), axis=0), (first, ess, parts))
+        means -= excess
+        free = free - np.einsum("g,gm->m", spans, excess) / span
+        control_error = np.maximum(control_error, single / math.sqrt(total_ess))
     pieces = [float(weight[a:b].sum()) for a, b in itertools.pairwise(first)]
     drawn_around = np.reshape(pieces, (len(parts), H)).sum(axis=0)
     shown = max(i for i, part in enumerate(parts) if np.isfinite(part.log_weight.max()))
-    ess, begin = shares**2 / np.maximum(squares, 1e-300), sum(part.size for part in parts[:shown])
-    means = controls / np.maximum(spans, 1e-300)[:, None] + (free - control)
+    begin = sum(part.size for part in parts[:shown])
     return Estimate(
         control=free + drawn_around @ parts[0].rise + walls.push, log_psi=log_psi,
         value=-problem.temperature * log_psi, value_error=problem.temperature * float(errors[0]),
-        control_error=np.hypot(errors[1:] / span, unresolved), ess=float(1.0 / np.sum(weight**2)),
+        control_error=np.hypot(control_error, unresolved), ess=total_ess,
         weight=weight[begin : begin + parts[shown].size],
         class_weights=dict(zip(names, shares.tolist(), strict=True)),
         class_ess=dict(zip(names, ess.tolist(), strict=True)), class_controls=dict(zip(names, means, strict=True)),
         proposal_weights=drawn_around.tolist(), survivors=int(np.sum(paths.outcome == Outcome.GOAL)),
         rollouts=parts[shown], parts=tuple(parts), walls=walls, classes=dict(classes or {}),
     )  # fmt: skip
+
+
+def _excess(
+    paths: Paths, weight: Array, group: IntArray, laws: Array, known: tuple[IntArray, Array, Sequence[Rollouts]]
+) -> tuple[Array, Array]:
+    """Return what chance may have added to each class's control (G, m), and the deviation of one sample (m,).
+
+    Samples correct the mean control of their laws (S, m) by their noise, which is used as far as it is known
+    (`shrinkage`). A few heavy samples agree by chance: an error is at least the deviation of one around its law over
+    the root of the effective number. Classes of samples that follow no law (nan) are left alone.
+    """
+    (first, ess, parts), m, no_law = known, laws.shape[1], np.isnan(laws[:, 0])
+    noise = np.where(no_law[:, None], 0.0, paths.now - paths.span[:, None] * laws)
+    squares = max(float(np.sum(paths.span[~no_law] ** 2)), 1e-300)
+    single = np.sqrt(np.sum(noise**2, axis=0) / squares)
+    member = weight[:, None] * (group[:, None] == np.arange(len(ess)))
+    times = np.maximum(np.einsum("sg,s->g", member, paths.span), 1e-300)[:, None]
+    mean = np.einsum("sg,sm->gm", member, noise) / times
+    terms = member[:, :, None] * (noise[:, None] - paths.span[:, None, None] * mean)
+    errors = deviation(terms.reshape(len(weight), -1), first, parts[0].tables.mirrored).reshape(-1, m) / times
+    errors = np.maximum(errors, single / np.sqrt(np.maximum(ess, 1e-300))[:, None])
+    follows = ~np.any(member[no_law] > 0.0, axis=0)
+    return follows[:, None] * (1.0 - shrinkage(mean, errors)) * mean, single
 
 
 @dataclass(slots=True)

@@ -136,10 +136,17 @@ class PathIntegral:
         setup, tables, x, m = self.setup, self.proposals.tables(batch), batch.state, self.problem.dynamics.m
         origin = Origin(np.ascontiguousarray(x, dtype=float), np.uint64(seed), float(batch.time))
         paths, rise = self.backend.sample(setup, tables, origin), np.zeros((len(batch.proposals), m))
+        laws = None
         if self.guidance is not None:
-            rise[:] = [tables.law_weight * (one.lead(x, 0.0) - one.lead.held(x)) for one in batch.proposals]
+            held = np.array([one.lead.held(x) for one in batch.proposals])
+            rise[:] = tables.law_weight * (np.array([one.lead(x, 0.0) for one in batch.proposals]) - held)
+            if not self.proposals.pointlike:
+                follows = np.array([one.lead.follows for one in batch.proposals])
+                laws = np.where(follows[:, None], held, np.nan)
         log_weight = np.empty(len(paths.work))
-        rollouts = Rollouts(setup=setup, origin=origin, tables=tables, paths=paths, log_weight=log_weight, rise=rise)
+        rollouts = Rollouts(
+            setup=setup, origin=origin, tables=tables, paths=paths, log_weight=log_weight, rise=rise, laws=laws
+        )
         ended, under_way = paths, np.flatnonzero(paths.outcome == Outcome.TIMEOUT)
         if self.terminal_cost is not None and len(under_way) > 0:  # as if they had arrived
             cost, outcome = paths.work.copy(), paths.outcome.copy()
@@ -160,12 +167,14 @@ class PathIntegral:
         return weigh(self.problem, parts, walls, classes)
 
     def sample(
-        self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0
-    ) -> Estimate:
+        self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0,
+        multiple: float | None = None,
+    ) -> Estimate:  # fmt: skip
         """Sample the paths of a batch in one or more rounds, and weigh all (Algorithm 4, line 4).
 
         Equal seeds of a plan give equal paths. Rounds are drawn until the time `left` [s] is up, and up to `least`
-        effective samples. NoSurvivingSample: no sample has any weight.
+        effective samples, but no more than a `multiple` of the batch; None: that of first plans. NoSurvivingSample: no
+        sample has any weight.
         """
         settings, tuning, number = self.sampling, self.tuning, np.asarray(batch.counts)
         parts: list[Rollouts] = []
@@ -193,7 +202,7 @@ class PathIntegral:
             more = min(drawn, limit - drawn)
             draw(more, fewest=1)
             drawn += more
-        most = min(tuning.first_plan, most)
+        most = min(tuning.first_plan if multiple is None else multiple, most)
         enough = 2 if least <= 0.0 or self._so_far(parts)[1] >= least else 0
         while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
             draw(drawn)

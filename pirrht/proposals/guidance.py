@@ -197,10 +197,14 @@ class DDPGuidance:
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
         (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
         course.states[0], cost, penalised, sound = query.x, np.inf, np.inf, False
+        begun = course.control[0].copy()
         for warmth, rounds in stages:
             if length > 0:
                 most, task = 0 if short() else rounds, self.tasks[warmth]
                 length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
+        if length == 0 and np.isfinite(cost) and not self.gated:  # its first step enters the goal
+            self._entering(setup, course, begun, float(times[1]))
+            length = 1
         if length < 1:
             return None
         end = min(length + self.onward, len(course.control))
@@ -220,6 +224,18 @@ class DDPGuidance:
             share=course.share, inverse=course.inverse, volume=course.volume, metric=self.metric, steep=steep,
             length=end, cost=cost, penalised=penalised, valid=bool(sound), drift=drift, bend=bend,
         )  # fmt: skip
+
+    def _entering(self, setup: Setup, course: Course, begun: Array, dt: float) -> None:
+        """Write a first step of dt [s] that enters the goal: by homing, or a control (modes,) that it began with."""
+        d, x, world = self.problem.dynamics, course.states[0], setup.world
+        course.control[0], course.gains[0], course.volume[0] = begun, 0.0, 0.0
+        course.share[0] = course.inverse[0] = np.eye(self.width)
+        if d.homing is not no_homing:
+            course.control[0] = 0.0
+            aim, rate = (world.goal, world.radius), setup.least_rate
+            d.homing(x, setup.parameters, d.B_c(x), *aim, rate, course.control[0, : d.m])
+        u = d.input_of(x, course.control[0, : d.m])
+        course.states[1] = d.step(x, u, np.zeros(d.m), dt)
 
     def _drift(self, query: Query, states: Array, length: int) -> tuple[Array, Array]:
         """Evaluate slope and bend of log psi by near walls along a guide (T+1, 2); none past its length."""

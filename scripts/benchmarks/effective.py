@@ -1,0 +1,114 @@
+"""Effective samples of all plans of drives: robots in built-in scenes, worlds of BARN, and scenes that a seed grows.
+
+The worlds of BARN are those of a folder beside the repository, if it is there. A row is one robot in one scene, or in
+all worlds of a kind; the last row of a robot is all of its plans. With --robot or --scene there is only that; --seeds
+is of drives through each built-in scene.
+"""
+
+import argparse
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+from worlds import grown
+from worlds.page import Page, drum
+
+from pirrht.estimation.sampling import TUNING
+from sim.scenario import Scenario, prepare
+
+ROBOTS = ("puck", "unicycle", "diffdrive", "hover", "rover", "car")
+SCENES, SEEDS = ("house", "office", "clutter", "barn", "forest", "warehouse"), 2
+BARN = Path(__file__).resolve().parents[3] / "shared" / "data" / "barn" / "test50.json"
+WORLDS = 10
+GROWN: dict[str, Callable[[], Page]] = {
+    "forest 1": partial(grown.forest, 1), "barn 1": partial(grown.barn, 1), "barn 2": partial(grown.barn, 2),
+}  # fmt: skip
+HEADER = ["robot", "scene", "drives", "goal", "plans", "doubtful", "ESS", "least", "cost", "step [ms]"]
+
+
+class Drive(NamedTuple):
+    """One drive to make: a robot in a scene, which is built in, a world of BARN or grown."""
+
+    robot: str
+    kind: str  # of the table's row
+    scene: str
+    seed: int
+
+    def scenario(self, **given: Any) -> Scenario:
+        """Prepare it."""
+        given = {"robot": self.robot, "seed": self.seed, **given}
+        if self.kind == self.scene:
+            return prepare(self.scene, **given)
+        page = GROWN[self.scene]() if self.kind == "grown" else world(self.scene)
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder, "scene.xml")
+            file.write_text(page.text())
+            return prepare(file, **given, **({"start": (2.25, 3.0, 0.5 * np.pi)} if self.kind == "BARN" else {}))
+
+
+def world(number: str) -> Page:
+    """A world of BARN: a course walled in by cylinders, from its closed end out of the open one."""
+    posts = enumerate(json.loads(BARN.read_text())[number])
+    return Page(
+        name=f"barn {number}", about="A world of BARN.", why="BARN (Perille et al. 2020).", size=(4.5, 14.0),
+        start=(2.25, 3.0), goal=(2.25, 13.0, 0.9), settings={"noise": 0.08, "vertices": 2000, "limit": 0.8},
+        elements=[drum(f"post {i}", x + 4.5, y, 0.075) for i, (x, y) in posts],
+    )  # fmt: skip
+
+
+def drives(options: argparse.Namespace) -> Iterator[Drive]:
+    """Yield the drives that are asked for."""
+    for robot in [options.robot] if options.robot else ROBOTS:
+        seeds = range(options.first_seed, options.first_seed + min(options.seeds, SEEDS))
+        for scene in [options.scene] if options.scene else SCENES:
+            yield from (Drive(robot, scene, scene, seed) for seed in seeds)
+        if options.scene is None:
+            worlds = list(json.loads(BARN.read_text()))[:: 50 // WORLDS] if BARN.exists() else []
+            yield from (Drive(robot, "BARN", number, options.first_seed) for number in worlds)
+            yield from (Drive(robot, "grown", name, options.first_seed) for name in GROWN)
+
+
+def figures(drive: Drive) -> dict[str, Any]:
+    """Drive once; return the figures of `run`, effective samples of each plan, and the median control step [ms]."""
+    scenario, sizes, seconds = drive.scenario(), [], []
+    for frame in scenario.drive(scenario.plant(), scenario.driver(scenario.grown_tree())):
+        seconds.append(frame.plan_seconds)
+        if frame.plan.estimate is not None:
+            sizes.append(frame.plan.estimate.ess)
+    m = frame.metrics
+    return {
+        **drive._asdict(), "outcome": m.outcome, "cost": m.cost, "steps": m.steps, "doubtful_plans": m.doubtful_plans,
+        "least_ess": m.least_ess, "ess": sizes, "step_ms": 1e3 * float(np.median(seconds[1:] or seconds)),
+    }  # fmt: skip
+
+
+def row(robot: str, kind: str, found: Sequence[dict[str, Any]]) -> list[str]:
+    """A row of the table."""
+    arrived = [one for one in found if one["outcome"] == "goal"]
+    plans, sizes = sum(one["steps"] for one in found), np.concatenate([one["ess"] for one in found])
+    costs = f"{np.mean([one['cost'] for one in arrived]):.3f}" if arrived else "-"
+    doubtful = 100.0 * sum(one["doubtful_plans"] for one in found) / plans
+    return [
+        robot, kind, str(len(found)), str(len(arrived)), str(plans), f"{doubtful:.1f} %",
+        *([f"{np.median(sizes):.0f}", f"{sizes.min():.1f}"] if len(sizes) else ["-", "-"]), costs,
+        f"{np.median([one['step_ms'] for one in found]):.1f}",
+    ]  # fmt: skip
+
+
+def rows(options: argparse.Namespace) -> tuple[list[str], list[list[str]], object]:
+    """Header, table and JSON; a plan is doubtful below TUNING.few effective samples."""
+    wanted, table = list(drives(options)), list[list[str]]()
+    with ProcessPoolExecutor(options.workers) as pool:
+        found = list(tqdm(pool.map(figures, wanted), "drives", len(wanted), disable=None))
+    for robot, of_robot in groupby(found, lambda one: str(one["robot"])):
+        mine = list(of_robot)
+        table += [row(robot, kind, list(some)) for kind, some in groupby(mine, lambda one: str(one["kind"]))]
+        table.append(row(robot, "all", mine))
+    return [*HEADER[:5], f"ESS < {TUNING.few:g}", *HEADER[6:]], table, found
