@@ -26,10 +26,10 @@ JSON_HEAD = """# JSON files
 
 <!-- Made by `python -m sim.cli.docs` of sim/cli/fields.py and sim/drive/result.py; a test compares them. -->
 
-What `--json FILE` writes. Among the units, `u` is that of a control, `cost` that of q times seconds, and 1 stands for a
-number without one. Infinity is `Infinity`. `estimate` has an entry for each repeat in its lists, null where every
-sample died. `sweep` writes a list of records; its dataset has the same names, with `timing_` before wall times. Later
-versions add fields and rename none.
+What `--json FILE` writes: each field with its type, and its unit if it has one. The unit `u` is that of a control, `cost`
+that of q times seconds. Infinite and missing values are null. `estimate` has an entry for each repeat in its lists, null
+where every sample died. `sweep` writes a list of records; its dataset has the same names, with `timing_` before wall
+times. Later versions add fields and rename none.
 """
 
 
@@ -43,8 +43,13 @@ def json_page() -> str:
 
 
 def _fields(fields: Sequence[Column]) -> str:
-    rows = [f"| `{one.name}` | {TYPES.get(one.kind, one.kind)} | {one.unit} | {one.text} |\n" for one in fields]
-    return "".join(["| field | type | unit | meaning |\n|---|---|---|---|\n", *rows])
+    return "".join(f"* `{one.name}` ({_kind(one)}): {one.text}\n" for one in fields)
+
+
+def _kind(field: Column) -> str:
+    """Return type and unit of a field."""
+    kind = TYPES.get(field.kind, field.kind)
+    return kind if field.unit in ("", "1") else f"{kind}, {field.unit}"
 
 
 def page() -> str:
