@@ -24,7 +24,6 @@
                                             --part line: on a line, against the exact grid; --robot rover|car
     python scripts/benchmark.py maps        import of ROS maps and the first plan against pixels, 1000 to 4000 a side
     python scripts/benchmark.py presets     time, effective samples and error of v of each preset, on slit and clutter
-    python scripts/benchmark.py trace       modules that one control step enters, lines that the sampler imports
 
 Times depend on the machine: quote ratios from one run.
 """
@@ -44,7 +43,7 @@ PARTS = {
     "mass": (None, "line"),
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
-SPEED = ("speed", "first-run", "obstacles", "maps", "presets", "trace")
+SPEED = ("speed", "first-run", "obstacles", "maps", "presets")
 TABLES = (*SPEED, "choice", "effective", "worst", "quality", "calibration", "risk", "mass")
 
 
