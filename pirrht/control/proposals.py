@@ -257,25 +257,26 @@ class ProposalBuilder:
         integral, memory, driven, d = self.integral, run.memory, run.path.winding(), self.integral.problem.dynamics
         if integral.guidance is None or integral.guidance.gated or not (d.constant or d.input_form):
             return
-        paths, log_weight, _ = all_samples(estimate.parts)
+        enough, (paths, log_weight, _) = estimate.ess >= TUNING.fit_enough, all_samples(estimate.parts)
         most, fits = TUNING.fit_most * len(log_weight) / sum(batch.counts), dict[ClassFromStart, LawFit]()
         for one, (guide, *_) in memory.optima.items():
             name, key = run.homology.name(one), run.homology.key(integers(np.subtract(one, driven)))
             weight, fit = estimate.class_weights.get(name, 0.0), memory.fits.get(one)
             of_class = [h for h, proposal in enumerate(batch.proposals) if proposal.name == name]
             own = np.flatnonzero((paths.key == key) & (paths.outcome == Outcome.GOAL))
-            if weight < TUNING.fit_weight or not of_class or len(own) < 2:
+            if fit is not None and fit.guide is guide:
+                fits[one] = fit
+            if enough or weight < TUNING.fit_weight or not of_class or len(own) < 2:
                 continue
-            if fit is None or fit.guide is not guide:
-                fit = LawFit.of(guide)
+            fit = fits.setdefault(one, LawFit.of(guide))
             h = max(of_class, key=lambda h: batch.proposals[h].lead.guide is fit.followed)
             mixture = paths.log_survival[own] - paths.work[own] / integral.temperature - log_weight[own]
             log_share = paths.log_ratio[own, h] - mixture
+            fit.fade()
             found, counts = chosen(log_weight[own] - log_share, log_share, math.ceil(weight * most))
             for part, number, count in estimate.split(own[found], counts):
                 applied = integral.replay.applied(part, number)
                 fit.learn(applied, count, batch.proposals[h].lead.guide, timed=integral.moving)
-            fits[one] = fit
         memory.fits = fits
 
     def _guides(

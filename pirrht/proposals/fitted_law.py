@@ -102,23 +102,30 @@ class LawFit:
         """
         new, d, before = LawFit.of(guide, self.tuning), guide.dynamics, self.guide.states[: len(self.products)]
         states = guide.states[: len(new.products)]
-        if timed:
+        if timed:  # between two rows, both have a share
             due = self.guide.times[: len(before)] - elapsed
-            row = np.searchsorted(guide.times, due + 1e-9, side="right") - 1
+            at = np.where(due > -1e-9, np.interp(due, guide.times, np.arange(len(guide.times))), -1.0)
+            first = np.floor(at + 1e-6).astype(np.int64)
+            later = np.clip(at - first, 0.0, 1.0)
+            targets = [(first, 1.0 - later), (first + 1, later)]
         else:
             apart = (guide.metric * d.difference(before[:, None], states) ** 2).sum(axis=2)
-            row = np.argmin(apart, axis=1)
-        known = (row >= 0) & (row < len(states))
-        row = np.clip(row, 0, len(states) - 1)
-        off = d.difference(before, states[row])
-        pace = (guide.metric * d.difference(guide.states[row + 1], states[row]) ** 2).sum(axis=1)
-        known &= (guide.metric * off**2).sum(axis=1) <= pace
-        shift = np.tile(np.eye(d.n + 1), (len(row), 1, 1))
-        shift[:, 1:, 0] = off
-        moved = shift @ self.products @ np.swapaxes(shift, 1, 2)
-        np.add.at(new.products, row[known], self.tuning.fit_memory * moved[known])
-        np.add.at(new.sums, row[known], self.tuning.fit_memory * (shift @ self.sums)[known])
+            targets = [(np.argmin(apart, axis=1), np.ones(len(before)))]
+        for row, share in targets:
+            here = np.clip(row, 0, len(states) - 1)
+            off = d.difference(before, states[here])
+            pace = (guide.metric * d.difference(guide.states[here + 1], states[here]) ** 2).sum(axis=1)
+            near = (row == here) & ((guide.metric * off**2).sum(axis=1) <= pace)
+            weight, shift = np.where(near, share, 0.0)[:, None, None], np.tile(np.eye(d.n + 1), (len(row), 1, 1))
+            shift[:, 1:, 0] = off
+            np.add.at(new.products, here, weight * (shift @ self.products @ np.swapaxes(shift, 1, 2)))
+            np.add.at(new.sums, here, weight * (shift @ self.sums))
         return new
+
+    def fade(self) -> None:
+        """Forget some of it, before a plan adds its samples."""
+        self.products[:] *= self.tuning.fit_memory
+        self.sums[:] *= self.tuning.fit_memory
 
     def learn(self, paths: tuple[Array, Array, IntArray], counts: Array, followed: DDPGuide, *, timed: bool) -> None:
         """Add samples that count so much (c, 2): states (c, T+1, n), a by steps (c, T, m) and steps taken (c,).

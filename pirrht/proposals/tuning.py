@@ -41,6 +41,7 @@ class ProposalTuning(NamedTuple):
     fit_rows: int = 2  # rows to either side that share what was learned
     fit_powers: tuple[float, ...] = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)  # of weights, best of them
     fit_most: int = 128  # samples of a plan that are simulated again for it, the heaviest; for time
+    fit_enough: float = 100.0  # effective samples of a plan from which on nothing more is learned; for time
     fit_weight: float = 0.01  # weight of a class from which on its law is fitted
     # Samples and alternatives.
     few: int = 30  # samples around references of negligible weight
