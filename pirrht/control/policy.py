@@ -24,6 +24,7 @@ from pirrht.geometry.obstacle import Mover
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.fitted_law import LawFit
 from pirrht.proposals.guide import DDPGuide
 from pirrht.steering.motion import Motions
 from pirrht.topology.homology import Driven, Homology
@@ -40,6 +41,7 @@ class ClassMemory:
 
     paths: dict[ClassFromStart, Motions] = field(default_factory=dict)  # last references: shortening goes on from there
     optima: dict[ClassFromStart, list[DDPGuide]] = field(default_factory=dict)  # last valid guides, best first
+    fits: dict[ClassFromStart, LawFit] = field(default_factory=dict)  # laws around them, as samples have it
     sampled: set[ClassFromStart] = field(default_factory=set)  # classes whose guides had more than a few samples
     allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
@@ -48,14 +50,15 @@ class ClassMemory:
 
     def forget(self) -> None:
         """Forget guides and samples, but no path."""
-        self.optima, self.sampled, self.allocation, self.mixture = {}, set(), Allocation(), None
+        self.optima, self.fits, self.sampled = {}, {}, set()
+        self.allocation, self.mixture = Allocation(), None
 
     def renamed(self, heirs: Mapping[ClassFromStart, ClassFromStart], names: Mapping[str, str]) -> ClassMemory:
         """Return what remains among other obstacles, by present classes of paths that are free, and their names."""
         allocation = Allocation(kept(self.allocation.contribution, names), kept(self.allocation.shares, names))
         sampled = {heirs[one] for one in self.sampled & heirs.keys()}
         paths, optima, followed = kept(self.paths, heirs), kept(self.optima, heirs), names.get(self.followed or "")
-        return ClassMemory(paths, optima, sampled, allocation, followed=followed)
+        return ClassMemory(paths, optima, kept(self.fits, heirs), sampled, allocation, followed=followed)
 
 
 def kept(known: Mapping[K, V], heirs: Mapping[K, K]) -> dict[K, V]:
@@ -88,6 +91,7 @@ class RunState:
     known: float = field(init=False)  # until when states are observed, not only expected [s]
     since_plan: float = 0.0  # time since the last plan [s]
     since_estimate: float = 0.0  # time since the last plan of which samples survived [s]
+    fitting: float = 0.0  # time that the last plan took to fit laws to its samples [s]
     queried: Array | None = None  # state (n,) of a plan since which no time has passed
     planned: bool = False  # whether there has been a plan
     held: float | None = None  # how long the control of the last step is held [s]; None: there is none

@@ -1,9 +1,11 @@
 """References of a run, one path per class from its tree, and proposals of a plan: local optima of each, and samples."""
 
+import math
 import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from numbers import Integral
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -16,15 +18,17 @@ from pirrht.control.policy import ClassFromStart, RunState, from_start
 from pirrht.control.prediction import favourite_path
 from pirrht.control.settings import ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference, NoSurvivingSample, OptionError
-from pirrht.estimation.estimate import Estimate
+from pirrht.estimation.estimate import Estimate, all_samples
 from pirrht.estimation.sampler import PathIntegral
 from pirrht.estimation.sampling import Sampling
 from pirrht.freespace import FreeSpace
 from pirrht.geometry.scene import Scene
 from pirrht.jit.jit import mapped
+from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
 from pirrht.problem import Problem
+from pirrht.proposals.fitted_law import LawFit, chosen
 from pirrht.proposals.guidance import DDPGuidance
 from pirrht.proposals.guide import DDPGuide, LinearFeedback
 from pirrht.proposals.proposal import Batch, Proposal, ProposalControl, Tape
@@ -229,7 +233,11 @@ class ProposalBuilder:
             """Return the other local optimum of the k-th class, or the ascent of psi of a point, and the user's own."""
             optima = memory.optima.get(classes[k], [])[1:]
             second = followed(optima[0]) if optima else integral.proposals.defensive(x, trajectories[k], run.now)
-            found = [second, *(propose(x, proposals[k].lead) for propose in self.propose)]
+            found = [
+                self._fitted(classes[k], run),
+                second,
+                *(propose(x, proposals[k].lead) for propose in self.propose),
+            ]
             return [one for one in found if one is not None]
 
         if self.settings.use.mixes:
@@ -247,7 +255,8 @@ class ProposalBuilder:
             follows = integral.guidance is not None and not integral.proposals.pointlike
             least, multiple = min(least, integral.tuning.few) if follows else 0.0, 1.0 + memory.saved
         try:
-            estimate = integral.sample(batch, seed, left=budget.left, least=least, multiple=multiple)
+            left = None if budget.left is None else budget.less(run.fitting)
+            estimate = integral.sample(batch, seed, left=left, least=least, multiple=multiple)
         except NoSurvivingSample:
             memory.saved = 0.0 if least > 0.0 else memory.saved
             return None
@@ -256,10 +265,48 @@ class ProposalBuilder:
             memory.saved = max(0.0, memory.saved + 1.0 - drawn)
         if self.settings.use.mixes:
             memory.allocation.learn(batch, estimate)
+            begun = perf_counter()
+            self._learn(batch, estimate, run)
+            run.fitting = perf_counter() - begun
         if self.settings.use.alone and batch.classes:
             estimate = follow_best(integral.problem, estimate, batch, run.memory, self.settings.consistency)
         guided = integral.guidance is not None and batch.classes
         return None if guided and estimate.survivors == 0 else estimate
+
+    def _fitted(self, one: ClassFromStart, run: RunState) -> LinearFeedback | None:
+        """Return the law around the guide of a class that samples of earlier plans suggest, if there are any."""
+        fits, optima = run.memory.fits, run.memory.optima
+        if one not in fits or one not in optima:
+            return None
+        fits[one] = fits[one].carried(optima[one][0], run.since_plan, timed=self.integral.moving)
+        return LinearFeedback(fits[one].followed)
+
+    def _learn(self, batch: Batch, estimate: Estimate, run: RunState) -> None:
+        """Fit the laws of classes that have weight to the samples of a plan, for the next one."""
+        integral, memory, driven, d = self.integral, run.memory, run.path.winding(), self.integral.problem.dynamics
+        if integral.guidance is None or integral.guidance.gated or not (d.constant or d.input_form):
+            return
+        enough, (paths, log_weight, _) = estimate.ess >= TUNING.fit_enough, all_samples(estimate.parts)
+        most, fits = TUNING.fit_most * len(log_weight) / sum(batch.counts), dict[ClassFromStart, LawFit]()
+        for one, (guide, *_) in memory.optima.items():
+            name, key = run.homology.name(one), run.homology.key(integers(np.subtract(one, driven)))
+            weight, fit = estimate.class_weights.get(name, 0.0), memory.fits.get(one)
+            of_class = [h for h, proposal in enumerate(batch.proposals) if proposal.name == name]
+            own = np.flatnonzero((paths.key == key) & (paths.outcome == Outcome.GOAL))
+            if fit is not None and fit.guide is guide:
+                fits[one] = fit
+            if enough or weight < TUNING.fit_weight or not of_class or len(own) < 2:
+                continue
+            fit = fits.setdefault(one, LawFit.of(guide))
+            h = max(of_class, key=lambda h: batch.proposals[h].lead.guide is fit.followed)
+            mixture = paths.log_survival[own] - paths.work[own] / integral.temperature - log_weight[own]
+            log_share = paths.log_ratio[own, h] - mixture
+            fit.fade()
+            found, counts = chosen(log_weight[own] - log_share, log_share, math.ceil(weight * most))
+            for part, number, count in estimate.split(own[found], counts):
+                applied = integral.replay.applied(part, number)
+                fit.learn(applied, count, batch.proposals[h].lead.guide, timed=integral.moving)
+        memory.fits = fits
 
     def _guides(
         self, x: Array, times: Array, references: Sequence[Reference], run: RunState, budget: TimeBudget

@@ -105,6 +105,10 @@ class TimeBudget:
     def __init__(self, left: Callable[[], float] | None = None, tuning: ControlTuning = TUNING) -> None:
         self.left, self.tuning, self.whole = left, tuning, inf if left is None else left()
 
+    def less(self, taken: float) -> Callable[[], float]:
+        """Return what tells the time left [s] if so much of it is kept back."""
+        return lambda: (inf if self.left is None else self.left()) - taken
+
     def short(self) -> bool:
         """Check that little time is left."""
         return self.left is not None and self.left() < self.tuning.short * self.whole

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
@@ -130,6 +130,14 @@ class Estimate:
     def doubtful(self) -> bool:
         """Check for too few effective samples for reliable errors."""
         return self.ess < TUNING.few
+
+    def split(self, chosen: IntArray, weight: Array) -> Iterator[tuple[Rollouts, IntArray, Array]]:
+        """Yield every round with its own numbers of chosen samples of all (c,), in order, and their weights (c,)."""
+        begin = 0
+        for part in self.parts:
+            own = slice(*np.searchsorted(chosen, [begin, begin + part.size]))
+            yield part, chosen[own] - begin, weight[own]
+            begin += part.size
 
     @property
     def tail(self) -> float:

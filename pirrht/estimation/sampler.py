@@ -46,6 +46,14 @@ class Replay(NamedTuple):
         """Return states (c, T+1, n) of chosen samples (c,), and the number of steps of each, (c,)."""
         return self.backend.trace(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
 
+    def applied(self, rollouts: Rollouts, chosen: IntArray) -> tuple[Array, Array, IntArray]:
+        """Return states (c, T+1, n) of chosen samples (c,), the a that steps apply (c, T, m) [1/sqrt(s)], steps (c,).
+
+        The gain of the system is constant.
+        """
+        states, controls, steps = self.backend.replay(rollouts.setup, rollouts.tables, rollouts.origin, chosen)
+        return states, controls @ rollouts.setup.gain.T, steps
+
     def tapes(self, rollouts: Rollouts, groups: Sequence[BoolArray]) -> tuple[Array, Array, Array]:
         """Return open-loop controls of G groups of samples, disjoint masks (S,), with weights normalised within each.
 

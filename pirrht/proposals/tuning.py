@@ -35,6 +35,14 @@ class ProposalTuning(NamedTuple):
     wall_radius: float = 0.2  # of that radius at least [m]
     # Laws.
     steepest: float = 10.0  # bound of |a| in sqrt(2 q / lambda), at which control costs as much as time
+    # Laws fitted to samples.
+    fit_memory: float = 0.9  # share that one plan leaves to the next of what was learned; more lags behind
+    fit_prior: float = 1.0  # weight of the guide's law: that of changes of 1/sqrt(s)
+    fit_rows: int = 2  # rows to either side that share what was learned
+    fit_powers: tuple[float, ...] = (1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25, 0.2, 0.15, 0.1)  # of weights, best of them
+    fit_most: int = 128  # samples of a plan that are simulated again for it, the heaviest; for time
+    fit_enough: float = 100.0  # effective samples of a plan from which on nothing more is learned; for time
+    fit_weight: float = 0.01  # weight of a class from which on its law is fitted
     # Samples and alternatives.
     few: int = 30  # samples around references of negligible weight
     hopeless: float = 60.0  # lambda by which their guides cost more than the cheapest,

@@ -14,7 +14,7 @@ class Backend(Protocol):
     to reference h with `tables.first[h] <= s < tables.first[h + 1]` and follows row h of the tables. Every path is a
     function of the origin and its number s alone, whatever the number of threads, so that none has to be kept.
 
-    `rollouts.cpu.Cpu` runs compiled kernels on the cores of one machine. Another backend implements the three methods.
+    `rollouts.cpu.Cpu` runs compiled kernels on the cores of one machine. Another backend implements the four methods.
 
     Examples:
         >>> import numpy as np
@@ -27,6 +27,9 @@ class Backend(Protocol):
         ...         return paths
         ...     def trace(self, setup, tables, origin, number):
         ...         return np.tile(origin.x, (len(number), len(tables.times), 1)), np.ones(len(number), np.int64)
+        ...     def replay(self, setup, tables, origin, number):
+        ...         states, steps = self.trace(setup, tables, origin, number)
+        ...         return states, np.zeros((len(number), *tables.control.shape[1:])), steps
         ...     def controls(self, setup, tables, origin, chosen, groups):
         ...         T, m = tables.control.shape[1:]
         ...         return np.zeros((groups, T, m)), np.zeros((groups, T))
@@ -37,6 +40,11 @@ class Backend(Protocol):
 
     def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
         """Simulate samples of some numbers (c,) again; return their states (c, T+1, n) and steps taken (c,)."""
+
+    def replay(
+        self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray
+    ) -> tuple[Array, Array, IntArray]:
+        """Simulate samples again; return states (c, T+1, n), controls up to the exit (c, T, m) and steps taken (c,)."""
 
     def controls(
         self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int

@@ -94,7 +94,7 @@ class Cpu(NamedTuple):
 
     def trace(self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray) -> tuple[Array, IntArray]:
         """Return states (c, T+1, n) of samples of some numbers (c,), and the steps that each takes (c,)."""
-        return self._replayed(setup, tables, origin, number)[::2]
+        return self.replay(setup, tables, origin, number)[::2]
 
     def controls(
         self, setup: Setup, tables: ProposalTables, origin: Origin, chosen: Chosen, groups: int
@@ -105,20 +105,26 @@ class Cpu(NamedTuple):
         for start in range(0, len(chosen.number), TUNING.replayed):
             part = slice(start, start + TUNING.replayed)
             group, weight = chosen.group[part], chosen.weight[part]
-            _, applied, steps = self._replayed(setup, tables, origin, chosen.number[part])
+            _, applied, steps = self.replay(setup, tables, origin, chosen.number[part])
             under_way = np.where(np.arange(T) < steps[:, None], weight[:, None], 0.0)
             for g in range(groups):
                 total[g] += np.sum(weight[group == g, None, None] * applied[group == g], axis=0)
                 alive[g] += np.sum(under_way[group == g], axis=0)
         return total, alive
 
-    def _replayed(
+    def replay(
         self, setup: Setup, tables: ProposalTables, origin: Origin, number: IntArray
     ) -> tuple[Array, Array, IntArray]:
         """Return states (c, T+1, n), controls carried up to the exit (c, T, m) [control] and steps taken (c,)."""
         (_, T, m), c = tables.control.shape, len(number)
         states, applied, steps = np.zeros((c, T + 1, len(origin.x))), np.zeros((c, T, m)), np.zeros(c, np.int64)
-        self.kernels.replay(setup, tables, origin, np.ascontiguousarray(number), states, applied, steps)
+        number = np.ascontiguousarray(number)
+
+        def work(start: int, stop: int) -> None:
+            part = slice(start, stop)
+            self.kernels.replay(setup, tables, origin, number[part], states[part], applied[part], steps[part])
+
+        over_ranges(work, c, self.threads if self.kernels.alone < c else 1)
         return states, applied, steps
 
 
