@@ -6,7 +6,6 @@
     python scripts/benchmark.py first-run   first runs from an empty cache of kernels, of --robot and --scene too, in
                                             turn with those of another checkout (--against)
     python scripts/benchmark.py obstacles   planning and control step against the number of obstacles
-    python scripts/benchmark.py choice      is the class right that 300 samples around each reference choose?
     python scripts/benchmark.py effective   effective samples of all plans of drives: six robots, scenes, worlds of BARN
     python scripts/benchmark.py worst       where their 30 (--plans) weakest plans lose these, and what is to blame
     python scripts/benchmark.py quality --part grid|car|control|samples|psi|shares|drives   how far from the optimum
@@ -44,7 +43,7 @@ PARTS = {
     "risk": (None, "moving", "kept", "tradeoff", "promise"),
 }
 SPEED = ("speed", "first-run", "obstacles", "maps", "presets")
-TABLES = (*SPEED, "choice", "effective", "worst", "quality", "calibration", "risk", "mass")
+TABLES = (*SPEED, "effective", "worst", "quality", "calibration", "risk", "mass")
 
 
 def main() -> int:
@@ -60,7 +59,6 @@ def main() -> int:
         "`first-run` (rover, or some with commas)",
     )
     parser.add_argument("--drive", type=float, default=2.0, help="simulated seconds of the drives that are timed (2)")
-    parser.add_argument("--rho", type=float, default=1.0, help="turning radius of the car in `choice` (1)")
     parser.add_argument(
         "--part",
         help="of `quality`: "

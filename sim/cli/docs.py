@@ -26,10 +26,10 @@ JSON_HEAD = """# JSON files
 
 <!-- Made by `python -m sim.cli.docs` of sim/cli/fields.py and sim/drive/result.py; a test compares them. -->
 
-What `--json FILE` writes: each field with its type, and its unit if it has one. The unit `u` is that of a control,
-`cost` that of q times seconds. Infinite and missing values are null. `estimate` has an entry for each repeat in its
-lists, null where every sample died. `sweep` writes a list of records; its dataset has the same names, with
-`timing_` before wall times. Later versions add fields and rename none.
+What `--json FILE` writes: each field with its type, or its unit if it is a number that has one. The unit `u` is
+that of a control, `cost` that of q times seconds. Infinite and missing values are null. `estimate` has an entry for
+each repeat in its lists, null where every sample died. `sweep` writes a list of records; its dataset has the same
+names, with `timing_` before wall times. Later versions add fields and rename none.
 """
 
 
@@ -47,9 +47,8 @@ def _fields(fields: Sequence[Column]) -> str:
 
 
 def _kind(field: Column) -> str:
-    """Return type and unit of a field."""
-    kind = TYPES.get(field.kind, field.kind)
-    return kind if field.unit in ("", "1") else f"{kind}, {field.unit}"
+    """Return the unit of a number that has one, else the type of the field."""
+    return TYPES.get(field.kind, field.kind) if field.unit in ("", "1") else field.unit
 
 
 def page() -> str:
