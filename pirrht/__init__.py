@@ -37,7 +37,7 @@ _NAMES = {
 _HOME = {name: module for module, names in sorted(_NAMES.items()) for name in names.split()}
 
 __all__ = [*_HOME]
-__version__ = "0.34.0"
+__version__ = "0.33.3"
 
 
 def __getattr__(name: str) -> Any:
