@@ -112,6 +112,8 @@ def test_a_scene_without_a_way_gives_rows_with_the_reason_and_can_be_tried_again
     ],
 )
 def test_a_bad_sweep_is_refused_before_anything_is_written(words, culprit, tmp_path, monkeypatch, capsys):
+    if "--scheduler" in words:
+        pytest.importorskip("distributed", reason="without it the command offers the extra")
     monkeypatch.chdir(tmp_path)
     assert main(["sweep", *words.split()]) == 2
     told = capsys.readouterr().err
