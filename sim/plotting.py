@@ -20,7 +20,7 @@ from pirrht.geometry.scene import Obstacle, Scene
 from pirrht.outcome import Outcome
 from pirrht.planner.references import Reference
 from pirrht.planner.tree import HomologyTree
-from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, passing, rgb, title
+from sim.drawing.colors import NAMED, PALETTE, ClassColors, Color, labels, passing, rgb, title
 from sim.drawing.strokes import fading, outline, timed
 from sim.extras import require
 from sim.files import replaced
@@ -174,20 +174,23 @@ def outlined(axes: Any, mover: Mover, moments: Sequence[tuple[float, float]], *,
 
 def draw_plan(path: Path, scenario: "Scenario", tree: HomologyTree, references: Sequence[Reference]) -> None:
     """Write a map with obstacles, tree and the reference of every class."""
+    from matplotlib.patheffects import withStroke
+
     scene = scenario.loaded.scene
     wide, high = scene.upper - scene.lower
     axes = pyplot("--png").Figure(figsize=(8.0, 6.2 * high / wide + 0.8)).subplots()
     draw_scene(axes, scenario)
-    for i, (x, y) in enumerate(scenario.space.homology.markers, 1):  # the numbers by which classes name obstacles
-        axes.text(x, y, str(i), color="white", fontsize=8, ha="center", va="center", zorder=5)
+    look = {"fontsize": 8, "color": "white", "path_effects": [withStroke(linewidth=1.8, foreground=WALL)]}
+    for (x, y), label in zip(scenario.space.homology.markers, labels(scenario.names), strict=True):
+        axes.text(x, y, literal(label), ha="center", va="center", zorder=5, **look)
     edges(axes, tree, "#9aa3ab", width=0.35, opacity=0.5, zorder=1)
     colors = ClassColors(reference.id for reference in references)
-    sides = [wrap(literal(", ".join(words)), WIDE) for words in passing(references, tree.homology)]
+    sides = [wrap(literal(", ".join(words)), WIDE) for words in passing(references, tree.homology, scenario.names)]
     costs = [f"{title(reference.id)}: {reference.cost:.2f}" for reference in references]
-    labels = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
+    rows = ["\n  ".join([cost, *words]) for cost, words in zip(costs, sides, strict=True)]
     step = draw_moments(axes, scenario, references, colors) if scene.movers else 0.0
     lines, hues = [r.trajectory.points for r in references], [colors[r.id] for r in references]
-    classes(axes, lines, labels, hues, title="class: cost", ncols=1 + "\n".join(labels).count("\n") // HIGH)
+    classes(axes, lines, rows, hues, title="class: cost", ncols=1 + "\n".join(rows).count("\n") // HIGH)
     when = f"; obstacles at 0 s, dots and outlines every {step:g} s" if step else ""
     counts = f"{tree.size} vertices, {len(references)} classes, cheapest first{when}"
     axes.set_title(f"{literal(scene.name)}: {counts}", fontsize=10)

@@ -18,9 +18,9 @@ from sim.drive.metrics import Truth
 from sim.scenario import Scenario
 
 
-def classes_json(references: Sequence[Reference], homology: Homology) -> list[dict[str, Any]]:
-    """The classes, cheapest first; with a homology in time also how each passes moving obstacles."""
-    bodies = passing(references, homology)
+def classes_json(references: Sequence[Reference], homology: Homology, names: Sequence[str]) -> list[dict[str, Any]]:
+    """The classes, cheapest first; with a homology in time also how each passes obstacles, static ones by `names`."""
+    bodies = passing(references, homology, names)
     return [
         {"id": r.id, "winding": list(r.winding), "signature": r.signature.tolist(), "cost": r.cost, "length": r.length}
         | ({"bodies": words} if homology.J else {})
@@ -141,9 +141,10 @@ def estimate_json(
 
 def _windings_json(scenario: Scenario, references: Sequence[Reference]) -> dict[str, Any]:
     """Classes, and the obstacles of the numbers of a winding: static ones with a marker, then moving ones."""
-    parts = [(part.marker, part.names) for part in scenario.space.obstacles]
+    space, names = scenario.space, scenario.names
+    parts = zip(names, space.homology.markers.tolist(), (part.names for part in space.obstacles), strict=True)
     return {
-        "obstacles": [{"marker": m.tolist(), "geoms": list(names)} for m, names in parts if m is not None],
-        "movers": list(scenario.space.homology.names),
-        "classes": classes_json(references, scenario.homology),
+        "obstacles": [{"name": name, "marker": marker, "geoms": list(geoms)} for name, marker, geoms in parts],
+        "movers": list(space.homology.names),
+        "classes": classes_json(references, scenario.homology, names),
     }

@@ -117,8 +117,7 @@ def _braids(axes: Any, shown: Shown, solids: Sequence[Tube]) -> None:
 
 def _words(shown: Shown) -> dict[str, str]:
     """The classes as a person would name them."""
-    space, homology = shown.scenario.space, shown.tree.homology
-    names = [" ".join(part.names) for part in space.obstacles]
+    homology, names = shown.tree.homology, shown.scenario.names
     passed = dict(zip((r.id for r in shown.references), sides(shown.references, homology), strict=True))
     straight = homology.static.base(shown.scenario.start)
     windings = {r.id: r.winding for r in shown.references}

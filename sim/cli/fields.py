@@ -24,8 +24,9 @@ classes[].winding    list    turns   whole turns about `obstacles`, then `movers
 classes[].signature  list    turns   H of the paper, its 1 included
 classes[].cost       number  cost    of the path, without noise
 classes[].length     number  m       of the path
-classes[].bodies     list    -       how it passes each moving obstacle, in words; only where some move
+classes[].bodies     list    -       how it passes the obstacles by which classes differ; only where some move
 obstacles            list    -       static obstacles that paths can turn about
+obstacles[].name     string  -       by which sentences call it: of a geom, a body, or `obstacle` and its number
 obstacles[].marker   list    m       x, y of a point inside
 obstacles[].geoms    list    -       names of its geoms
 movers               list    -       names of moving obstacles, a name for each part that paths can turn about

@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         truth = scenario.truth(bar.to) if arguments.truth else None
     tree, references = (None, []) if scenario.settings.method in TREELESS else planned(scenario, waits=True)
     if references:
-        print(tables.class_table(references, scenario.homology))
+        print(tables.class_table(references, scenario.homology, scenario.names))
         report_prediction(scenario, "classes above are those")
     say(tables.odds(scenario))
     with Progress("exact value") as bar:

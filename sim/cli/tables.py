@@ -24,10 +24,13 @@ MIN_WEIGHT = 0.01  # of a class in any repeat, for others to be in doubt about i
 DOUBT_RANGE = 5.0  # a class so many lambda above the value, without noise, may have weight all the same
 
 
-def class_table(references: Sequence[Reference], homology: Homology | None = None) -> str:
-    """One row per homology class, cheapest first; with a homology in time also how each passes moving obstacles."""
+def class_table(references: Sequence[Reference], homology: Homology | None = None, names: Sequence[str] = ()) -> str:
+    """One row per homology class, cheapest first; with a homology in time also how each passes obstacles.
+
+    `names` are those of static obstacles.
+    """
     rows = [{"class": title(r.id), "cost": f"{r.cost:.4f}", "length [m]": f"{r.length:.3f}"} for r in references]
-    bodies = passing(references, homology) if homology is not None and homology.J else [[]] * len(rows)
+    bodies = passing(references, homology, names) if homology is not None and homology.J else [[]] * len(rows)
     for row, r, words in zip(rows, references, bodies, strict=True):
         if homology is not None and homology.J:
             row["bodies"] = ", ".join(words) or "-"

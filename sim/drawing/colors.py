@@ -1,7 +1,7 @@
 """Homology classes for people: one colour and one title for a whole run, and words for how a path passes obstacles.
 
-A path passes a moving obstacle before or behind it if that crosses its way, else left or right. Words follow from the
-ids of classes, from where the robot is, and from the other classes: the fewest obstacles that set a class apart.
+A path passes a moving obstacle before or behind it if that crosses the way, else left or right. The word for an
+obstacle follows from the turns about it, so that classes of equal turns have the same word and others another one.
 """
 
 from collections import Counter
@@ -32,14 +32,12 @@ DEAD_COLOR: Color = (112, 116, 122)
 MOVER: Color = (186, 148, 230)  # outlines of bodies that move
 DRIVEN: Color = (255, 200, 60)  # the driven path
 MOMENTS = 60  # of a path that are evaluated
-BACK = 0.1  # over which an obstacle's direction is taken [s]
-STILL = 0.05  # m/s; of what is slower there is no before and behind
-CROSSING = 0.7  # sine of the angle between its way and the robot's, from which on there is
-AROUND = 3  # moments before and after the nearest, over which the robot's direction is taken
+STILL = 0.05  # m/s; what is slower crosses no way
+CROSSING = 0.7  # sine of the angle between its way and the robot's, on average, from which on it is before or behind
 LEFT, RIGHT, ACROSS = "left of", "right of", ("before", "behind")
 SIDES = (LEFT, RIGHT)
-FEW = 4  # moving obstacles of which every one is named
-NAMED = 8  # moving obstacles that all bear their names in a picture; those of more would hide it
+FEW = 4  # static or moving obstacles of which every one is named
+NAMED = 8  # static or moving obstacles that all bear their names in a picture; those of more would hide it
 
 
 class ClassColors(dict[str, Color]):
@@ -123,45 +121,48 @@ def packed(colors: NDArray[np.uint8] | Sequence[Color]) -> NDArray[np.uint32]:
 
 
 def sides(references: Sequence[Reference], homology: Homology) -> list[tuple[str, ...]]:
-    """Return how each of several paths passes each of J markers: in words that differ wherever its turns do.
+    """Return how each of several paths passes each of J moving markers: a word for each number of turns about it.
 
-    One that crosses the way is passed before or behind it, any other left or right. Where that does not tell the paths
-    apart, all are left or right as the marker sees them.
+    One that crosses the way of most is passed before or behind it, any other left or right as these paths go.
     """
-    static, rows = len(homology.markers), [_sides_of(reference, homology) for reference in references]
-    for j in range(homology.J):
-        turns = [reference.winding[static + j] for reference in references]
-        found = [row[j] for row in rows]
-        if len({*zip(turns, found, strict=True)}) > len({*found}):
-            for row, reference in zip(rows, references, strict=True):
-                row[j] = _side(float(reference.signature[static + j]) - 1.0)
-    return [tuple(row) for row in rows]
+    views = _views(references, homology)
+    static = len(homology.markers)
+    turns = [[float(h) - 1.0 for h in reference.signature[static:]] for reference in references]
+    words = [[_side(turn) for turn in row] for row in turns]
+    return [tuple(view.get(word, word) for view, word in zip(views, row, strict=True)) for row in words]
 
 
-def _sides_of(reference: Reference, homology: Homology) -> list[str]:
-    """Return how a path passes each of J markers, by its turns about them and the directions when it is nearest."""
-    words = [_side(float(h) - 1.0) for h in reference.signature[len(homology.markers) :]][: homology.J]
-    if (knots := knots_of(reference)) is None:
-        return words
+def _views(references: Sequence[Reference], homology: Homology) -> list[dict[str, str]]:
+    """Return for each of J markers what its left and its right are called, by how it goes by all paths on average."""
+    lines = [knots for one in references if (knots := knots_of(one)) is not None]
+    sums = np.zeros((3, homology.J)) + sum(_seen(knots, homology) for knots in lines)
+    views = list[dict[str, str]]()
+    for across, moving, faster in sums.T.tolist():
+        if moving > 0.0 and abs(across) >= CROSSING * moving:
+            views.append(dict(zip(SIDES if across > 0.0 else SIDES[::-1], ACROSS, strict=True)))
+        else:  # one that overtakes the robot is on its other side
+            views.append(dict(zip(SIDES, SIDES[::-1], strict=True)) if faster > 0.0 else {})
+    return views
+
+
+def _seen(knots: Array, homology: Homology) -> Array:
+    """Return how J markers go by a path (k, 3), (3, J): sums over moments, each the more the nearer a marker is.
+
+    The sine of the angle from the robot's direction to the marker's, while both move; 1 while both move; and 1 or -1
+    as the marker is faster in the robot's direction or not.
+    """
     times = np.linspace(knots[0, 2], knots[-1, 2], MOMENTS)
     way = interpolated(knots[:, :2], knots[:, 2], times)
-    places = np.empty((3, homology.J, MOMENTS, 2))
-    for shift, found in zip((0.0, BACK, -BACK), places, strict=True):
-        places_at(homology.tracks, times + shift, found)
-    for j, (at, late, early) in enumerate(zip(*places, strict=True)):
-        k = int(np.argmin(np.linalg.norm(at - way, axis=1)))
-        velocity = (late[k] - early[k]) / (2.0 * BACK)
-        first, last = max(k - AROUND, 0), min(k + AROUND, MOMENTS - 1)
-        along = way[last] - way[first]
-        ahead = along if np.hypot(*along) > 0.0 else way[-1] - way[0]
-        across = float(ahead[0] * velocity[1] - ahead[1] * velocity[0])  # positive: from the right to the left
-        if words[j] not in SIDES or np.hypot(*velocity) < STILL:
-            continue
-        if abs(across) >= CROSSING * np.hypot(*ahead) * np.hypot(*velocity):
-            words[j] = "before" if (words[j] == RIGHT) == (across < 0.0) else "behind"
-        elif (velocity - along / max(times[last] - times[first], 1e-9)) @ ahead > 0.0:
-            words[j] = LEFT if words[j] == RIGHT else RIGHT  # it overtakes the robot, on the robot's other side
-    return words
+    places = np.empty((homology.J, MOMENTS, 2))
+    places_at(homology.tracks, times, places)
+    along, moved = np.diff(way, axis=0), np.diff(places, axis=1)
+    weight = 1.0 / np.maximum(np.sum((places - way)[:, 1:] ** 2, axis=-1), 1e-9)
+    far = np.hypot(moved[..., 0], moved[..., 1])
+    lengths = far * np.hypot(*along.T)
+    across = along[:, 0] * moved[..., 1] - along[:, 1] * moved[..., 0]  # positive: from the right to the left
+    moving = weight * (far >= STILL * np.diff(times)) * (lengths > 0.0)
+    faster = weight * np.sign(np.sum((moved - along) * along, axis=-1))
+    return np.asarray(np.sum([moving * across / np.maximum(lengths, 1e-12), moving, faster], axis=-1))
 
 
 def _side(turn: float) -> str:
@@ -173,30 +174,40 @@ def _side(turn: float) -> str:
 
 
 def numbered(names: Sequence[str]) -> list[str]:
-    """Return names of obstacles, with its number in names of classes for one that shares its name with another."""
-    return [f"{name} ({k})" if names.count(name) > 1 else name for k, name in enumerate(names, 1)]
+    """Return names of obstacles, with its number in names of classes for one that shares its name with another.
 
-
-def passing(references: Sequence[Reference], homology: Homology) -> list[list[str]]:
-    """List how each path passes moving obstacles, as "walker: behind" or "door: left of it".
-
-    Of many only those that it turns about are listed. A part of an obstacle that paths may lead through bears its
-    number in names of classes. Paths that pass all of them alike are told apart by static obstacles, as "obstacle 2:
-    left of it".
+    Of many all have their numbers, since pictures show no more than these.
     """
-    static = len(homology.markers)
-    named = numbered([""] * static + [*homology.names])[static:]
+    often = Counter(names)
+    both = [name if name == f"obstacle {k}" else f"{name} ({k})" for k, name in enumerate(names, 1)]
+    short = [long if often[name] > 1 else name for name, long in zip(names, both, strict=True)]
+    return both if len(names) > NAMED or len({*short}) < len(short) else short
+
+
+def labels(names: Sequence[str]) -> list[str]:
+    """Return what stands at each static obstacle in a picture: its number in names of classes, and if few its name."""
+    few = len(names) <= NAMED
+    return [f"{k} {n}" if few and n != f"obstacle {k}" else str(k) for k, n in enumerate(names, 1)]
+
+
+def passing(references: Sequence[Reference], homology: Homology, names: Sequence[str]) -> list[list[str]]:
+    """List how each path passes the obstacles by which the paths differ, as "walker: behind" or "pillar: left of it".
+
+    `names` (S,) are those of the static ones. Of many only those that a path turns about are listed. Where paths do
+    not differ, the moving obstacles are listed. A part of an obstacle that paths may lead through bears its number in
+    names of classes.
+    """
+    static = len(names)
+    called = numbered([*names, *homology.names])
+    turns = np.array([reference.winding for reference in references]).reshape(len(references), len(called))
+    differ = (turns != turns[:1]).any(axis=0)
+    told = np.flatnonzero(differ) if differ.any() else np.arange(static, len(called))
+    groups = [told[told < static].tolist(), told[told >= static].tolist()]
     found = []
-    for reference, words in zip(references, sides(references, homology), strict=True):
-        rows = list(zip(named, words, strict=True))
-        if len(rows) > FEW:
-            rows = [row for row, turn in zip(rows, reference.winding[static:], strict=True) if turn]
-        found.append([f"{name}: {side}{'' if side in ACROSS else ' it'}" for name, side in rows])
-    moving = [tuple(lines) for lines in found]
-    for reference, lines, mine in zip(references, found, moving, strict=True):
-        alike = [other.winding[:static] for other, its in zip(references, moving, strict=True) if its == mine]
-        for k in _telling(reference.winding[:static], alike):
-            lines.append(f"obstacle {k + 1}: {_side(float(reference.signature[k]) - 1.0)} it")
+    for reference, moving in zip(references, sides(references, homology), strict=True):
+        words = [*(_side(float(h) - 1.0) for h in reference.signature[:static]), *moving]
+        chosen = [k for group in groups for k in group if len(group) <= FEW or reference.winding[k]]
+        found.append([f"{called[k]}: {words[k]}{'' if words[k] in ACROSS else ' it'}" for k in chosen])
     return found
 
 
@@ -221,7 +232,8 @@ def worded(
         parts = [f"{side} {' and '.join(group)}" for side, group in groups.items() if group]
         if M == 2 and groups[RIGHT] and groups[LEFT]:  # of many it need not lead through the gap
             parts = [f"between {groups[RIGHT][0]} and {groups[LEFT][0]}"]
-        moving = [k for k in chosen if k >= M] if chosen else range(M, len(called))
+        few = len(movers) <= FEW
+        moving = [k for k in chosen or range(M, len(called)) if k >= M and (chosen or few or mine[k])]
         by = (passed or {}).get(name, ())
         return ", ".join([*parts, *(f"{by[k - M]} {called[k]}" for k in moving)]) or "straight ahead"
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from pirrht.arrays import Array
 from pirrht.geometry.scene import Scene
 from sim.drawing import strokes
-from sim.drawing.colors import DRIVEN, MOVER, NAMED, mix
+from sim.drawing.colors import DRIVEN, MOVER, NAMED, labels, mix
 from sim.drawing.strokes import lift
 from sim.recording import geoms
 from sim.recording.subject import Subject
@@ -52,7 +52,6 @@ HEIGHT, MARGIN = 300.0, 1.06  # of the eye above, in sizes of the workspace; wha
 DELAY = 0.35  # with which the other one follows the robot, whatever the noise does [s]
 DEPTH = 1e-4  # of the frames that the viewer draws for cameras [m]
 NARROW = 1.4  # width over height of the narrowest map that is not cut
-FEW = 8  # obstacles that bear their names on the map, not only their numbers
 TREE_EDGES = 8000
 STATIC, MOVING = 0.6, 0.8  # opacity of static and moving obstacles: neither hides the robot
 MARK_SIZE = 0.025  # radius of the disc that marks a small robot on the map, over the height of the map
@@ -135,10 +134,8 @@ def stage(subject: Subject, log: Log) -> None:
         log(MARK, rr.Cylinders3D(**disc, colors=[DRIVEN], fill_mode="solid"))
     log(FOLLOWING, rr.Pinhole(fov_y=0.9, aspect_ratio=1.5, image_plane_distance=DEPTH))
     named = lift(np.vstack([scene.goal.center, subject.space.homology.markers.reshape(-1, 2)]), 0.02)
-    few = len(subject.names) <= FEW
-    texts = [f"{k} {n}" if few and not n.endswith(f" {k}") else str(k) for k, n in enumerate(subject.names, 1)]
     look = {"radii": 0.0, "colors": [CONTROL], "show_labels": True}
-    log("/world/scene/names", rr.Points3D(named, labels=["goal", *texts], **look))
+    log("/world/scene/names", rr.Points3D(named, labels=["goal", *labels(subject.names)], **look))
     log("/world/path", rr.LineStrips3D.from_fields(colors=[DRIVEN], radii=[0.011]))
     for obstacle, path, _ in subject.lifted:
         _tree(subject, obstacle, path, log)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 import rerun as rr
 
 from pirrht.arrays import Array
@@ -20,10 +19,10 @@ from pirrht.freespace import FreeSpace
 from pirrht.planner.tree import HomologyTree
 from sim.drive.episode import IDLE, LONGEST_WAIT
 from sim.mjcf import Loaded
+from sim.mjcf.names import names_of, names_of_solids
 from sim.recording.viewer import Look
 
 TREES = 2  # lifted trees shown, one per obstacle
-SPARE = "a wall"  # name of a solid of the border that has none of its own
 
 Moments = Sequence[tuple[int, float]]  # steps and simulated times [s]
 
@@ -73,18 +72,12 @@ class Subject:
     @cached_property
     def solids(self) -> tuple[str, ...]:
         """Name of each static solid, in the order of the scene."""
-        model, chosen = self.loaded.model, np.flatnonzero(self.loaded.obstacle_geoms & ~self.loaded.moving_geoms)
-        bodies = model.geom_bodyid
-        given = [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in chosen]
-        return tuple(called(given, {i: k for k, part in enumerate(self.space.obstacles, 1) for i in part.members}))
+        return names_of_solids(self.loaded, self.space.obstacles)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """Name of each topological obstacle: that of the solid that its marker lies in."""
-        places = np.array([obstacle.position[:2] for obstacle in self.space.scene.obstacles])
-        pairs = zip(self.space.obstacles, self.space.homology.markers, strict=True)
-        nearest = (min(part.members, key=lambda i: float(np.hypot(*(places[i] - at)))) for part, at in pairs)
-        return tuple(self.solids[i] for i in nearest)
+        """Name of each static topological obstacle."""
+        return names_of(self.loaded, self.space)
 
     @property
     def turn(self) -> float:
@@ -96,13 +89,6 @@ class Subject:
         """Obstacle, entity path and title of each lifted tree."""
         lift = () if self.tree is None else self.lift
         return [(k, f"/tree/{k + 1}", f"Height: H of obstacle {k + 1} ({self.names[k]})") for k in lift]
-
-
-def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
-    """Names for solids: those given, unless empty or used twice; else by the obstacle's number, by place in `given`."""
-    spare = [f"obstacle {number[i]}" if i in number else SPARE for i in range(len(given))]
-    unique = {name for name in given if name and given.count(name) == 1}
-    return [name.replace("_", " ") if name in unique else other for name, other in zip(given, spare, strict=True)]
 
 
 def telling(tree: HomologyTree, x: Array, most: int = TREES) -> tuple[int, ...]:

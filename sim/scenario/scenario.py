@@ -35,6 +35,7 @@ from sim.drive.episode import Clock
 from sim.drive.executor import Executor, Plant
 from sim.drive.metrics import Frame
 from sim.mjcf import Loaded
+from sim.mjcf.names import names_of
 from sim.options import check_size
 from sim.settings import Settings
 from sim.systems import System, refuse
@@ -115,6 +116,11 @@ class Scenario:
     def homology(self) -> Homology:
         """Homology that separates the classes of runs."""
         return self._in_time().homology(self.space) if self.moving else self.space.homology
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of each static obstacle that paths can turn about."""
+        return names_of(self.loaded, self.space)
 
     def _in_time(self) -> InTime:
         """Return the steering in space and time, at the declared speed or that of the system's own path to the goal."""

@@ -45,7 +45,7 @@ def test_each_part_that_paths_may_lead_through_has_its_number(carts):
     parts = ["cart (1)", "cart (2)", "cart (3)", "cart (4)", "disc"]
     names = [name.split()[0] for name in scenario.homology.names]
     assert sorted(names) == [part.split()[0] for part in parts]
-    for reference, lines in zip(references, passing(references, scenario.homology), strict=True):
+    for reference, lines in zip(references, passing(references, scenario.homology, scenario.names), strict=True):
         told = [line.split(": ")[0] for line in lines]
         assert set(told) <= set(parts)
         assert len(told) == np.count_nonzero(reference.winding)

@@ -21,18 +21,18 @@ def planned(scene: str) -> tuple[Any, Any]:
 
 def test_classes_among_moving_obstacles_are_reported_by_how_they_pass_each():
     scenario, references = planned("crossing")
-    head, _, *rows = class_table(references, scenario.homology).splitlines()
+    head, _, *rows = class_table(references, scenario.homology, scenario.names).splitlines()
     assert "bodies" in head
-    known = {row["id"]: row["bodies"] for row in classes_json(references, scenario.homology)}
+    known = {row["id"]: row["bodies"] for row in classes_json(references, scenario.homology, scenario.names)}
     assert known == {"0": ["crosser: before"], "1": ["crosser: behind"]}
     assert all(known[row.split()[0]][0] in row for row in rows)
 
 
 def test_classes_of_a_static_scene_are_reported_by_h():
     scenario, references = planned("slit")
-    assert class_table(references, scenario.homology) == class_table(references)
+    assert class_table(references, scenario.homology, scenario.names) == class_table(references)
     assert class_table(references).splitlines()[0].endswith("H")
-    assert "bodies" not in classes_json(references, scenario.homology)[0]
+    assert "bodies" not in classes_json(references, scenario.homology, scenario.names)[0]
 
 
 @pytest.mark.parametrize("made", [run_json, estimate_json])
@@ -41,7 +41,7 @@ def test_json_names_what_each_number_of_a_winding_stands_for(made):
     found = made(scenario, references, {} if made is run_json else [])
     assert all(len(row["winding"]) == len(found["obstacles"]) + len(found["movers"]) for row in found["classes"])
     assert found["movers"] == [mover.name for mover in scenario.loaded.scene.movers]
-    assert found["classes"][0]["bodies"] == classes_json(references, scenario.homology)[0]["bodies"]
+    assert found["classes"][0]["bodies"] == classes_json(references, scenario.homology, scenario.names)[0]["bodies"]
 
 
 def estimate(*, ess: float = 100.0, heavy: bool = False, own: float = 100.0, weight: float = 1.0) -> Any:

@@ -14,7 +14,19 @@ from moving import moved
 from pirrht.geometry.scene import Footprint
 from pirrht.topology.homology import Homology
 from sim.drawing import strokes
-from sim.drawing.colors import EARLY, ClassColors, method_color, nth_color, passing, place_of, sides, worded
+from sim.drawing.colors import (
+    EARLY,
+    ClassColors,
+    labels,
+    method_color,
+    nth_color,
+    numbered,
+    passing,
+    place_of,
+    sides,
+    worded,
+)
+from sim.result import plan_json
 from sim.scenario import prepare
 
 WALLS = ("upper wall", "lower wall")
@@ -66,9 +78,52 @@ def test_no_two_classes_are_called_the_same(static, moving):
             words = worded(windings, straight, names, homology.names, among, passed)
             assert len({*words.values()}) == len(windings)
         if moving:
-            assert len({tuple(lines) for lines in passing(found, homology)}) == len(windings)
+            assert len({tuple(lines) for lines in passing(found, homology, names)}) == len(windings)
         classes += len(windings)
     assert classes > 10 or static + moving == 0
+
+
+@pytest.mark.parametrize("moving", range(1, 5))
+@pytest.mark.parametrize("static", range(5))
+def test_a_word_follows_from_the_turns_about_its_obstacle_and_those_are_named_by_which_classes_differ(static, moving):
+    rng = np.random.default_rng(100 + 10 * static + moving)
+    for _ in range(10):
+        found, homology = random_classes(rng, static, moving)
+        names = ["post", "table", "lamp", "shelf"][:static]
+        called = numbered([*names, *homology.names])
+        words, turns = dict[tuple[str, int], str](), [set[int]() for _ in called]
+        for one, lines in zip(found, passing(found, homology, names), strict=True):
+            said = dict(line.split(": ") for line in lines)
+            for name, turn, known in zip(called, one.winding, turns, strict=True):
+                known.add(turn)
+                if name in said:
+                    assert words.setdefault((name, turn), said[name]) == said[name]
+        named = {name for name, _ in words}
+        assert len(found) == 1 or named == {name for name, known in zip(called, turns, strict=True) if len(known) > 1}
+        assert len({(name, word) for (name, _), word in words.items()}) == len(words)
+
+
+def test_one_class_alone_is_described_by_the_moving_obstacles():
+    found, homology = random_classes(np.random.default_rng(3), 2, 2)
+    [lines] = passing(found[:1], homology, ("post", "table"))
+    assert [line.split(": ")[0] for line in lines] == ["walker", "cart"]
+
+
+def test_without_obstacles_or_classes_there_is_nothing_to_say():
+    found, homology = random_classes(np.random.default_rng(3), 0, 0)
+    assert passing(found, homology, ()) == [[]]
+    assert passing([], homology, ()) == []
+
+
+def test_equal_names_and_names_that_look_numbered_stay_apart():
+    assert numbered(["post", "table", "post"]) == ["post (1)", "table", "post (3)"]
+    assert len({*numbered(["post (2)", "post", "post"])}) == 3
+    assert numbered([*"abcdefgh", "obstacle 9"])[-2:] == ["h (8)", "obstacle 9"]
+
+
+def test_few_obstacles_bear_their_names_on_a_map_and_many_their_numbers():
+    assert labels(["pillar", "obstacle 2"]) == ["1 pillar", "2"]
+    assert labels(["pillar"] * 9)[-1] == "9"
 
 
 def coming(angle: float, aside: float, speed: float = 1.0) -> str:
@@ -179,10 +234,45 @@ def test_ways_among_moving_obstacles_are_named_by_whether_they_pass_before_or_be
     assert set(words.values()) == {"before walker", "behind walker"}
 
 
-def test_bodies_that_rest_are_passed_left_or_right():
-    """The discs of `pincer` have met when the robot comes by below or above them."""
+def test_bodies_that_have_come_to_rest_are_passed_as_by_paths_that_come_before():
+    """The discs of `pincer` have met when the robot comes by below or above them: on the side that one came from."""
     scenario, references, passed = among("pincer", 300, "0,0", "1,0", "0,-1")
-    assert passed == {"0,0": ("before",) * 2, "1,0": ("right of",) * 2, "0,-1": ("left of",) * 2}
-    assert ["low: right of it", "high: right of it"] in passing([*references.values()], scenario.homology)
+    assert passed == {"0,0": ("before", "before"), "1,0": ("behind", "before"), "0,-1": ("before", "behind")}
+    assert ["low: behind", "high: before"] in passing([*references.values()], scenario.homology, ())
     words = worded({name: references[name].winding for name in passed}, np.zeros(0), (), ("low", "high"), None, passed)
     assert len(set(words.values())) == 3
+
+
+PILLAR = """<mujoco model="pillar">
+  <custom><numeric name="pirrht_motion_oncomer" data="0 5.4 2.6 0  4.5 0.9 2.6 0"/></custom>
+  <worldbody>
+    <site name="workspace" type="box" pos="3 2.5 0.5" size="3 2.5 0.5"/>
+    <site name="start" pos="0.6 2.5 0"/>
+    <site name="goal" type="cylinder" pos="5.5 2.5 0" size="0.3 0.005"/>
+    <body name="pillar" pos="3 2.45 0.2"><geom type="cylinder" size="0.4 0.2"/></body>
+    <body name="oncomer" mocap="true" pos="5.4 2.6 0.2"><geom type="cylinder" size="0.25 0.2"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("robot", ["puck", "diffdrive"])
+def test_classes_around_a_pillar_and_an_oncomer_are_called_alike_for_every_robot(robot, tmp_path):
+    """Some paths cross behind the oncomer, others only pass it on the same side."""
+    (file := tmp_path / "pillar.xml").write_text(PILLAR)
+    scenario = prepare(file, given={"robot": robot, "vertices": 300})
+    tree = scenario.grown_tree()
+    known = plan_json(scenario, tree, scenario.references(tree), 0.0)
+    assert [row["name"] for row in known["obstacles"]] == ["pillar"]
+    assert {row["id"]: ", ".join(row["bodies"]) for row in known["classes"]} == {
+        "0,-1": "pillar: left of it, oncomer: left of it",
+        "1,0": "pillar: right of it, oncomer: right of it",
+        "0,0": "pillar: left of it, oncomer: right of it",
+        "1,-1": "pillar: right of it, oncomer: left of it",
+    }
+
+
+def test_an_obstacle_that_all_classes_pass_alike_is_not_named():
+    """They differ by the upper wall only."""
+    scenario, references, _ = among("closing_door", 300, "0,0", "-1,0")
+    lines = passing([*references.values()], scenario.homology, scenario.names)
+    assert sorted(lines) == [["upper wall: left of it"], ["upper wall: right of it"]]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from drives import Drive
 
+from sim.mjcf.names import called
 from sim.recording.reasons import BORDER, Reason, fate, known, page, reasons, sentence, share, touched, words_of
-from sim.recording.subject import called
 
 WALLS = ("upper wall", "lower wall")
 
@@ -67,11 +67,12 @@ def test_a_robot_touches_the_nearest_solid_or_the_border():
     assert touched(drive.space, WALLS, (), points, np.zeros(4)) == ["upper wall", "lower wall", BORDER, BORDER]
 
 
-def test_names_that_are_missing_or_used_twice_give_way_to_the_number_on_the_map():
+def test_names_that_are_missing_or_of_several_obstacles_give_way_to_the_number_on_the_map():
     number = {0: 1, 1: 2, 2: 3, 3: 4}
     assert called(["table", "", "post", "post", ""], number) == [
         "table", "obstacle 2", "obstacle 3", "obstacle 4", "a wall",
     ]  # fmt: skip
+    assert called(["front_desk", "front_desk", "post"], {0: 1, 1: 1, 2: 2}) == ["front_desk", "front_desk", "post"]
 
 
 def reason(name, way, cost, weight, dying=0.0, late=0.0, where="", samples=90.0):

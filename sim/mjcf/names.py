@@ -1,0 +1,41 @@
+"""Names of static obstacles, by which sentences, tables, JSON and pictures call them."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from pirrht.freespace import FreeSpace
+from pirrht.topology.obstacles import Component
+from sim.mjcf.load import Loaded
+
+SPARE = "a wall"  # name of a solid of the border that has none of its own
+
+
+def names_of(loaded: Loaded, space: FreeSpace) -> tuple[str, ...]:
+    """Name each topological obstacle that paths can turn about: as the solid that its marker lies in."""
+    solids = names_of_solids(loaded, space.obstacles)
+    places = np.array([obstacle.position[:2] for obstacle in space.scene.obstacles])
+    pairs = zip(space.obstacles, space.homology.markers, strict=True)
+    nearest = (min(part.members, key=lambda i: float(np.hypot(*(places[i] - at)))) for part, at in pairs)
+    return tuple(solids[i] for i in nearest)
+
+
+def names_of_solids(loaded: Loaded, parts: Sequence[Component]) -> tuple[str, ...]:
+    """Name each static solid, in the order of the scene: as its geom, or else as its body; `parts` are obstacles."""
+    model, chosen = loaded.model, np.flatnonzero(loaded.obstacle_geoms & ~loaded.moving_geoms)
+    bodies = model.geom_bodyid
+    given = [model.geom(g).name or (model.body(bodies[g]).name if bodies[g] else "") for g in chosen]
+    return tuple(called(given, {i: k for k, part in enumerate(parts, 1) for i in part.members}))
+
+
+def called(given: Sequence[str], number: Mapping[int, int]) -> list[str]:
+    """Names for solids: those given, unless empty or of several obstacles; else by the obstacle's number.
+
+    Numbers are by place in `given`; solids of the border have none.
+    """
+    spare = [f"obstacle {number[i]}" if i in number else SPARE for i in range(len(given))]
+    users: dict[str, set[int | None]] = {}
+    for i, name in enumerate(given):
+        users.setdefault(name, set()).add(number.get(i))
+    unique = {name for name, obstacles in users.items() if name and len(obstacles) == 1}
+    return [name if name in unique else other for name, other in zip(given, spare, strict=True)]
