@@ -39,14 +39,14 @@ from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, planar, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, gap_for, is_whole, length_for, motion, noise_for, planar, walls_for,
 )  # fmt: skip
 
 
 @cache
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
-    m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.noisy_position
+    m, modes, has_laws, noisy_position = kind.m, kind.modes, kind.takes_law and not kind.gated, kind.noisy_position
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
     even, steps = modes + modes % 2, kind.abreast
@@ -72,7 +72,8 @@ def log_ratios(kind: KernelSpec) -> Any:
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
-            if has_laws and scratch.stage[g] < tables.law_length[g]:
+            by_law = has_laws and scratch.stage[g] < tables.law_length[g]
+            if by_law and (not noisy_position or is_whole(tables, i, dt)):
                 ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):

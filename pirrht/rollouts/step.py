@@ -212,10 +212,16 @@ def walls_for(kind: KernelSpec) -> Any:
     return push_of
 
 
+@part
+def is_whole(tables, i, dt):  # type: ignore[no-untyped-def]
+    """Check whether a step of dt [s] is all of step i of the grid."""
+    return dt == tables.times[i + 1] - tables.times[i]
+
+
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    m, modes, noisy_position = kind.m, kind.modes, kind.noisy_position
+    m, modes, noisy_position, gated = kind.m, kind.modes, kind.noisy_position, kind.gated
     shape, even, steps = law_columns(kind.n, modes)[3], modes + modes % 2, kind.abreast
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
@@ -226,7 +232,7 @@ def noise_for(kind: KernelSpec) -> Any:
         if i % steps == 0:  # those of several steps at once where no other draws come between
             state = fill_normals(state, steps * even // 2, fresh)
         source = fresh.ctypes.data + 8 * even * (i % steps)
-        if stage[h] < tables.law_length[h] and not noisy_position:
+        if stage[h] < tables.law_length[h] and not gated and (not noisy_position or is_whole(tables, i, dt)):
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
             source = drawn.ctypes.data
