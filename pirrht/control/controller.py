@@ -6,12 +6,14 @@ import numpy as np
 
 from pirrht import formatting
 from pirrht.arrays import Array
-from pirrht.control import proposals as of_tree
+from pirrht.control import map_update
 from pirrht.control.blocked import Brake, blocked_plan
+from pirrht.control.checks import refuse_misfits, validate
 from pirrht.control.plan import Plan
 from pirrht.control.policy import Policy
 from pirrht.control.prediction import ConstantVelocity
 from pirrht.control.proposals import ProposalBuilder, Propose, plan_of
+from pirrht.control.references import extract_references, regrow
 from pirrht.control.settings import TUNING, ControlSettings, ControlTuning, TimeBudget
 from pirrht.errors import NoReference
 from pirrht.estimation.assembly import path_integral
@@ -69,7 +71,7 @@ class Controller(Policy):
         self.settings = ControlSettings(
             method=method, shortened=shortened, consistency=consistency, between=between, held=held, tuning=tuning
         )
-        of_tree.refuse_misfits(sampling, propose, backend, rng)
+        refuse_misfits(sampling, propose, backend, rng)
         self.predict, self.rng = predict, rng
         self._enter(problem, space, tree, sampling, homology, propose, backend)
         self.begin(problem.dynamics.state_of(problem.scene.start))
@@ -79,7 +81,7 @@ class Controller(Policy):
         homology: Homology | None = None, propose: Sequence[Propose] = (), backend: Backend | None = None,
     ) -> None:  # fmt: skip
         """Replace problem, space and tree."""
-        of_tree.validate(tree, problem, sampling, self.settings)
+        validate(tree, problem, sampling, self.settings)
         own = homology_of(problem, space) if tree is None else tree.homology
         self.tree, self.homology, self.brake = tree, homology or own, Brake(problem=problem)
         self.path_integral = path_integral(problem, space, sampling, homology=self.homology, backend=backend)
@@ -88,7 +90,7 @@ class Controller(Policy):
     def begin(self, x: Array, time: float = 0.0) -> None:
         """Forget the run so far; a new one starts at x (n,), at a time of the moving obstacles' clock [s]."""
         super().begin(x, time)
-        of_tree.regrow(self.tree, x, time, self.settings.tuning)
+        regrow(self.tree, x, time, self.settings.tuning)
 
     def plan(self, x: Array, left: Callable[[], float] | None = None) -> Plan:
         """Decide at state x (n,): lines 3 and 4 of Algorithm 4; the caller applies the control (line 5).
@@ -101,22 +103,22 @@ class Controller(Policy):
         x = self.path_integral.setup.world.off_walls(x, run.now, gap)
         budget = TimeBudget(left, settings.tuning)
         try:  # line 3: U_in <- ExtractReference(x_cur, (V, E))
-            references = of_tree.extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
+            references = extract_references(self.tree, x, run, budget, settings, self.path_integral.threads)
         except NoReference:
             if run.planned or self.space.scene.movers:
                 return blocked_plan(self.brake, x, run, self.space, "no reference")
             run.queried = None
             raise
         # line 4: u <- PathIntegral(x_cur, U_in)
-        batch = self.batch(x, references, budget)
-        estimate = self.proposals.estimate(batch, int(self.rng.integers(2**63)), run, budget)
+        draft = self.proposals.draft(x, references, run, budget)
+        batch, estimate = self.proposals.estimate(draft, int(self.rng.integers(2**63)), run, budget)
         if estimate is None:
             return blocked_plan(self.brake, x, run, self.space, "no survivor", batch, references)
         return plan_of(self.path_integral, batch, references, estimate, run, settings)
 
-    def batch(self, x: Array, references: list[Reference], budget: TimeBudget | None = None) -> Batch:
-        """Return what a plan at x (n,) samples; see `ProposalBuilder.batch`."""
-        return self.proposals.batch(x, references, self.run, budget or TimeBudget())
+    def batch(self, x: Array, references: list[Reference]) -> Batch:
+        """Return what a plan at x (n,) samples first, around references."""
+        return self.proposals.mixture(self.proposals.draft(x, references, self.run, TimeBudget()), self.run)
 
     def update(self, scene: Scene, vertices: int | None = None) -> None:
         """Continue among other static obstacles; the path driven so far still counts.
@@ -133,11 +135,11 @@ class Controller(Policy):
             OptionError: the goal is another, obstacles move, or there is no scene or no such number of vertices.
             SceneError: obstacles cover all of the goal, or the workspace is too large for the robot.
         """
-        new = of_tree.renewed(self.problem, self.space, self.tree, scene, vertices)
+        new = map_update.renewed(self.problem, self.space, self.tree, scene, vertices)
         if new is not None:
             backend = self.path_integral.backend
             self._enter(*new, self.path_integral.sampling, propose=self.proposals.propose, backend=backend)
-            of_tree.continue_among(self.space, self.run)
+            map_update.continue_among(self.space, self.run)
 
     def __repr__(self) -> str:
         of = f"a {type(self.problem.dynamics).__name__} in {formatting.name(self.space.scene.name)}"

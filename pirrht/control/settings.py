@@ -109,6 +109,11 @@ class TimeBudget:
         """Return what tells the time left [s] if so much of it is kept back."""
         return lambda: (inf if self.left is None else self.left()) - taken
 
+    @property
+    def spent(self) -> float:
+        """Time spent so far [s]; 0 without a limit."""
+        return 0.0 if self.left is None else self.whole - self.left()
+
     def short(self) -> bool:
         """Check that little time is left."""
         return self.left is not None and self.left() < self.tuning.short * self.whole

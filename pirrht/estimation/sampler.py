@@ -23,7 +23,7 @@ import numpy as np
 from pirrht.arrays import Array, BoolArray, IntArray
 from pirrht.errors import NoSurvivingSample
 from pirrht.estimation.estimate import Estimate, Rollouts, weigh
-from pirrht.estimation.sampling import TUNING, EstimationTuning
+from pirrht.estimation.sampling import ONCE, TUNING, Effort, EstimationTuning
 from pirrht.estimation.weights import log_weights, normalised
 from pirrht.jit.jit import over_ranges
 from pirrht.outcome import Outcome
@@ -76,6 +76,13 @@ class Replay(NamedTuple):
         tapes = [self.tapes(part, [np.ones(part.size, dtype=np.bool_)]) for part in parts]
         tape, alive = (sum(w * one[k][0] for w, one in zip(share, tapes, strict=True)) for k in (0, 1))
         return np.asarray(tape), np.asarray(alive)
+
+
+def round_seed(seed: int, number: int) -> int:
+    """Return the seed of a round of samples; the first takes that of its plan."""
+    if number == 0:
+        return seed
+    return int(np.random.SeedSequence([seed, number]).generate_state(1, np.uint64)[0] >> np.uint64(1))
 
 
 class PathIntegral:
@@ -175,14 +182,12 @@ class PathIntegral:
         return weigh(self.problem, parts, walls, classes)
 
     def sample(
-        self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, least: float = 0.0,
-        multiple: float | None = None,
-    ) -> Estimate:  # fmt: skip
+        self, batch: Batch, seed: int, *, left: Callable[[], float] | None = None, effort: Effort = ONCE
+    ) -> Estimate:
         """Sample the paths of a batch in one or more rounds, and weigh all (Algorithm 4, line 4).
 
-        Equal seeds of a plan give equal paths. Rounds are drawn until the time `left` [s] is up, and up to `least`
-        effective samples, but no more than a `multiple` of the batch; None: that of first plans. NoSurvivingSample: no
-        sample has any weight.
+        Equal seeds of a plan give equal paths. Rounds are drawn until the time `left` [s] is up, and as many as an
+        effort allows. NoSurvivingSample: no sample has any weight.
         """
         settings, tuning, number = self.sampling, self.tuning, np.asarray(batch.counts)
         parts: list[Rollouts] = []
@@ -190,8 +195,7 @@ class PathIntegral:
         def draw(multiple: float, fewest: int = 0) -> None:
             """Draw a multiple of the batch from a seed of its own; the first round takes the seed of the plan."""
             counts = np.maximum(fewest, np.rint(multiple * number)).astype(np.int64)
-            own = np.random.SeedSequence([seed, len(parts)]).generate_state(1, np.uint64)[0] >> np.uint64(1)
-            parts.append(self.rollout(batch.counting(counts.tolist()), int(own) if parts else seed))
+            parts.append(self.rollout(batch.counting(counts.tolist()), round_seed(seed, len(parts))))
 
         most = tuning.most / max(1.0, float(number.sum()))
         first = tuning.first_round if left is not None and self.moving else 1.0
@@ -210,12 +214,12 @@ class PathIntegral:
             more = min(drawn, limit - drawn)
             draw(more, fewest=1)
             drawn += more
-        most = min(tuning.first_plan if multiple is None else multiple, most)
-        enough = 2 if least <= 0.0 or self._so_far(parts)[1] >= least else 0
+        most = min(effort.multiple, most)
+        enough = 2 if effort.least <= 0.0 or self._so_far(parts)[1] >= effort.least else 0
         while enough < 2 and 2.0 * drawn <= most:  # twice: so many may be chance, until a heavy sample comes
             draw(drawn)
             drawn *= 2.0
-            enough = enough + 1 if self._so_far(parts)[1] >= least else 0
+            enough = enough + 1 if self._so_far(parts)[1] >= effort.least else 0
         return self.estimate(*parts, classes=batch.named)
 
     def _so_far(self, parts: Sequence[Rollouts]) -> tuple[float, float]:

@@ -48,6 +48,16 @@ class EstimationTuning(NamedTuple):
 
 TUNING = EstimationTuning()
 
+
+class Effort(NamedTuple):
+    """How many samples a plan draws for how many effective ones."""
+
+    least: float = 0.0  # effective samples up to which more are drawn; 0: no more
+    multiple: float = 1.0  # of the batch that is drawn, at most
+
+
+ONCE = Effort()
+
 EXITS = ("bridge", "endpoint")
 WEIGHTS = ("balance", "average", "biased")
 GUIDES = ("feedback", "open-loop")

@@ -39,6 +39,7 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
     fixed, through_inputs, all_vary = n - rows, kind.input_form and varying, varying or stratonovich
     scratch_walls, clearance_cost, _ = clearance_costs(kind.moving)
     stranded = noisy_position and homing_of is no_homing
+    along_line = kind.along_line
 
     @borrowing
     def velocity(setup, x, f):  # type: ignore[no-untyped-def]
@@ -83,16 +84,36 @@ def forward_pass(kind: KernelSpec) -> ForwardPass:
         return dt * (q(x, setup.parameters) if varying_rate else setup.rate)
 
     @borrowing
+    def ahead_of(setup, x, f, gx, gy):  # type: ignore[no-untyped-def]
+        """Write the direction in which noise moves the position at x (n,), towards (gx, gy), to f (n,)."""
+        B = np.zeros((rows, m))
+        G = np.zeros((rows, m))
+        noise_at(x, setup.parameters, setup.inverse, G, B)
+        f[0] = 0.0
+        f[1] = 0.0
+        for k in range(m):
+            sign = 1.0 if gx * B[0 - fixed, k] + gy * B[1 - fixed, k] >= 0.0 else -1.0
+            f[0] += sign * B[0 - fixed, k]
+            f[1] += sign * B[1 - fixed, k]
+        size = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-12)
+        f[0] /= size
+        f[1] /= size
+
+    @borrowing
     def arrival(setup, far, x, f):  # type: ignore[no-untyped-def]
         """Return the cost of the rest to the goal's rim from x (n,), straight ahead; `far` per meter where noise acts.
 
         It has no kink at the rim, which would be a wall to a guide whose last step ends on it.
         """
         gx, gy = setup.world.goal[0] - x[0], setup.world.goal[1] - x[1]
-        if noisy_position:
+        if noisy_position and not along_line:
             return far * (math.sqrt(gx * gx + gy * gy) - setup.world.radius)
-        rate = velocity(setup, x, f)
-        speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
+        if along_line:
+            rate, speed = far, 1.0
+            ahead_of(setup, x, f, gx, gy)
+        else:
+            rate = velocity(setup, x, f)
+            speed = max(math.sqrt(f[0] * f[0] + f[1] * f[1]), 1e-3)
         along, square = (gx * f[0] + gy * f[1]) / speed, setup.world.radius**2
         off = max(square - gx * gx - gy * gy + along * along, 1e-4 * square)
         return rate * (along - math.sqrt(off)) / speed

@@ -39,14 +39,14 @@ from pirrht.topology.crossings import key_of_step
 from pirrht.topology.moving_crossings import SPOT, key_among, open_sides
 
 from pirrht.rollouts.step import (  # isort: skip
-    NO_WALLS, KernelSpec, diffusion_of, gap_for, is_whole, length_for, motion, noise_for, planar, walls_for,
+    NO_WALLS, KernelSpec, diffusion_of, gap_for, length_for, motion, noise_for, planar, shapes_for, walls_for,
 )  # fmt: skip
 
 
 @cache
 def log_ratios(kind: KernelSpec) -> Any:
     """Build the kernel that adds a step to log dQ_g/dP (H,), up to the time `until` at which a path leaves."""
-    m, modes, has_laws, noisy_position = kind.m, kind.modes, kind.takes_law and not kind.gated, kind.noisy_position
+    m, modes, has_laws = kind.m, kind.modes, kind.takes_law and not kind.gated
     *_, inverse, end, _, _, _ = law_columns(kind.n, modes)
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
     even, steps = modes + modes % 2, kind.abreast
@@ -67,13 +67,12 @@ def log_ratios(kind: KernelSpec) -> Any:
         return 0.5 * gained / dt - load_float64(row, end)
 
     @part
-    def add_log_ratios(ratio, tables, scratch, h, i, dt, until):  # type: ignore[no-untyped-def]
+    def add_log_ratios(ratio, tables, scratch, h, i, dt, until, shaped):  # type: ignore[no-untyped-def]
         a, y = scratch.a, scratch.y
         for g in range(ratio.shape[0]):
             if scratch.lost[g]:
                 continue
-            by_law = has_laws and scratch.stage[g] < tables.law_length[g]
-            if by_law and (not noisy_position or is_whole(tables, i, dt)):
+            if has_laws and shaped and scratch.stage[g] < tables.law_length[g]:
                 ratio[g] += of_law(tables, scratch, g, h, i, dt) if until > 0.0 else 0.0
             else:
                 for j in range(m):
@@ -213,6 +212,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
     noise_at: Any = diffusion_of(kind) if varying else drift
     covariance, move = planar(kind)[0], motion(kind)
     length_of, gap_of, push_of, draw = length_for(kind), gap_for(kind), walls_for(kind), noise_for(kind)
+    shapes = shapes_for(kind)
     aim, judge, add_log_ratios = aims(kind), exits(kind), log_ratios(kind)
     relax, record = recorder(kind)
 
@@ -302,7 +302,8 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 left -= dt
                 aim(setup, tables, scratch, keep.ratio, walls, h, (i, done / whole))
                 relax(keep, scratch, h, tables.law_weight, owed)
-                state = draw(tables, scratch, state, sign, h, i, dt)
+                shaped = shapes(setup, dt, whole, rates, clear[0][2])
+                state = draw(tables, scratch, state, sign, h, i, dt, shaped)
                 motion_of = move(setup, scratch, dt, rates)
                 # Each cut that is crossed adds a turn to the path's class, counter-clockwise positive.
                 key += key_of_step(setup.cuts, x[0], x[1], moved[0], moved[1])
@@ -311,7 +312,7 @@ def any_path(kind: KernelSpec) -> tuple[Any, Any]:
                 )
                 known = motion_of[3], curved_step and not motion_of[0], walls
                 key += turned(setup, tables, scratch, i, (done + (until if until > 0.0 else dt * share)) / whole)
-                add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until)
+                add_log_ratios(keep.ratio, tables, scratch, h, i, dt, until, shaped)
                 owed = record(keep, scratch, tables, h, where, until, exit == INSIDE)
                 log_survival += missed
                 work += (q(x, setup.parameters) if varying_rate else setup.rate) * dt * share

@@ -212,27 +212,42 @@ def walls_for(kind: KernelSpec) -> Any:
     return push_of
 
 
-@part
-def is_whole(tables, i, dt):  # type: ignore[no-untyped-def]
-    """Check whether a step of dt [s] is all of step i of the grid."""
-    return dt == tables.times[i + 1] - tables.times[i]
+@cache
+def shapes_for(kind: KernelSpec) -> Any:
+    """Build the kernel that tells whether the noise of a step has the covariance of its law, whichever law that is.
+
+    Where noise acts on the position, that of a step which ends at a crossing counts until then only. So steps that are
+    split near walls have the covariance of the passive noise, and those that may enter the goal.
+    """
+    noisy_position, gated = kind.noisy_position, kind.gated
+
+    @part
+    def shapes(setup, dt, whole, rates, to_goal):  # type: ignore[no-untyped-def]
+        if gated:
+            return False
+        if not noisy_position:
+            return True
+        way = TUNING.entering * math.sqrt(2.0 * setup.least_rate) * dt + TUNING.deviations * math.sqrt(dt)
+        return dt == whole and to_goal > way * math.sqrt(rates[0] + rates[2])
+
+    return shapes
 
 
 @cache
 def noise_for(kind: KernelSpec) -> Any:
     """Build the kernel that draws the noise `y` of a step and `drawn` with all modes; it returns the stream."""
-    m, modes, noisy_position, gated = kind.m, kind.modes, kind.noisy_position, kind.gated
+    m, modes = kind.m, kind.modes
     shape, even, steps = law_columns(kind.n, modes)[3], modes + modes % 2, kind.abreast
     matvec, axpy = vectors.matvec(modes, modes), vectors.axpy(modes)
 
     @part
-    def under_law(tables, scratch, state, sign, h, i, dt):  # type: ignore[no-untyped-def]
-        """Draw under a law's step, whose covariance counts where steps do not end at crossings."""
+    def under_law(tables, scratch, state, sign, h, i, dt, shaped):  # type: ignore[no-untyped-def]
+        """Draw under a law's step, whose covariance counts where the step is `shaped` by it (`shapes_for`)."""
         law, drawn, stage, a, fresh = tables.law, scratch.drawn, scratch.stage, scratch.a, scratch.fresh
         if i % steps == 0:  # those of several steps at once where no other draws come between
             state = fill_normals(state, steps * even // 2, fresh)
         source = fresh.ctypes.data + 8 * even * (i % steps)
-        if stage[h] < tables.law_length[h] and not gated and (not noisy_position or is_whole(tables, i, dt)):
+        if shaped and stage[h] < tables.law_length[h]:
             row = law.ctypes.data + 8 * law.shape[2] * (law.shape[1] * h + stage[h])
             matvec(drawn.ctypes.data, row + 8 * shape, source)
             source = drawn.ctypes.data

@@ -18,6 +18,8 @@ class RolloutTuning(NamedTuple):
     negligible: float = 16.0
     law_rows: int = 4  # rows of a law per step of the grid: more follow the guide closer and take memory
     abreast: int = 8  # steps whose noise is drawn at once, where no other draws come between
+    entering: float = 1.5  # times the way at the best speed within which of the goal a step may enter it
+    deviations: float = 6.0  # of noise, beyond that way
     lanes: int = 512  # paths of a block of points: fewer take more time between loops, more leave the cache
     vector: int = 16  # lanes of a vector instruction; the last vector of a loop may hold lanes that have ended
     replayed: int = 2048  # samples simulated again at once: their states and controls take memory

@@ -1,0 +1,65 @@
+"""Go on among other static obstacles: a new tree, and what a run knows of classes whose paths are still free."""
+
+import reprlib
+from dataclasses import fields, replace
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from pirrht.control.policy import RunState
+from pirrht.errors import OptionError
+from pirrht.freespace import FreeSpace
+from pirrht.geometry.scene import Scene
+from pirrht.planner.tree import HomologyTree
+from pirrht.problem import Problem
+from pirrht.steering.motion import SPACING
+from pirrht.topology.signature import integers
+
+
+def renewed(
+    problem: Problem, space: FreeSpace, tree: HomologyTree | None, scene: Scene, vertices: int | None
+) -> tuple[Problem, FreeSpace, HomologyTree | None] | None:
+    """Return problem, free space and tree of so many vertices in another scene, or None; see `Controller.update`."""
+    if not isinstance(scene, Scene):
+        raise OptionError(f"an update is to a Scene, and {reprlib.repr(scene)} is none; Scene.from_boxes makes one")
+    if vertices is not None and not (isinstance(vertices, Integral) and vertices >= 1):
+        raise OptionError(f"vertices is {reprlib.repr(vertices)}; it must be a whole number of at least 1, or None")
+    before, goal = space.scene, problem.scene.goal
+    if not _same(goal, scene.goal):
+        raise OptionError(f"an update keeps the goal, {goal}; for {scene.goal} make another Controller")
+    if before.movers or scene.movers:
+        raise OptionError(
+            f"an update changes static obstacles, and {len(scene.movers or before.movers)} move here; make another "
+            "Controller"
+        )
+    parts = "lower", "upper", "robot_radius", "robot_height"
+    alike = all(np.array_equal(getattr(before, part), getattr(scene, part)) for part in parts)
+    if alike and len(before.obstacles) == len(scene.obstacles) and all(map(_same, before.obstacles, scene.obstacles)):
+        return None
+    now = space.updated(replace(scene, waivers=before.waivers))
+    grown = None
+    if tree is not None:
+        grown = HomologyTree(now, tree.steering, limit=tree.limit, classes=tree.classes, rng=tree.rng)
+        grown.grow(tree.size if vertices is None else vertices)
+    return replace(problem, scene=scene), now, grown
+
+
+def continue_among(space: FreeSpace, run: RunState) -> None:
+    """Continue a run among other static obstacles; classes keep their names, and memory while their paths are free."""
+    path, memory, before, goal = run.path, run.memory, run.homology, space.scene.goal.center
+    path.enter(space.homology)
+    rests = {whole: guide.rest(run.since_plan, goal) for whole, (guide, *_) in memory.optima.items()}
+    lines = {whole: np.vstack(one.points(SPACING)) for whole, one in memory.paths.items()}
+    lines |= {whole: rest.points for whole, rest in rests.items() if rest is not None}
+    free = [whole for whole, line in lines.items() if space.segments_free(line)]
+    ahead = [space.homology.winding(np.vstack([path.here, lines[whole]])) for whole in free]
+    heirs = {whole: integers(np.add(path.winding(), one)) for whole, one in zip(free, ahead, strict=True)}
+    names = {before.name(then): space.homology.name(now) for then, now in heirs.items()}
+    run.homology, run.memory = space.homology, memory.renamed(heirs, names)
+
+
+def _same(one: Any, other: Any) -> bool:
+    """Compare two records by value."""
+    pairs = ((getattr(one, field.name), getattr(other, field.name)) for field in fields(one))
+    return one is other or all(np.array_equal(mine, its) for mine, its in pairs)
