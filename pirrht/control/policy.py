@@ -46,6 +46,7 @@ class ClassMemory:
     allocation: Allocation = field(default_factory=Allocation)  # of samples, by what earlier ones contributed
     mixture: ClassMixture | None = None  # feedback of the last plan, into which the next one is pooled
     followed: str | None = None  # name of the one class that the control follows; None: all
+    guided: int = 0  # plans that improved guides
     saved: float = 0.0  # samples for weak plans, in multiples of a plan's
 
     def forget(self) -> None:

@@ -216,6 +216,8 @@ class ProposalBuilder:
         """
         guidance, memory, short = self.integral.proposals.nominal, run.memory, budget.short
         classes, anew = from_start(run, references), not memory.optima and not short()
+        memory.guided += 1
+        paces = guidance.tuning.later_paces[memory.guided % len(guidance.tuning.later_paces)]
 
         def improved(k: int) -> list[DDPGuide]:
             one, last, late = references[k], memory.optima.get(classes[k], []), k > 0 and short()
@@ -223,7 +225,9 @@ class ProposalBuilder:
                 return []  # new ones take ten times as long
             query = guidance.query(x, times, run.homology.key(one.winding), run.now)
             thorough = anew and k < self.settings.tuning.thorough and not late
-            return guidance.optima(query, one.trajectory, last, run.since_plan, thorough=thorough, short=short)
+            return guidance.optima(
+                query, one.trajectory, last, run.since_plan, thorough=thorough, paces=paces, short=short
+            )
 
         found = [] if memory.optima else [improved(0)]
         known = [some[0].penalised for some in [*memory.optima.values(), *found] if some and some[0].valid]

@@ -108,7 +108,7 @@ class DDPGuidance:
 
     def optima(
         self, query: Query, reference: Trajectory, last: Sequence[DDPGuide] = (), elapsed: float = 0.0, *,
-        thorough: bool = False, short: Callable[[], bool] = lambda: False,
+        thorough: bool = False, paces: Sequence[float] = (), short: Callable[[], bool] = lambda: False,
     ) -> list[DDPGuide]:  # fmt: skip
         """Return the local optima of a class that have some weight, best first; none if none arrives within the time.
 
@@ -118,7 +118,7 @@ class DDPGuidance:
         valid is found, samples follow what the reference led to. Nothing more is improved once time is `short`.
         """
         starts = [self.starts.shifted(one, query.times, elapsed) for one in last]
-        found = [self._from(query, start, self.tuning.warm) for start in starts]
+        found = [self._from(query, start, self.tuning.warm, paces=paces) for start in starts]
         first, here = found[0] if found else None, (query.x[0], query.x[1], float(query.clock[0]))
         if first is None or not (first.valid or query.setup.world.clearance(*here) <= 0.0):
             fresh = self._fresh(query, reference, thorough, short)
@@ -142,7 +142,7 @@ class DDPGuidance:
         for start, stages in self._initialisations(query, reference, thorough):
             if found and short():
                 break
-            found.append(self._from(query, start, stages, short))
+            found.append(self._from(query, start, stages, short, self.tuning.paces))
             if not thorough and (found[0] is None or (found[-1] is not None and found[-1].valid)):
                 break
         first = [one for one in found[:1] if one is not None]
@@ -192,7 +192,7 @@ class DDPGuidance:
 
     def _from(
         self, query: Query, start: tuple[Course, int], stages: Sequence[Stage],
-        short: Callable[[], bool] = lambda: False,
+        short: Callable[[], bool] = lambda: False, paces: Sequence[float] = (),
     ) -> DDPGuide | None:  # fmt: skip
         """Improve a course stage by stage, as long as there is time, and make a guide of it."""
         (course, length), d, times, (setup, clock, *_) = start, self.problem.dynamics, query.times, query
@@ -202,6 +202,10 @@ class DDPGuidance:
             if length > 0:
                 most, task = 0 if short() else rounds, self.tasks[warmth]
                 length, cost, penalised, sound = self.optimise(setup, task, clock, query.key, most, course, length)
+        if sound and query.setup.world.moving.J == 0:
+            course, (length, cost, penalised, sound) = self._paced(
+                query, course, (length, cost, penalised, sound), paces, short
+            )
         if length == 0 and np.isfinite(cost) and not self.gated:  # its first step enters the goal
             self._entering(setup, course, begun, float(times[1]))
             length = 1
@@ -224,6 +228,25 @@ class DDPGuidance:
             share=course.share, inverse=course.inverse, volume=course.volume, metric=self.metric, steep=steep,
             length=end, cost=cost, penalised=penalised, valid=bool(sound), drift=drift, bend=bend,
         )  # fmt: skip
+
+    def _paced(
+        self, query: Query, course: Course, found: tuple[int, float, float, bool], paces: Sequence[float],
+        short: Callable[[], bool],
+    ) -> tuple[Course, tuple[int, float, float, bool]]:  # fmt: skip
+        """Improve a course from itself at other paces, each as often as it gains.
+
+        Where steps touch corners has many local optima: passing a corner with the next step instead of this one.
+        """
+        task, rounds = self.tasks[1.0], self.tuning.paced
+        for pace in paces:
+            while found[0] > 0 and not short():
+                other, length = self.starts.retimed(course, found[0], query.times, query.times, pace=pace)
+                other.states[0] = query.x
+                better = self.optimise(query.setup, task, query.clock, query.key, rounds, other, length)
+                if not better[3] or not better[2] < found[2] - task.tolerance:
+                    break
+                course, found = other, better
+        return course, found
 
     def _entering(self, setup: Setup, course: Course, begun: Array, dt: float) -> None:
         """Write a first step of dt [s] that enters the goal: by homing, or a control (modes,) that it began with."""

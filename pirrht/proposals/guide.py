@@ -231,11 +231,21 @@ class Initialisation:
 
     def shifted(self, last: DDPGuide, times: Array, elapsed: float) -> tuple[Course, int]:
         """Start from a guide after some time [s], on a new grid (T+1,) [s]."""
-        then = times + elapsed
-        states = np.column_stack([np.interp(then, last.times, column) for column in last.states.T])
-        at = np.clip(np.searchsorted(last.times, then[:-1] + 1e-9, side="right") - 1, 0, len(last.times) - 2)
-        length = int(np.sum(at < last.length)) if last.times[-1] > then[0] else 0
-        modes = last.modes[at].copy()
-        modes[:, self.dynamics.m :] *= (np.diff(times) / np.diff(last.times)[at])[:, None]
+        course = Course(last.states, last.modes, last.gains, last.share, last.inverse, last.volume, last.modes, last.states)
+        return self.retimed(course, last.length, last.times, times, elapsed=elapsed)
+
+    def retimed(
+        self, last: Course, length: int, before: Array, times: Array, *, pace: float = 1.0, elapsed: float = 0.0
+    ) -> tuple[Course, int]:
+        """Start from a course of some steps on a grid `before` (T+1,) [s], on another grid (T+1,) [s].
+
+        It begins after some time [s], and is followed by its feedback `pace` times as fast.
+        """
+        then = pace * times + elapsed
+        states = np.column_stack([np.interp(then, before, column) for column in last.states.T])
+        at = np.clip(np.searchsorted(before, then[:-1] + 1e-9, side="right") - 1, 0, len(before) - 2)
+        steps = int(np.sum(at < length)) if before[-1] > then[0] else 0
+        control = pace * last.control[at]
+        control[:, self.dynamics.m :] *= (np.diff(times) / np.diff(before)[at])[:, None]
         course = empty_course(len(at), self.dynamics.n, self.width)
-        return course._replace(states=states, control=modes, gains=last.gains[at]), min(length, len(at))
+        return course._replace(states=states, control=control, gains=last.gains[at]), min(steps, len(at))
