@@ -28,7 +28,7 @@ class ProposalTuning(NamedTuple):
     points_margin: float = 1.2  # by which a later step may be longer than the first course's longest
     # Clearance cost: less makes the guide's paths die at walls, more keeps them where few samples weigh much.
     barrier: float = 3.0  # times lambda / (time in which noise carries a position over its clearance); for even weights
-    barrier_noisy: float = 0.75  # that factor where noise acts on the position itself; for even weights
+    barrier_noisy: float = 1.5  # that factor where noise acts on the position itself; for even weights
     barrier_point: float = 0.5  # times lambda b^2 / c^2 for a point among moving obstacles: psi vanishes like c
     margin: float = 20.0  # boundary layers beyond which a wall costs nothing
     margin_point: float = 5.0  # boundary layers, for a point among moving obstacles
