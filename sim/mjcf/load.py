@@ -30,7 +30,7 @@ from sim.mjcf.robot import Robot, read_robot
 from sim.options import NUMERICS
 from sim.settings import SceneOptions
 from sim.systems import POSE
-from sim.text import counted
+from sim.text import counted, suggestion
 
 _FROM_ROBOT = (
     *("integrator", "disableflags", "enableflags", "density", "viscosity", "gravity"),
@@ -180,10 +180,11 @@ def _custom(spec: mujoco.MjSpec) -> tuple[str, str, dict[str, float]]:
         for name in elements:
             if name.startswith("pirrht_") and name not in known:
                 these = f"{', '.join(known)}, and {MOTION}BODY is the motion of a body"
-                raise SceneError(f'custom {kind} "{name}" is no option; those are {these}')
+                raise SceneError(f'custom {kind} "{name}" is no option{suggestion(name, known)}; those are {these}')
     about, robot = (" ".join(str(texts[n].data).split()) if n in texts else "" for n in (ABOUT, "pirrht_robot"))
     if (robot or DEFAULT) not in robot_names():
-        raise SceneError(f'custom text "pirrht_robot" is "{robot}"; write one of {", ".join(robot_names())}')
+        like = suggestion(robot, robot_names())
+        raise SceneError(f'custom text "pirrht_robot" is "{robot}"{like}; write one of {", ".join(robot_names())}')
     defaults = {}
     for name in (name for name in numerics if name in options):
         label, values = f'custom numeric "{name}"', list(numerics[name].data)

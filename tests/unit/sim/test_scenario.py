@@ -113,8 +113,8 @@ def test_a_passage_that_does_not_open_and_one_among_moving_obstacles_count_every
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"given": {"sample": 100}}, "'sample' is no option; did you mean samples"),
-        ({"robto": "puck"}, "'robto' is no option; did you mean robot"),
+        ({"given": {"sample": 100}}, "'sample' is no option (did you mean samples?)"),
+        ({"robto": "puck"}, "'robto' is no option (did you mean robot?)"),
         ({"wind": 1.0}, "'wind' is no option; those are allocation, between,"),
     ],
 )
