@@ -46,7 +46,7 @@ def test_growing_k_times_is_growing_once(robot: str):
 @pytest.mark.parametrize("vertices", [-1, 2.5, None, "9", float("nan")])
 def test_what_is_no_number_of_vertices_is_refused(vertices: Any):
     tree = scenario_of("small").empty_tree()
-    with pytest.raises(OptionError, match="^vertices is .*; it must be a whole number of 0 or more$"):
+    with pytest.raises(OptionError, match=r"^vertices is .*; it must be a whole number of 0 or more$"):
         tree.grow(vertices)
 
 
