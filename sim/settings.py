@@ -119,8 +119,8 @@ class SceneOptions:
                          "MODULE:NAME", unset="the robot's")
     radius: float | None = stated(None, "footprint radius of the robot", "M", (1e-3, 100.0), unset="the robot's")
     margin: float | None = stated(None, "safety margin of plans around the footprint", "M", (0.0, 10.0),
-                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, and in "
-                                        "narrow passages less: a quarter of their clearance")
+                                  unset="the scene's, or three standard deviations of the noise in 0.01 s, less in "
+                                        "narrow passages")
     start: Sequence[float] | None = stated(None, "start at X Y [m], and TH [rad] of a robot with a heading", "X",
                                            count="+", unset="the scene's")
     goal: Sequence[float] | None = stated(None, "disc around X Y with radius R [m]", ("X", "Y", "R"), count=3,
