@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
@@ -10,17 +9,16 @@ from importlib import import_module
 import numpy as np
 
 from pirrht import formatting
-from pirrht.arrays import Array, BoolArray
+from pirrht.arrays import Array
 from pirrht.errors import SceneError
 from pirrht.geometry.arcs import FREE, UNSURE, certify_point
-from pirrht.geometry.blocks import build_field, lattice
+from pirrht.geometry.blocks import build_field
 from pirrht.geometry.collision import Collision
 from pirrht.geometry.field import Field, clearances
-from pirrht.geometry.fitting import fitted
+from pirrht.geometry.fitting import fitted, margin_left
 from pirrht.geometry.obstacle import Mover
 from pirrht.geometry.passages import Passages, find_passages
 from pirrht.geometry.scene import Goal, Scene
-from pirrht.geometry.tuning import TUNING
 from pirrht.geometry.world import Moving, NoMoving, World
 from pirrht.topology.homology import Homology
 from pirrht.topology.obstacles import Component, components, continued
@@ -130,30 +128,7 @@ class FreeSpace:
 
         None: this one does, or a grid cannot tell. Only static obstacles count.
         """
-        from scipy.ndimage import label  # SciPy takes a tenth of a second to import
-
-        scene, span = self.scene, (self.scene.upper - self.scene.lower).astype(float)
-        spacing = math.sqrt(float(np.prod(span)) / TUNING.path_points)
-        shape = tuple(np.ceil(span / spacing).astype(int))
-        points = (scene.lower + spacing * lattice(*shape)).reshape(-1, 2)
-        start = np.hypot(*(points - x[:2]).T) <= spacing
-        goal = np.hypot(*(points - scene.goal.center).T) <= max(scene.goal.radius, spacing)
-
-        def leads(passable: BoolArray) -> bool:
-            pieces = label(passable.reshape(shape))[0].ravel()
-            return bool(np.intersect1d(pieces[start], pieces[goal]).any())  # piece 0 is blocked
-
-        if leads(self.collision.clearance(points) > -spacing):
-            return None
-        free = self.collision.true_distance(points) - scene.body.radius - spacing  # between the points as well
-        lowest, highest = 0.0, scene.margin
-        for _ in range(TUNING.path_halvings):
-            middle = 0.5 * (lowest + highest)
-            if leads(free > middle):
-                lowest = middle
-            else:
-                highest = middle
-        return lowest
+        return margin_left(self.scene, self.collision, x[:2])
 
     def clearance(self, position: Array) -> float:
         """Return FCL's clearance of the robot's centre at one position (2,) [m]."""

@@ -35,7 +35,7 @@ WRONG: list[tuple[str, str, str]] = [  # what is typed, the culprit and the reme
     ("run slit --record x.txt", "--record x.txt", "x.rrd"),
     ("plan slit --goal 3.4 2.8 0.1", "goal (3.4, 2.8)", "smaller robot radius"),
     ("plan slit --goal 5 2.5", "--goal", "3 arguments"),
-    ("plan narrow.xml --radius 0.3 --vertices 60", "no allowed class", "smaller radius"),
+    ("plan narrow.xml --radius 0.3 --vertices 60", "no path from (1, 1)", "smaller radius"),
     ("plan slit --limit 0.01 --vertices 60", "no allowed class", "larger limit"),
     ("plan nosuch", "nosuch", ", ".join(scene_names())),
     ("plan slit --robot tank", "tank", "puck"),
